@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated robot: state, disturbance and torque limit, advanced tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.parameters import Robot
+
+PLANT = (
+    Parameter(
+        'initial_pose', (0.0, 0.0, math.pi / 2), 'x_C, y_C, yaw at t = 0', unit='m, m, rad', length=3
+    ),
+    Parameter(
+        'initial_joints',
+        (0.0, 0.0, math.pi / 4, -math.pi / 2),
+        'Angles of wheel_right, wheel_left, arm_1, arm_2 at t = 0',
+        unit='rad',
+        length=4,
+    ),
+    Parameter(
+        'initial_velocity',
+        (0.0, 0.0, 0.0, 0.0),
+        'Rates of wheel_right, wheel_left, arm_1, arm_2 at t = 0',
+        unit='rad/s',
+        length=4,
+    ),
+    Parameter(
+        'disturbance.amplitude',
+        (1.5, 1.5, 3.0, 3.0),
+        'Amplitude of the disturbance torque, amplitude sin(frequency t + phase)',
+        unit='N·m',
+        length=4,
+    ),
+    Parameter(
+        'disturbance.frequency',
+        (3.0, 3.0, 1.5, 1.5),
+        'Frequency of the disturbance torque',
+        unit='rad/s',
+        length=4,
+    ),
+    Parameter(
+        'disturbance.phase',
+        (0.0, math.pi / 2, 0.0, math.pi / 2),
+        'Phase of the disturbance torque at t = 0',
+        unit='rad',
+        length=4,
+    ),
+    Parameter(
+        'integrator_step',
+        0.0005,
+        'Step of the Runge-Kutta integration, rounded to a whole number per control period',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
+    Parameter(
+        'torque_limit',
+        (0.0, 0.0, 0.0, 0.0),
+        "Limit of each motor's torque, unknown to the controller; 0 is none",
+        unit='N·m',
+        length=4,
+        minimum=0.0,
+    ),
+)
+
+
+class SimulatedRobot:
+    """The plant's state and how it moves.
+
+    `position` (7), `velocity` (7) are in the order of joint_states, SI units and radians;
+    `applied` (4) is the torque held over the interval just ended, in N m.
+    """
+
+    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+        """Take the true robot, the control period in s and checked values of PLANT."""
+        self.geometry = robot.geometry
+        self.theta = robot.theta
+        self.period = period
+        self.steps = max(1, round(period / values['integrator_step']))
+        self.amplitude = np.array(values['disturbance.amplitude'])
+        self.frequency = np.array(values['disturbance.frequency'])
+        self.phase = np.array(values['disturbance.phase'])
+        self.limit = np.array(values['torque_limit'])
+        self._com_offset = robot.com_offset
+        self._values = values
+        self.position = np.zeros(7)
+        self.velocity = np.zeros(7)
+        self.applied = np.zeros(4)
+        self.tick = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the initial state at t = 0."""
+        self.tick = 0
+        self.applied[:] = 0.0
+        initial_state(
+            self.geometry,
+            self._com_offset,
+            np.array(self._values['initial_pose']),
+            np.array(self._values['initial_joints']),
+            np.array(self._values['initial_velocity']),
+            self.position,
+            self.velocity,
+        )
+
+    def advance(self, command: NDArray[np.float64]) -> None:
+        """Hold a torque command (4, N m) for one control period."""
+        plant_tick(
+            self.geometry,
+            self.theta,
+            self.amplitude,
+            self.frequency,
+            self.phase,
+            self.limit,
+            self.tick * self.period,
+            self.period,
+            self.steps,
+            command,
+            self.position,
+            self.velocity,
+            self.applied,
+        )
+        self.tick += 1

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a parameter is: name, type, default, range and the check of its values."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any, Literal, TypeGuard
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.params.text import yaml_text
+
+Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
+Values = dict[str, Any]
+"""Checked value by parameter name; the declaration says of which type."""
+
+Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
+
+_LONGEST_QUOTE = 120
+_NOUNS: dict[str, str] = {
+    'bool': 'true or false',
+    'integer': 'an integer',
+    'double': 'a number',
+    'string': 'a string',
+    'doubles': 'number',
+    'strings': 'string',
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter's declaration.
+
+    Attributes:
+        name: dotted name within its node.
+        default: value where none is given; a broadcast one is widened to all entries.
+        description: what it means, one sentence without the unit.
+        unit: SI unit or ''.
+        length: number of entries of an array, None for any number.
+        broadcast: a number stands for an array of `length` equal entries, and integers for
+            doubles. Such a parameter is typed dynamically in ROS 2.
+        minimum: smallest value (of each entry), None for no bound.
+        maximum: largest value (of each entry), None for no bound.
+        exclusive_minimum: whether `minimum` itself is out of range.
+        exclusive_maximum: whether `maximum` itself is out of range.
+        choices: the values that a string (or each entry) may have, or a function that
+            returns them; none means any.
+        read_only: False if it may be changed while the node runs.
+        kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
+            from the default, the empty tuple being one of strings, where it is not given.
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ''
+    length: int | None = None
+    broadcast: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    exclusive_minimum: bool = False
+    exclusive_maximum: bool = False
+    choices: tuple[str, ...] | Callable[[], Sequence[str]] = ()
+    read_only: bool = True
+    kind: Kind = ''
+
+    def __post_init__(self) -> None:
+        """Find the kind and hold the default against the declaration itself."""
+        if self.broadcast and self.length is None:
+            raise ValueError(f'{self.name}: a broadcast parameter needs a length')
+        object.__setattr__(self, 'kind', self.kind or self._kind_of_default())
+        # Choices from a function may come from plug-ins: not asked for while modules load.
+        choices = () if callable(self.choices) else self.choices
+        object.__setattr__(self, 'default', self._checked(self.default, self.broadcast, choices))
+
+    def _kind_of_default(self) -> Kind:
+        default = self.default
+        if isinstance(default, tuple) or self.broadcast:
+            return (
+                'strings'
+                if _is_array(default) and all(isinstance(entry, str) for entry in default)
+                else 'doubles'
+            )
+        kinds: dict[type, Kind] = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
+        return kinds[type(default)]
+
+    @property
+    def range_text(self) -> str:
+        """The range of a number, as in '>= 0' or 'in (0, 1]'; '' for no bounds."""
+        low, high = self.minimum, self.maximum
+        if low is not None and high is not None:
+            return (
+                f'in {"(" if self.exclusive_minimum else "["}{_short(low)}, {_short(high)}'
+                f'{")" if self.exclusive_maximum else "]"}'
+            )
+        if low is not None:
+            return f'{">" if self.exclusive_minimum else ">="} {_short(low)}'
+        if high is not None:
+            return f'{"<" if self.exclusive_maximum else "<="} {_short(high)}'
+        return ''
+
+    @property
+    def expected(self) -> str:
+        """What is right, as in 'a number or 4 numbers, each >= 0'."""
+        choices = ', '.join(self.known_choices())
+        limits = self.range_text or (f'one of {choices}' if choices else '')
+        noun = _NOUNS[self.kind]
+        if self.kind == 'string' and choices:
+            return limits
+        if self.kind not in ('doubles', 'strings'):
+            return f'{noun} {limits}'.rstrip()
+        entries = f'{noun}s' if self.length != 1 else noun
+        many = f'an array of {entries}' if self.length is None else f'{self.length} {entries}'
+        if self.broadcast:
+            many = f'a number or {many}'
+        return f'{many}, each {limits}' if limits else many
+
+    def known_choices(self) -> tuple[str, ...]:
+        """Choices as they are now."""
+        return tuple(self.choices() if callable(self.choices) else self.choices)
+
+    def check(self, value: object, *, integers_for_doubles: bool = False) -> Value:
+        """Coerce a value to this parameter's type and hold it against length and range.
+
+        Args:
+            value: as a parameter file, a ROS 2 node or a command line gives it.
+            integers_for_doubles: take `1` where `1.0` is meant. ROS 2 refuses that for a
+                parameter of static type; a broadcast parameter takes it always.
+
+        Returns:
+            A bool, int, float or str, or a tuple of floats or of strings.
+
+        Raises:
+            InputError: names the parameter, the value and what would be right.
+        """
+        return self._checked(value, integers_for_doubles or self.broadcast, self.known_choices())
+
+    def _checked(
+        self,
+        value: object,
+        integers_for_doubles: bool,
+        choices: tuple[str, ...],
+    ) -> Value:
+        coerced = self._coerced(value)
+        if coerced is None or not self._in_bounds(coerced, choices):
+            raise InputError(
+                f'{self._quoted(value)}: expected {self.expected}{_near(value, choices)}'
+            )
+        if not integers_for_doubles and _has_integer(value, self.kind):
+            raise InputError(
+                f'{self._quoted(value)}: expected {self.expected}, written with a '
+                f'point; write {yaml_text(coerced)}'
+            )
+        return coerced
+
+    def _quoted(self, value: object) -> str:
+        text = yaml_text(value)
+        if len(text) > _LONGEST_QUOTE:
+            text = f'{text[:_LONGEST_QUOTE]}…'
+        return f'{self.name} = {text}'
+
+    def _coerced(self, value: object) -> Value | None:
+        """Return the value in this parameter's type, None if it has none in it."""
+        if self.kind == 'bool':
+            return value if isinstance(value, bool) else None
+        if self.kind == 'integer':
+            return value if isinstance(value, int) and not isinstance(value, bool) else None
+        if self.kind == 'double':
+            return _number(value)
+        if self.kind == 'string':
+            return value if isinstance(value, str) else None
+        if value is None:  # an array without entries, which has no type in ROS 2
+            value = ()
+        if self.broadcast and self.length is not None and not _is_array(value):
+            value = (value,) * self.length
+        if not _is_array(value):
+            return None
+        if self.kind == 'strings':
+            return tuple(value) if all(isinstance(entry, str) for entry in value) else None
+        numbers = tuple(number for entry in value if (number := _number(entry)) is not None)
+        return numbers if len(numbers) == len(value) else None
+
+    def _in_bounds(self, value: Value, choices: tuple[str, ...]) -> bool:
+        if isinstance(value, tuple):
+            return self.length in (None, len(value)) and all(
+                self._in_bounds(entry, choices) for entry in value
+            )
+        if isinstance(value, str):
+            return not choices or value in choices
+        if isinstance(value, bool):
+            return True
+        return math.isfinite(value) and self._above_minimum(value) and self._below_maximum(value)
+
+    def _above_minimum(self, value: float) -> bool:
+        if self.minimum is None:
+            return True
+        return value > self.minimum if self.exclusive_minimum else value >= self.minimum
+
+    def _below_maximum(self, value: float) -> bool:
+        if self.maximum is None:
+            return True
+        return value < self.maximum if self.exclusive_maximum else value <= self.maximum
+
+
+def check_all(
+    parameters: Sequence[Parameter],
+    values: Mapping[str, object],
+    where: str | Mapping[str, str] = '',
+    *,
+    integers_for_doubles: bool = False,
+) -> Values:
+    """Check a whole set of values and fill in the defaults.
+
+    Args:
+        parameters: the declarations.
+        values: value by parameter name.
+        where: where the values stand, put in front of messages as it is ('controller: '); a
+            mapping gives the place of each name.
+        integers_for_doubles: as in `Parameter.check`.
+
+    Returns:
+        A value for every declared parameter, in the order of declaration.
+
+    Raises:
+        InputError: an unknown name, or a value that is not right.
+    """
+    declared = {parameter.name: parameter for parameter in parameters}
+    checked: Values = {name: each.default for name, each in declared.items()}
+    for name, value in values.items():
+        place = where if isinstance(where, str) else where.get(name, '')
+        if name not in declared:
+            raise InputError(f"{place}unknown parameter '{name}'; {suggestion(name, declared)}")
+        try:
+            checked[name] = declared[name].check(value, integers_for_doubles=integers_for_doubles)
+        except InputError as error:
+            raise InputError(f'{place}{error}') from None
+    return checked
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.array[Any]]:
+    return isinstance(value, list | tuple | array.array)
+
+
+def _has_integer(value: object, kind: str) -> bool:
+    """Whether a value meant for doubles is or holds an integer."""
+    if kind not in ('double', 'doubles'):
+        return False
+    entries = value if _is_array(value) else (value,)
+    return any(isinstance(entry, int) for entry in entries)
+
+
+def _near(value: object, choices: tuple[str, ...]) -> str:
+    hint = suggestion(value, choices) if isinstance(value, str) and choices else ''
+    return f'; {hint}' if hint.startswith('did you mean') else ''
+
+
+def _short(number: float) -> str:
+    """Write a bound without a needless '.0'."""
+    return f'{number:g}' if float(f'{number:g}') == number else repr(number)

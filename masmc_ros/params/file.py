@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS 2 parameter files, read as rclpy's nodes read them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+import os
+from pathlib import Path
+
+from masmc_ros.errors import InputError
+from masmc_ros.params import node_name
+from masmc_ros.params.blocks import BlockReader
+from masmc_ros.params.events import FileValue, NodeEntries, Variant, read_value
+
+
+@dataclass(frozen=True)
+class Block:
+    """The parameters under one node key.
+
+    Attributes:
+        pattern: the key, as in `controller`, `/left/controller`, `/**/controller` or `/**`.
+        line: the line on which it first appears, from 1.
+        values: value and line of every parameter by its dotted name. An empty array and an
+            empty map have no type, which is None.
+    """
+
+    pattern: str
+    line: int
+    values: dict[str, tuple[FileValue, int]]
+
+    def is_for(self, name: str, namespace: str = '/') -> bool:
+        """Tell whether a node takes its parameters from here."""
+        return node_name.matches(self.pattern, node_name.qualified(name, namespace))
+
+
+@dataclass(frozen=True)
+class ParameterFile:
+    """A parameter file.
+
+    Attributes:
+        path: where it was read from, as the user wrote it.
+        blocks: in the order in which their keys first appear. Blocks of the same key are one.
+    """
+
+    path: str
+    blocks: tuple[Block, ...]
+
+    def for_node(self, name: str, namespace: str = '/') -> dict[str, FileValue]:
+        """Values for a node; of several matching blocks the last wins, name by name."""
+        return {parameter: value for parameter, (value, _) in self._merged(name, namespace)}
+
+    def places(self, name: str, namespace: str = '/') -> dict[str, str]:
+        """Where each value of `for_node` stands, as 'path:line: ' in front of a message."""
+        return {
+            parameter: f'{self.path}:{line}: '
+            for parameter, (_, line) in self._merged(name, namespace)
+        }
+
+    def unmatched(self, names: Iterable[str], namespace: str = '/') -> tuple[Block, ...]:
+        """Blocks that are for none of these nodes."""
+        nodes = tuple(names)
+        return tuple(
+            block
+            for block in self.blocks
+            if not any(block.is_for(name, namespace) for name in nodes)
+        )
+
+    def _merged(self, name: str, namespace: str) -> list[tuple[str, tuple[FileValue, int]]]:
+        merged: dict[str, tuple[FileValue, int]] = {}
+        for block in self.blocks:
+            if block.is_for(name, namespace):
+                merged.update(block.values)
+        return list(merged.items())
+
+
+def read(path: str | os.PathLike[str]) -> ParameterFile:
+    """Read a ROS 2 parameter file by the rules of rcl's own parser.
+
+    Raises:
+        InputError: no such file, not readable, not YAML, or not a parameter file; the same
+            files that rcl refuses.
+    """
+    source = os.fspath(path)
+    try:
+        data = Path(source).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f'{source}: no such file; give the path of a parameter file') from None
+    except IsADirectoryError:
+        raise InputError(f'{source}: a directory; give the path of a parameter file') from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(
+            f'{source}: not readable ({reason}); give the path of a readable parameter file'
+        ) from None
+    blocks = BlockReader(source).read(data)
+    return ParameterFile(source, tuple(_block(node) for node in blocks))
+
+
+def _block(node: NodeEntries) -> Block:
+    values = {
+        entry.name: (node.variants.get(number, Variant()).value, entry.line)
+        for number, entry in enumerate(node.entries)
+    }
+    return Block(node.pattern, node.line, values)
+
+
+def parse_value(text: str, source: str = '') -> FileValue:
+    """Type one value from the command line as `-p NAME:=VALUE` does.
+
+    Args:
+        text: a scalar (`150`, `1.0`, `rasmc`) or an array (`[150.0, 80.0]`).
+        source: what it is, for the message.
+
+    Raises:
+        InputError: empty, not YAML, a map, or an array of several types.
+    """
+    what = source or repr(text)
+    if not text:
+        raise InputError(f"{what}: no value; write one ('' for an empty string)")
+    return read_value(text.encode('utf-8', 'surrogateescape'), what)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values as a user writes them in a parameter file or on a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+import re
+
+import yaml
+
+from masmc_ros.params.scalar import typed
+
+_PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./-]*')
+
+
+def yaml_text(value: object) -> str:
+    """Write a value on one line so that a parameter file gives back the same value.
+
+    Args:
+        value: a bool, int, float, str or an iterable of those; None is written as an empty
+            array, which is how a file says that a parameter has no value.
+    """
+    if value is None:
+        return '[]'
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    if isinstance(value, float):
+        return _double(float(value))
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, Iterable) and not isinstance(value, bytes | dict):
+        return f'[{", ".join(yaml_text(entry) for entry in value)}]'
+    return str(value)
+
+
+def _double(value: float) -> str:
+    if math.isnan(value):
+        return '.nan'
+    if math.isinf(value):
+        return '.inf' if value > 0 else '-.inf'
+    return repr(value)
+
+
+def _string(value: str) -> str:
+    if _PLAIN.fullmatch(value) and isinstance(typed(value), str):
+        return value
+    quoted: str = yaml.safe_dump(value, default_style='"', width=math.inf)
+    return quoted.rstrip('\n')

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reference trajectories in task space, and how the controller reads windows of them."""

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference as the controller receives it: windows of samples sent ahead of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.compiled import kernel
+from masmc_ros.errors import InputError
+from masmc_ros.reference.hermite import quintic
+
+Array = NDArray[np.float64]
+
+_ON_GRID_NS = 2
+"""A sample this close to the stamp asked for is used as it is: stamps are rounded to 1 ns."""
+
+_KEPT_NS = 10_000_000_000
+"""How long windows are kept after their end, for a plant that is set back a little."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Samples (n, 12) of x_d, xdot_d, xddot_d, `period_ns` apart, stamps `start` to `end`."""
+
+    start: int
+    end: int
+    period_ns: float
+    samples: Array
+
+    def at(self, stamp: int) -> Array:
+        """Return the sample (12) at a stamp between start and end."""
+        place = (stamp - self.start) / self.period_ns
+        nearest = round(place)
+        if abs(stamp - self.start - nearest * self.period_ns) <= _ON_GRID_NS:
+            return self.samples[nearest]
+        before = min(int(place), len(self.samples) - 2)
+        out = np.empty(12)
+        _between(
+            self.samples[before],
+            self.samples[before + 1],
+            self.period_ns * 1e-9,
+            place - before,
+            out,
+        )
+        return out
+
+
+@kernel
+def _between(first: Any, second: Any, period: float, part: float, out: Any) -> None:
+    for i in range(4):
+        position, velocity, acceleration = quintic(
+            (first[i], first[4 + i], first[8 + i]),
+            (second[i], second[4 + i], second[8 + i]),
+            period,
+            part,
+        )
+        out[i] = position
+        out[4 + i] = velocity
+        out[8 + i] = acceleration
+
+
+class ReferenceWindows:
+    """Windows received so far; newer ones replace older where they overlap."""
+
+    def __init__(self) -> None:
+        """Start without a reference."""
+        self._windows: list[Window] = []
+        self._recent: Window | None = None
+        self._set_point: Array | None = None
+
+    def add(self, start: int, period: float, samples: Array) -> None:
+        """Add samples (n, 12), `period` s apart from the stamp `start` in ns on.
+
+        Raises InputError for numbers that are not finite and for a period that is not > 0.
+        """
+        if not np.isfinite(samples).all():
+            raise InputError('reference: a sample is not finite, expected numbers everywhere')
+        if len(samples) == 0 or samples.shape[1:] != (12,):
+            raise InputError(f'reference: samples of shape {samples.shape}, expected (n, 12)')
+        if not (np.isfinite(period) and period > 0.0):
+            raise InputError(f'reference: sample period {period}, expected more than 0 s')
+        self._set_point = None
+        self._recent = None
+        period_ns = period * 1e9
+        end = start + round((len(samples) - 1) * period_ns)
+        self._windows.append(Window(start, end, period_ns, np.ascontiguousarray(samples)))
+
+    def set_point(self, numbers: Array) -> None:
+        """Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
+
+        Raises InputError for another count and for numbers that are not finite.
+        """
+        if numbers.size not in (4, 8, 12) or not np.isfinite(numbers).all():
+            raise InputError(
+                f'reference: {numbers.tolist()}, expected 4, 8 or 12 finite numbers or a window'
+            )
+        sample = np.zeros(12)
+        sample[: numbers.size] = numbers
+        self._windows.clear()
+        self._recent = None
+        self._set_point = sample
+
+    def at(self, stamp: int) -> Array | None:
+        """Return the sample (12) at a stamp in ns; None where no window covers it."""
+        if self._set_point is not None:
+            return self._set_point
+        recent = self._recent
+        if recent is not None and recent.start <= stamp <= recent.end:
+            return recent.at(stamp)
+        for window in reversed(self._windows):
+            if window.start - _ON_GRID_NS <= stamp <= window.end + _ON_GRID_NS:
+                self._recent = window
+                self._forget_before(stamp)
+                return window.at(stamp)
+        return None
+
+    def last_position(self) -> Array | None:
+        """Return the last sample at rest (12), to hold where the reference has ended."""
+        if not self._windows:
+            return self._set_point
+        latest = max(self._windows, key=lambda window: window.end)
+        sample = np.zeros(12)
+        sample[:4] = latest.samples[-1, :4]
+        return sample
+
+    def _forget_before(self, stamp: int) -> None:
+        self._windows = [w for w in self._windows if w.end + _KEPT_NS >= stamp]
