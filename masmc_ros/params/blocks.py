@@ -1,22 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rcl's walk over the events of a parameter file: node keys, parameter names, values."""
+"""rcl's walk over the events of a parameter file: node keys, parameter names, values.
+
+rcl does not build a YAML document: it walks over the parser's events with a few flags. So
+it accepts some files that look wrong and refuses some that look right, and a file must mean
+the same to the offline commands as to the nodes. This is the same walk, state for state.
+Only where rcl writes past the end of its own arrays (a list right under `ros__parameters`,
+after a block of more than 128 parameters) does it do something else, and nothing defined.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import yaml
 
 from masmc_ros.params import node_name
-from masmc_ros.params.events import (
-    PARAMETERS_KEY,
-    NodeEntries,
-    ValueReader,
-    Variant,
-    c_string,
-    line_of,
-    yaml_events,
-)
+from masmc_ros.params.values import ValueReader, Variant
+from masmc_ros.params.yaml_events import c_string, line_of, yaml_events
+
+PARAMETERS_KEY = 'ros__parameters'
+
+
+@dataclass
+class Entry:
+    """A parameter in a block: its dotted name and the line of that name in the file (from 1)."""
+
+    name: str
+    line: int
+
+
+@dataclass
+class NodeEntries:
+    """The parameters of one node key, in the order in which rcl numbers them.
+
+    `variants` may have numbers beyond `entries`: a value that stands where rcl does not
+    expect one goes to whichever parameter had the turn last, even another node's.
+    """
+
+    pattern: str
+    line: int
+    entries: list[Entry] = field(default_factory=list)
+    variants: dict[int, Variant] = field(default_factory=dict)
+
+    def find(self, name: str, line: int) -> int:
+        """Return the number of the first parameter of that name, added if there is none."""
+        for number, entry in enumerate(self.entries):
+            if entry.name == name:
+                return number
+        self.entries.append(Entry(name, line))
+        return len(self.entries) - 1
 
 
 @dataclass
@@ -55,7 +87,7 @@ class BlockReader(ValueReader):
 
     def __init__(self, source: str) -> None:
         """Start at the top of a file; `source` names it in messages."""
-        super().__init__(source)
+        super().__init__(lambda line: f'{source}:{line}')
         self.nodes: list[NodeEntries] = []
         self._node_path = _Path('/')
         self._node_line = 0
@@ -76,7 +108,7 @@ class BlockReader(ValueReader):
         Raises:
             InputError: a file that rcl refuses.
         """
-        for event in yaml_events(data, self.source):
+        for event in yaml_events(data, self.place):
             if isinstance(event, yaml.ScalarEvent):
                 self._scalar(event)
             elif isinstance(event, yaml.SequenceStartEvent):

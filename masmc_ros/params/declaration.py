@@ -6,10 +6,10 @@ from __future__ import annotations
 import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-import math
 from typing import Any, Literal, TypeGuard
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.params.bounds import Bounds
 from masmc_ros.params.text import yaml_text
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
@@ -78,28 +78,20 @@ class Parameter:
     def _kind_of_default(self) -> Kind:
         default = self.default
         if isinstance(default, tuple) or self.broadcast:
-            return (
-                'strings'
-                if _is_array(default) and all(isinstance(entry, str) for entry in default)
-                else 'doubles'
-            )
+            texts = _is_array(default) and all(isinstance(entry, str) for entry in default)
+            return 'strings' if texts else 'doubles'
         kinds: dict[type, Kind] = {bool: 'bool', int: 'integer', float: 'double', str: 'string'}
         return kinds[type(default)]
 
     @property
+    def bounds(self) -> Bounds:
+        """The range of the number or of each entry."""
+        return Bounds(self.minimum, self.maximum, self.exclusive_minimum, self.exclusive_maximum)
+
+    @property
     def range_text(self) -> str:
         """The range of a number, as in '>= 0' or 'in (0, 1]'; '' for no bounds."""
-        low, high = self.minimum, self.maximum
-        if low is not None and high is not None:
-            return (
-                f'in {"(" if self.exclusive_minimum else "["}{_short(low)}, {_short(high)}'
-                f'{")" if self.exclusive_maximum else "]"}'
-            )
-        if low is not None:
-            return f'{">" if self.exclusive_minimum else ">="} {_short(low)}'
-        if high is not None:
-            return f'{"<" if self.exclusive_maximum else "<="} {_short(high)}'
-        return ''
+        return str(self.bounds)
 
     @property
     def expected(self) -> str:
@@ -191,17 +183,7 @@ class Parameter:
             return not choices or value in choices
         if isinstance(value, bool):
             return True
-        return math.isfinite(value) and self._above_minimum(value) and self._below_maximum(value)
-
-    def _above_minimum(self, value: float) -> bool:
-        if self.minimum is None:
-            return True
-        return value > self.minimum if self.exclusive_minimum else value >= self.minimum
-
-    def _below_maximum(self, value: float) -> bool:
-        if self.maximum is None:
-            return True
-        return value < self.maximum if self.exclusive_maximum else value <= self.maximum
+        return self.bounds.contain(value)
 
 
 def check_all(
@@ -263,8 +245,3 @@ def _has_integer(value: object, kind: str) -> bool:
 def _near(value: object, choices: tuple[str, ...]) -> str:
     hint = suggestion(value, choices) if isinstance(value, str) and choices else ''
     return f'; {hint}' if hint.startswith('did you mean') else ''
-
-
-def _short(number: float) -> str:
-    """Write a bound without a needless '.0'."""
-    return f'{number:g}' if float(f'{number:g}') == number else repr(number)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.params import node_name
-from masmc_ros.params.blocks import BlockReader
-from masmc_ros.params.events import FileValue, NodeEntries, Variant, read_value
+from masmc_ros.params.blocks import BlockReader, NodeEntries
+from masmc_ros.params.values import FileValue, Variant, read_value
 
 
 @dataclass(frozen=True)

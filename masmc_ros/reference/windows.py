@@ -118,11 +118,13 @@ class ReferenceWindows:
                 return window.at(stamp)
         return None
 
-    def last_position(self) -> Array | None:
-        """Return the last sample at rest (12), to hold where the reference has ended."""
+    def held_after(self, stamp: int) -> Array | None:
+        """Return the last position at rest (12) if the reference has ended by this stamp."""
         if not self._windows:
-            return self._set_point
+            return None
         latest = max(self._windows, key=lambda window: window.end)
+        if stamp <= latest.end:
+            return None
         sample = np.zeros(12)
         sample[:4] = latest.samples[-1, :4]
         return sample

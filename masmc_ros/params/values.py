@@ -1,29 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The events of a YAML file or value turned into parameters by the rules of rcl.
-
-rcl does not build a YAML document: it walks over the parser's events with a few flags. So
-it accepts some files that look wrong and refuses some that look right, and a file must mean
-the same to the offline commands as to the nodes. This is the same walk, state for state.
-Only what rcl does beyond the end of its own arrays (parameter lists in the place of a whole
-`ros__parameters` block of more than 128 parameters) is not defined there and harmless here.
-"""
+"""Scalars and arrays written to a parameter by the rules of rcl, and single values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import yaml
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import Scalar, typed
+from masmc_ros.params.yaml_events import Place, c_string, line_of, yaml_events
 
 FileValue = Scalar | list[bool] | list[int] | list[float] | list[str] | None
 
-PARAMETERS_KEY = 'ros__parameters'
-# libyaml, which rcl uses too, where PyYAML was built with it.
-_LOADER: Any = getattr(yaml, 'CBaseLoader', yaml.BaseLoader)
 _TYPES: tuple[type, ...] = (bool, int, float, str)
 _TYPE_NAMES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string'}
 
@@ -50,48 +39,18 @@ class Variant:
         return None
 
 
-@dataclass
-class Entry:
-    """A parameter in a block: dotted name, line in the file (from 1) and what was written."""
-
-    name: str
-    line: int
-
-
-@dataclass
-class NodeEntries:
-    """The parameters of one node key, in the order in which rcl numbers them.
-
-    `variants` may have numbers beyond `entries`: a value that stands where rcl does not
-    expect one goes to whichever parameter had the turn last, even another node's.
-    """
-
-    pattern: str
-    line: int
-    entries: list[Entry] = field(default_factory=list)
-    variants: dict[int, Variant] = field(default_factory=dict)
-
-    def find(self, name: str, line: int) -> int:
-        """Return the number of the first parameter of that name, added if there is none."""
-        for number, entry in enumerate(self.entries):
-            if entry.name == name:
-                return number
-        self.entries.append(Entry(name, line))
-        return len(self.entries) - 1
-
-
 class ValueReader:
     """Types values and fills arrays, for files and for single values alike."""
 
-    def __init__(self, source: str) -> None:
-        """Start; `source` names the file in messages."""
-        self.source = source
+    def __init__(self, place: Place) -> None:
+        """Start; `place` tells in messages where a line is."""
+        self.place = place
         self.in_array = False
         self.array_type: type | None = None
 
     def refuse(self, line: int, message: str) -> NoReturn:
-        """Raise the error of one line in the file (from 1)."""
-        raise InputError(f'{self.source}:{line}: {message}')
+        """Raise the error that is at a line of the file (from 1)."""
+        raise InputError(f'{self.place(line)}: {message}')
 
     def start_array(self) -> None:
         """Begin an array; inside another one, the type is free again."""
@@ -125,48 +84,21 @@ class ValueReader:
             variant.arrays[type_].append(value)
 
 
-def c_string(text: str) -> str:
-    """Cut a string where C does: at its first NUL."""
-    return text.partition('\0')[0]
-
-
-def line_of(event: yaml.Event) -> int:
-    """Line on which an event starts, counted from 1."""
-    return event.start_mark.line + 1 if event.start_mark else 1
-
-
-def yaml_events(data: bytes, source: str) -> Iterator[yaml.Event]:
-    """Parse YAML (UTF-8, or UTF-16 with a byte order mark) into events.
-
-    Raises:
-        InputError: not YAML, or not text.
-    """
-    try:
-        yield from yaml.parse(data, Loader=_LOADER)
-    except yaml.reader.ReaderError as error:
-        line = data[: error.position].count(b'\n') + 1
-        raise InputError(
-            f'{source}:{line}: not text in UTF-8 ({error.reason}); save the file as UTF-8'
-        ) from None
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        problem = ', '.join(filter(None, (error.context, error.problem)))
-        raise InputError(
-            f'{source}:{line}: not YAML: {problem}; check indentation, colons, brackets and quotes'
-        ) from None
-
-
 def read_value(data: bytes, source: str) -> FileValue:
-    """Type one value, as `-p NAME:=VALUE` does.
+    """Type one value, as `-p NAME:=VALUE` does; `source` names it in messages.
 
     Raises:
         InputError: not YAML, or neither a scalar nor an array of one type.
     """
-    reader = ValueReader(source)
+
+    def place(_: int) -> str:
+        return source
+
+    reader = ValueReader(place)
     variant = Variant()
-    for event in yaml_events(data, source):
+    for event in yaml_events(data, place):
         if isinstance(event, yaml.ScalarEvent):
-            reader.put(event, variant, 'the parameter')
+            reader.put(event, variant, 'it')
         elif isinstance(event, yaml.SequenceStartEvent):
             reader.start_array()
         elif isinstance(event, yaml.SequenceEndEvent):

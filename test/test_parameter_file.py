@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files: values, blocks, places, and one clear line for what is wrong."""
+
+import math
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.file import parse_value, read
+
+EXAMPLE = """\
+/**:
+  ros__parameters:
+    control_period: 0.001
+    robot:
+      wheel_radius: 0.05
+      link_1_length: 0.5
+/**/controller:
+  ros__parameters:
+    law: smc
+    k_s1: [150, 150, 80, 80]
+    robot.wheel_radius: 0.06
+/left:
+  controller:
+    ros__parameters: {law: rasmc, control_period: 0.002}
+observer:
+  ros__parameters:
+    gain: 1.0
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / 'run.yaml'
+    path.write_text(EXAMPLE)
+    return path
+
+
+def test_last_matching_block_wins_name_by_name(file: Path) -> None:
+    parameters = read(file)
+    shared = {'control_period': 0.001, 'robot.wheel_radius': 0.05, 'robot.link_1_length': 0.5}
+    own = {'law': 'smc', 'k_s1': [150, 150, 80, 80], 'robot.wheel_radius': 0.06}
+    assert parameters.for_node('plant') == shared
+    assert parameters.for_node('controller') == {**shared, **own}
+    assert parameters.for_node('controller', '/right/arm') == {**shared, **own}
+    left = {'law': 'rasmc', 'control_period': 0.002}
+    assert parameters.for_node('controller', '/left') == {**shared, **own, **left}
+    assert parameters.for_node('controller', 'left') == {**shared, **own, **left}
+
+
+def test_blocks_tell_pattern_lines_and_values(file: Path) -> None:
+    blocks = read(file).blocks
+    assert [(block.pattern, block.line) for block in blocks] == [
+        ('/**', 1),
+        ('/**/controller', 7),
+        ('/left/controller', 13),
+        ('observer', 15),
+    ]
+    assert blocks[1].values == {
+        'law': ('smc', 9),
+        'k_s1': ([150, 150, 80, 80], 10),
+        'robot.wheel_radius': (0.06, 11),
+    }
+
+
+def test_places_name_the_line_of_the_value_that_counts(file: Path) -> None:
+    places = read(file).places('controller')
+    assert places['robot.wheel_radius'] == f'{file}:11: '
+    assert places['robot.link_1_length'] == f'{file}:6: '
+
+
+def test_blocks_for_no_known_node_are_found(file: Path) -> None:
+    unmatched = read(file).unmatched(['plant', 'controller'])
+    assert [block.pattern for block in unmatched] == ['/left/controller', 'observer']
+    assert not read(file).unmatched(['observer', 'controller'], '/left')[0].is_for('controller')
+
+
+@pytest.mark.parametrize(
+    ('text', 'line', 'words'),
+    [
+        ('/**:\n  ros__parameters:\n    k: [1, 2.0]\n', 3, 'k has a double (2.0) in an array'),
+        ('/**:\n  ros__parameters:\n    k:\n    law: smc\n', 3, 'no value for k'),
+        ('/**:\n  ros__parameters:\n    k: *other\n', 3, 'alias *other'),
+        ('/**:\n  ros__parameters:\n    a: &x 1.0\n    k: *x\n', 4, 'alias *x'),
+        ('/**:\n  ros__parameters:\n    k: [[1], [2]]\n', 3, 'array in the place of a name'),
+        ('/**:\n  ros__parameters:\n    k: [1\n', 4, "expected ',' or ']'"),
+        ('/**:\n  ros__parameters:\n  - k\n', 3, 'outside of ros__parameters'),
+        ('controller:\n  k_s1: 1.0\n', 2, "value '1.0' outside of ros__parameters"),
+        ('controller:\n  k_s1: [1.0]\n', 2, 'array outside of ros__parameters'),
+        ('controller:\n', 1, "value '' outside of ros__parameters"),
+        ('ros__parameters:\n  k_s1: 1.0\n', 1, 'without a node name'),
+        ('a:\n- b\n', 2, 'array outside of ros__parameters'),
+        ('- a\n', 1, 'array in the place of a name'),
+        ('\n/the-controller:\n  ros__parameters:\n    k: 1\n', 2, "'the-controller' is not made"),
+        ('/a//b:\n  ros__parameters:\n    k: 1\n', 1, 'two slashes in a row'),
+        ('/a/:\n  ros__parameters:\n    k: 1\n', 1, 'ends with a slash'),
+        ("/**:\n  ros__parameters:\n    '': 1\n", 3, "no name in front of ':'"),
+        ('/**:\n  ros__parameters:\n\tk: 1\n', 3, 'not YAML'),
+        ('# only\n---\n', 3, 'no name'),
+    ],
+)
+def test_refusals_are_one_line_with_place(
+    tmp_path: Path, text: str, line: int, words: str
+) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read(path)
+    message = str(refused.value)
+    assert message.startswith(f'{path}:{line}: ')
+    assert words in message
+    assert '; ' in message
+    assert len(message.splitlines()) == 1
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    latin = tmp_path / 'latin.yaml'
+    latin.write_bytes(b'/**:\n  ros__parameters:\n    name: caf\xe9\n')
+    (tmp_path / 'plain').touch()
+    for path, words in (
+        (tmp_path / 'missing.yaml', 'no such file'),
+        (tmp_path, 'a directory'),
+        (tmp_path / 'plain' / 'run.yaml', 'not readable (Not a directory)'),
+        ('a\0b', 'not readable'),
+    ):
+        with pytest.raises(InputError) as refused:
+            read(path)
+        assert str(refused.value).startswith(f'{path}: {words}')
+    with pytest.raises(InputError) as refused:
+        read(latin)
+    assert str(refused.value).startswith(f'{latin}:3: not text in UTF-8')
+
+
+@pytest.mark.parametrize('text', ['', '# a comment\n', '{}', 'a: {}\n'])
+def test_file_without_parameters(tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(text)
+    assert read(path).for_node('controller') == {}
+
+
+@given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
+def test_any_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes
+) -> None:
+    path = tmp_path_factory.getbasetemp() / 'any.yaml'
+    path.write_bytes(data)
+    try:
+        parameters = read(path)
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert isinstance(parameters.for_node('controller'), dict)
+
+
+@pytest.mark.parametrize(
+    ('text', 'value'),
+    [
+        ('150', 150),
+        ('150.0', 150.0),
+        ('rasmc', 'rasmc'),
+        ('on', True),
+        ('No', False),
+        ('"on"', 'on'),
+        ("'1.0'", '1.0'),
+        ('!!str 5', '5'),
+        ('!!int "5"', '5'),
+        ('010', 8),
+        ('08', 8.0),
+        ('0x1F', 31),
+        ('-0x10', -16),
+        ('0b1', '0b1'),
+        ('1_000', '1_000'),
+        ('9223372036854775807', 2**63 - 1),
+        ('9223372036854775808', 2.0**63),
+        ('-9223372036854775808', -(2**63)),
+        ('1e3', 1000.0),
+        ('.5', 0.5),
+        ('5.', 5.0),
+        ('1e', '1e'),
+        ('0x1.8p1', 3.0),
+        ('0x1p', '0x1p'),
+        ('.inf', math.inf),
+        ('-.Inf', -math.inf),
+        ('infinity', math.inf),
+        ('-.nan', '-.nan'),
+        ('1e999', '1e999'),
+        ('1e-999', '1e-999'),
+        ('0e-999', 0.0),
+        ('5e-324', '5e-324'),
+        ('0x1p-1074', 5e-324),
+        ('2.2250738585072014e-308', 2.2250738585072014e-308),
+        ('~', '~'),
+        ('null', 'null'),
+        ('[150.0, 80.0]', [150.0, 80.0]),
+        ('[smc, "1"]', ['smc', '1']),
+        ('[true, no]', [True, False]),
+        ('[]', None),
+        ('# a comment', None),
+    ],
+)
+def test_value_from_the_command_line(text: str, value: object) -> None:
+    parsed = parse_value(text)
+    assert repr(parsed) == repr(value)
+
+
+@pytest.mark.parametrize('text', ['', '[1, 2.0]', '[1, a]', '{a: 1}', '[1', '"', '\udce9', '*a'])
+def test_value_from_the_command_line_refused(text: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_value(text, '--set controller.k_s1')
+    assert str(refused.value).startswith('--set controller.k_s1: ')
+    assert len(str(refused.value).splitlines()) == 1

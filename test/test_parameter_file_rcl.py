@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files mean the same here as in rclpy's nodes: same values, same refusals."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+import pytest
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.file import parse_value, read
+
+rclpy = pytest.importorskip('rclpy')
+
+from rclpy.context import Context  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+
+DOMAIN = 87
+NODES = (('controller', '/'), ('controller', '/left'), ('plant', '/left/arm'))
+
+# An example starts a real node, the first one of a context takes longest.
+EXAMPLES = settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@pytest.fixture(scope='module')
+def context() -> Iterator[Context]:
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        context = Context()
+        rclpy.init(args=[], context=context, domain_id=DOMAIN)
+        try:
+            yield context
+        finally:
+            rclpy.shutdown(context=context)
+
+
+def overrides(context: Context, name: str, namespace: str, *arguments: str) -> dict[str, str]:
+    """Parameters that a real node is given by its ROS arguments."""
+    node = Node(
+        name,
+        namespace=namespace,
+        context=context,
+        cli_args=['--ros-args', *arguments],
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=False,
+    )
+    try:
+        # Declaring them automatically fails for those without a value (`a: []`).
+        return comparable({name: p.value for name, p in node._parameter_overrides.items()})
+    finally:
+        node.destroy_node()  # type: ignore[no-untyped-call]
+
+
+def comparable(values: dict[str, Any]) -> dict[str, str]:
+    """Values such that 1, 1.0 and true differ and a NaN equals itself."""
+    return {
+        name: repr(value if value is None or isinstance(value, (str, int, float)) else list(value))
+        for name, value in values.items()
+    }
+
+
+def assert_same(context: Context, path: Path) -> bool:
+    """Hold `read` against real nodes; tell whether both accept the file."""
+    try:
+        parameters = read(path)
+    except InputError:
+        for name, namespace in NODES[:1]:
+            with pytest.raises(rclpy._rclpy_pybind11.RCLError):
+                overrides(context, name, namespace, '--params-file', str(path))
+        return False
+    for name, namespace in NODES:
+        real = overrides(context, name, namespace, '--params-file', str(path))
+        assert comparable(parameters.for_node(name, namespace)) == real
+    return True
+
+
+def block(body: str, key: str = '/**') -> str:
+    lines = ''.join(f'    {line}\n' for line in body.splitlines())
+    return f'{key}:\n  ros__parameters:\n{lines}'
+
+
+_OF_EVERY_TYPE = ('true', '1', '1.5', 'x', '[true]', '[1]', '[1.5]', '[x]', '[]')
+PAIRS_OF_TYPES = '\n'.join(
+    f'p{i}{j}: {first}\np{i}{j}: {second}'
+    for i, first in enumerate(_OF_EVERY_TYPE)
+    for j, second in enumerate(_OF_EVERY_TYPE)
+)
+
+ACCEPTED = {
+    'empty': '',
+    'comment': '# nothing\n',
+    'scalar document': 'controller\n',
+    'no blocks': '{}\n',
+    'node without a map of parameters': 'controller: {}\n',
+    'flow style': '/**: {ros__parameters: {a: 1.0, b: [x, z]}}\n',
+    'json': '{"/**": {"ros__parameters": {"a": 1.0, "b": [true, false]}}}\n',
+    'byte order mark': '\ufeff' + block('a: 1'),
+    'windows line ends': block('a: 1\nb: x').replace('\n', '\r\n'),
+    'unicode': block('a: 5 µm\nb: "\\U0001F600"'),
+    'names with dots': block('a.b: 1\nc:\n  d.e: 2\n  f:\n    g: 3\nh: 4'),
+    'name above a dotted one keeps too little': block('a:\n  b.c:\n    d: 1\n  e: 2'),
+    'same name twice': block('a: 1\na: 2'),
+    'same name twice, other type: the first type counts': block('a: 1\na: 2.0'),
+    'same name twice, every pair of types': block(PAIRS_OF_TYPES),
+    'same name dotted and nested': block('a.b: 1\na:\n  b: 2.0'),
+    'same name nested and dotted': block('a:\n  b: 1\na.b: 2.0'),
+    'value replaced by a map': block('a: 1\na:\n  b: 2'),
+    'same key twice': block('a: 1\nb: 1') + block('a: 2', 'controller') + block('a: 3\nb: 3'),
+    'last block wins': block('a: 1', 'controller') + block('a: 2') + block('a: 3', '/left/*'),
+    'keys of all kinds': ''.join(
+        block(f'p{number}: {number}', key)
+        for number, key in enumerate(
+            (
+                '/**',
+                '/*',
+                '"**"',
+                '"*"',
+                'controller',
+                '/controller',
+                '/**/controller',
+                '/*/controller',
+                '/left/controller',
+                'left/controller',
+                '/left/**',
+                '/left/*',
+                '/left/**/plant',
+                '/left/*/plant',
+                '/*/arm/plant',
+                '/**/arm/**',
+                '/right/controller',
+                'control',
+            )
+        )
+    ),
+    'nested namespaces': (
+        '/left:\n  controller:\n    ros__parameters: {a: 1}\n  arm:\n    plant:\n'
+        '      ros__parameters: {a: 2}\n'
+    ),
+    'root namespace': '/:\n  controller:\n    ros__parameters: {a: 1}\n',
+    'wildcard namespace': '/**:\n  controller:\n    ros__parameters: {a: 1}\n',
+    'two names in one key': (
+        'left/arm:\n  plant:\n    ros__parameters: {a: 1}\n'
+        'left:\n  controller:\n    ros__parameters: {a: 2}\n'
+    ),
+    'any key that begins with ros__parameters': '/**:\n  ros__parameters_old:\n    a: 1\n',
+    'two documents': block('a: 1') + '---\n' + block('b: 2', 'controller'),
+    'empty array': block('a: []\nb: 1'),
+    'empty map': block('a: 1\nb: {}'),
+    'array in an array': block('a: [[1, 2]]'),
+    'array in an array, first type counts': block('a: [1, [2.0, 3.0]]'),
+    'array in an array, other value': block('a: [1, [2, 3]]'),
+    'name after an array in an array': block('a: [[1], 5]'),
+    'map in an array': block('a: [{b: 1}]'),
+    'maps in an array': block('a: [{b: 1}, {b: 2}]'),
+    'maps in an array, other name': block('a: [{b: 1}, {c: 2}]'),
+    'block array': block('a:\n- 1.0\n- 2.0'),
+    'anchor without alias': block('a: &x 1.0'),
+    'tags': block('a: !!str 5\nb: !!int "5"\nc: !!float 5\nd: [!!str 1, x]\ne: !local 5'),
+    'text over lines': block('a: |\n  1\nb: |-\n  1\nc: >-\n  x\n  y\nd: "x\n  y"'),
+    'NUL ends a text': block('a: "x\\0y"\n"b\\0c": 1'),
+    'bools': block(
+        '\n'.join(f'p{n}: {text}' for n, text in enumerate('y Y yes on TRUE n no Off'.split()))
+    ),
+    'not bools': block('a: oN\nb: "on"\nc: yEs\nd: t\ne: ~\nf: null'),
+    '1000 parameters': block('\n'.join(f'p{number}: {number}' for number in range(1000))),
+    '300 nodes': ''.join(block('a: 1', f'node_{number}') for number in range(300)) + block('b: 1'),
+    'long names': block('a: 1', f'/{"n" * 244}/{"c" * 255}'),
+}
+
+REFUSED = {
+    'no node': 'ros__parameters:\n  a: 1\n',
+    'no ros__parameters': 'controller:\n  a: 1\n',
+    'no ros__parameters, array': 'controller:\n  a: [1]\n',
+    'nothing below the node': 'controller:\n',
+    'nothing below ros__parameters': 'controller:\n  ros__parameters:\n',
+    'two blocks in one key': 'a:\n  ros__parameters: {b: 1}\n  c:\n    ros__parameters: {d: 1}\n',
+    'array document': '[1, 2]\n',
+    'empty document': '---\n',
+    'no value': block('a:'),
+    'no value in an array': block('a:\n-\n- 1'),
+    'no name': block('"": 1'),
+    'alias': block('a: &x 1\nb: *x'),
+    'merge key': '/**: &x\n  ros__parameters: {a: 1}\ncontroller:\n  <<: *x\n',
+    'two types in an array': block('a: [1, 2.0]'),
+    'bool and text in an array': block('a: [yes, maybe]'),
+    'two arrays in an array': block('a: [[1, 2], [3, 4]]'),
+    'array as a name': block('? [1, 2]\n: 3'),
+    'name after an empty map': block('a: {}\nb: 1'),
+    'hyphen in a node name': block('a: 1', 'the-node'),
+    'digit first': block('a: 1', '1node'),
+    'digit first in the namespace': block('a: 1', '/1ns/node'),
+    'half a wildcard': block('a: 1', 'control*'),
+    'two slashes': block('a: 1', '//node'),
+    'two slashes, nested': '/left:\n  /node:\n    ros__parameters: {a: 1}\n',
+    'ends with a slash': block('a: 1', '/left/'),
+    'only a slash': block('a: 1', '/'),
+    'spaces in a name': block('a: 1', 'the node'),
+    'node name too long': block('a: 1', 'c' * 256),
+    'namespace too long': block('a: 1', f'/{"n" * 245}/c'),
+    'tabs': '/**:\n\tros__parameters:\n\t\ta: 1\n',
+    'open bracket': block('a: [1, 2'),
+    'unknown tag handle': block('a: !e!x 1'),
+    'colon in a plain text': block('a: b: c'),
+}
+
+
+@pytest.mark.parametrize('text', ACCEPTED.values(), ids=ACCEPTED.keys())
+def test_accepted_files(context: Context, tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_bytes(text.encode())
+    assert assert_same(context, path)
+
+
+@pytest.mark.parametrize('text', REFUSED.values(), ids=REFUSED.keys())
+def test_refused_files(context: Context, tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_bytes(text.encode())
+    assert not assert_same(context, path)
+
+
+@pytest.mark.parametrize(
+    ('data', 'accepted'),
+    [
+        (block('a: é').encode('utf-16'), True),
+        (block('a: é').encode('latin-1'), False),
+        (block('a: "\x01"').encode(), False),
+    ],
+)
+def test_encodings(context: Context, tmp_path: Path, data: bytes, accepted: bool) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_bytes(data)
+    assert assert_same(context, path) is accepted
+
+
+@pytest.mark.parametrize('name', ['.', 'missing.yaml'])
+def test_no_file(context: Context, tmp_path: Path, name: str) -> None:
+    assert not assert_same(context, tmp_path / name)
+
+
+def test_file_given_to_a_whole_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `ros2 run … --ros-args --params-file …` does it, instead of node by node."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    path = tmp_path / 'run.yaml'
+    path.write_text(block('a: 1\nb: 2') + block('b: 3.0', '/**/controller'))
+    context = Context()
+    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context, domain_id=DOMAIN)
+    try:
+        for name, namespace in NODES:
+            node = Node(
+                name,
+                namespace=namespace,
+                context=context,
+                start_parameter_services=False,
+                enable_rosout=False,
+                automatically_declare_parameters_from_overrides=True,
+            )
+            expected = read(path).for_node(name, namespace)
+            got = {parameter: node.get_parameter(parameter).value for parameter in expected}
+            node.destroy_node()  # type: ignore[no-untyped-call]
+            assert comparable(got) == comparable(expected)
+    finally:
+        rclpy.shutdown(context=context)
+
+
+def test_file_refused_to_a_whole_process(tmp_path: Path) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(REFUSED['two types in an array'])
+    with pytest.raises(InputError):
+        read(path)
+    with pytest.raises(rclpy._rclpy_pybind11.RCLError):
+        rclpy.init(
+            args=['--ros-args', '--params-file', str(path)], context=Context(), domain_id=DOMAIN
+        )
+
+
+_NUMBER_LIKE = st.one_of(
+    st.text('0123456789abcdefxXpPeE+-._ infINFNATY()', min_size=1, max_size=14),
+    st.integers().map(str),
+    st.integers(-(2**65), 2**65).map(hex),
+    st.floats().map(repr),
+    st.floats(0.0, 1e-300).map(repr),
+    st.floats(0.0, 1e-300).map(float.hex),
+    st.floats(allow_nan=False).map(float.hex),
+    st.from_regex(r'[+-]?[0-9]{1,5}(\.[0-9]{0,5})?([eE][+-]?[0-9]{1,3})?', fullmatch=True),
+    st.from_regex(r'[+-]?0x[0-9a-f]{1,4}(\.[0-9a-f]{0,4})?([pP][+-]?[0-9]{1,4})?', fullmatch=True),
+)
+
+
+@EXAMPLES
+@given(st.lists(_NUMBER_LIKE, min_size=1, max_size=20))
+@example(['5e-324', '0x1p-1074', '0x1.8p-1074', '0x1p-1075', '1e-309', '0e-999', '-0', '-0.0'])
+@example(['2.2250738585072014e-308', '2.2250738585072011e-308', '0x0.fffffffffffff8p-1022'])
+@example(['0x0.fffffffffffffcp-1022', '0x0.ffffffffffffep-1022', '1.7976931348623159e308'])
+@example(['9223372036854775807', '9223372036854775808', '-9223372036854775808', '08', '0x', '0b1'])
+@example(['nan(', 'nan()', 'NAN(0x1)', '-nan', 'Infinity', '+inf', 'infin', '.nan', '-.nan'])
+@example(['\t1', '1\t', ' 1', '\x0b1', '1_0', '+ 1', '--1', '.', '.e1', '0x.p1', '0x.8', '1.e1'])
+def test_scalars_have_the_same_type_and_value(
+    context: Context, tmp_path: Path, texts: list[str]
+) -> None:
+    # A literal with an indentation indicator is not quoted and keeps leading blanks.
+    path = tmp_path / 'run.yaml'
+    path.write_text(block('\n'.join(f'p{n}: |1-\n {text}' for n, text in enumerate(texts))))
+    assert_same(context, path)
+
+
+_NAMES = st.sampled_from(
+    ('a', 'b', 'a.b', 'a.b.c', '"c\\0"', '5', 'ros__parameters', '""', '!!str a', '[a]', '*x')
+)
+_NODE_KEYS = st.sampled_from(
+    ('controller', '/controller', '/**', '/left', 'left', '/left/controller', '/**/controller',
+     '/', '**', '*', '/*/controller', 'arm', 'plant', 'left/arm', 'ros__parameters', 'x-y')
+)  # fmt: skip
+_FLOW_SCALARS = st.sampled_from(
+    ('1', '2', '1.5', 'true', 'x', '"1"', "''", '!!str 1', '~', '.nan', '&x 3', '*x', '1e999')
+)
+
+
+def _flow(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    arrays = st.lists(inner, max_size=3).map(lambda entries: f'[{", ".join(entries)}]')
+    pairs = st.tuples(_NAMES, inner).map(': '.join)
+    return arrays | st.lists(pairs, max_size=2).map(lambda each: f'{{{", ".join(each)}}}')
+
+
+_SIMPLE = _FLOW_SCALARS | st.lists(st.sampled_from(('1', '2')), max_size=3).map(
+    lambda entries: f'[{", ".join(entries)}]'
+)
+_PAIRS = st.tuples(st.sampled_from('abc'), _SIMPLE).map(': '.join)
+_PLAIN_MAPS = st.lists(_PAIRS, max_size=4).map(lambda each: f'{{{", ".join(each)}}}')
+_TANGLED = st.recursive(_FLOW_SCALARS, _flow, max_leaves=8)
+
+
+def _nodes(parameters: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    blocks = st.tuples(st.just('ros__parameters'), parameters).map(': '.join)
+    nodes = st.tuples(_NODE_KEYS, blocks.map('{{{}}}'.format)).map(': '.join)
+    spaces = st.tuples(_NODE_KEYS, nodes.map('{{{}}}'.format)).map(': '.join)
+    return st.lists(nodes | spaces, min_size=1, max_size=4).map(
+        lambda each: ''.join(f'{node}\n' for node in each)
+    )
+
+
+@EXAMPLES
+@given(_nodes(_PLAIN_MAPS) | _nodes(_TANGLED) | _TANGLED)
+def test_tangled_files_mean_the_same(context: Context, tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(text)
+    assert_same(context, path)
+
+
+@EXAMPLES
+@given(_TANGLED | st.text('019.,:[]{}"\'-ex #\n', max_size=8))
+@example('')
+@example('[]')
+@example('# only a comment')
+@example('[1, 2.0]')
+@example('[[1], [2]]')
+@example('[[1.0], 2]')
+@example('--- 1\n--- 2.0')
+def test_values_of_the_command_line_mean_the_same(context: Context, text: str) -> None:
+    try:
+        value = parse_value(text)
+    except InputError:
+        with pytest.raises(rclpy._rclpy_pybind11.RCLError):
+            overrides(context, 'controller', '/', '-p', f'x:={text}')
+    else:
+        real = overrides(context, 'controller', '/', '-p', f'x:={text}')
+        assert real == comparable({'x': value})
