@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measurements of speed, as ratios within one run; `python -m benchmarks` prints them all."""

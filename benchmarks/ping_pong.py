@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bare two-node ping-pong of JointState and Float64MultiArray: what the transport allows."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from typing import Any
+
+import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+
+_QOS = QoSProfile(depth=1)
+
+
+def _state() -> Any:
+    names = [
+        'base_x_joint',
+        'base_y_joint',
+        'base_yaw_joint',
+        'wheel_right_joint',
+        'wheel_left_joint',
+        'arm_joint_1',
+        'arm_joint_2',
+    ]
+    return JointState(name=names, position=[0.0] * 7, velocity=[0.0] * 7, effort=[0.0] * 7)
+
+
+def _command() -> Any:
+    command = Float64MultiArray(data=[0.0] * 4)
+    command.layout.dim = [MultiArrayDimension(label='effort@1.000000000', size=4, stride=4)]
+    return command
+
+
+class Pong:
+    """Answers every state with a command."""
+
+    def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+        self.node = rclpy.create_node('pong', context=context)
+        self._answer = serialize_message(_command()) if raw else None
+        self._publisher = self.node.create_publisher(Float64MultiArray, 'pong', _QOS)
+        self.node.create_subscription(JointState, 'ping', self._reply, _QOS, raw=raw)
+
+    def _reply(self, state: Any) -> None:
+        self._publisher.publish(self._answer or _command_like(state))
+
+
+def _command_like(state: Any) -> Any:
+    command = _command()
+    command.data = state.position[:4]
+    return command
+
+
+class Ping:
+    """Sends the next state when the command is there."""
+
+    def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+        self.count = 0
+        self.node = rclpy.create_node('ping', context=context)
+        self._raw = serialize_message(_state()) if raw else None
+        self.publisher = self.node.create_publisher(JointState, 'ping', _QOS)
+        self.node.create_subscription(Float64MultiArray, 'pong', self._next, _QOS, raw=raw)
+
+    def send(self) -> None:
+        """Publish a state."""
+        self.publisher.publish(self._raw or _state())
+
+    def _next(self, _: Any) -> None:
+        self.count += 1
+        self.send()
+
+
+def round_trips_per_second(*, raw: bool, composed: bool, seconds: float = 3.0) -> float:
+    """Measure round trips per second, both nodes in this process or one in another."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    executor = EventsExecutor(context=context)
+    ping = Ping(context, raw=raw)
+    executor.add_node(ping.node)
+    peer = None
+    if composed:
+        pong = Pong(context, raw=raw)
+        executor.add_node(pong.node)
+    else:
+        command = [sys.executable, '-m', 'benchmarks.ping_pong', '--pong']
+        peer = subprocess.Popen([*command, '--raw'] if raw else command)
+    try:
+        limit = time.monotonic() + 20.0
+        while ping.publisher.get_subscription_count() == 0 and time.monotonic() < limit:
+            executor.spin_once(timeout_sec=0.05)
+        while ping.count == 0 and time.monotonic() < limit:
+            ping.send()
+            executor.spin_once(timeout_sec=0.2)
+        begin, first = time.monotonic(), ping.count
+        while time.monotonic() - begin < seconds:
+            executor.spin_once(timeout_sec=0.1)
+        return (ping.count - first) / (time.monotonic() - begin)
+    finally:
+        if peer is not None:
+            peer.terminate()
+            peer.wait(10.0)
+        context.try_shutdown()
+
+
+def _serve(*, raw: bool) -> None:
+    rclpy.init()
+    executor = EventsExecutor()
+    pong = Pong(rclpy.get_default_context(), raw=raw)
+    executor.add_node(pong.node)
+    while rclpy.ok():
+        executor.spin_once(timeout_sec=0.5)
+
+
+if __name__ == '__main__':
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--pong', action='store_true')
+    parser.add_argument('--raw', action='store_true')
+    arguments = parser.parse_args()
+    if arguments.pong:
+        _serve(raw=arguments.raw)
+    else:
+        for raw in (False, True):
+            for composed in (False, True):
+                rate = round_trips_per_second(raw=raw, composed=composed)
+                print(f'raw {raw} composed {composed}: {rate:.0f} /s')

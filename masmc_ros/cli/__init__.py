@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `masmc` command, which needs no ROS 2 installation."""

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `masmc` command and its subcommands."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import os
+import sys
+from typing import NoReturn
+
+from masmc_ros import __version__
+from masmc_ros.errors import UserError
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells what is wrong with a command line in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `masmc`; return its exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments[:1] == ['run'] and arguments[1:2] not in (['-h'], ['--help'], []):
+        # All that follows NODE is for the node, ROS arguments above all.
+        from masmc_ros.cli.run import run_node
+
+        return run_node(arguments[1], arguments[2:])
+    options = _parser().parse_args(arguments)
+    try:
+        return _dispatch(options)
+    except UserError as error:
+        print(f'masmc {options.command}: {error}', file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print(f'masmc {options.command}: interrupted', file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has gone, as in `masmc ... | head`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _dispatch(options: argparse.Namespace) -> int:
+    """Import and run one subcommand: each pays for its own imports only."""
+    if options.command == 'simulate':
+        from masmc_ros.cli.simulate import simulate
+
+        return simulate(options.file, options.set, options.output, overwrite=options.overwrite)
+    if options.command == 'report':
+        from masmc_ros.cli.report import report
+
+        return report(options.logs, options.output)
+    from masmc_ros.cli.demo import demo
+
+    return demo(options.output, composed=options.composed)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog='masmc',
+        description='Robust adaptive sliding mode control of mobile manipulators.',
+    )
+    parser.add_argument('--version', action='version', version=f'masmc {__version__}')
+    commands = parser.add_subparsers(dest='command', required=True, parser_class=_Parser)
+
+    demo = commands.add_parser(
+        'demo',
+        help="run the paper's experiment on real nodes and report it",
+        description="Run the paper's experiment: four ROS 2 nodes in lock-step on a private "
+        'domain of this machine, first smc, then rasmc; log both runs and report them.',
+    )
+    demo.add_argument('--output', default='demo', help='folder for logs and report (%(default)s)')
+    demo.add_argument(
+        '--composed', action='store_true', help='all nodes of a run in one process'
+    )
+
+    run = commands.add_parser(
+        'run',
+        help='run a node where the ros2 command is not installed',
+        description='Run a node as `ros2 run masmc_ros NODE` would.',
+    )
+    run.add_argument('node', help='plant, trajectory, controller, recorder or composed')
+    run.add_argument('arguments', nargs=argparse.REMAINDER, help='--ros-args ...')
+
+    simulate = commands.add_parser(
+        'simulate',
+        help='compute a run without ROS',
+        description='Compute the closed loop of a parameter file: the same bits as the nodes.',
+    )
+    simulate.add_argument('file', help='ROS 2 parameter file')
+    simulate.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE',
+        help='set a parameter: NODE.parameter, or a shared one for every node; repeatable',
+    )
+    simulate.add_argument('--output', metavar='RUN.mcap', help='log the run into this file')
+    simulate.add_argument(
+        '--overwrite', action='store_true', help='replace the output file if it is there'
+    )
+
+    report = commands.add_parser(
+        'report',
+        help="metrics and the paper's figures from logged runs",
+        description="Metrics and the paper's Figures 3-8 from logged runs.",
+    )
+    report.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
+    report.add_argument('--output', default='report', help='folder for the report (%(default)s)')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

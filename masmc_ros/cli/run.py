@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc run`: a node where the `ros2` command is not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import importlib
+import sys
+
+from masmc_ros.errors import suggestion
+
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'composed')
+
+
+def run_node(name: str, arguments: Sequence[str]) -> int:
+    """Run a node in this process until it ends; return its exit status."""
+    if name not in NODES:
+        print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
+        return 2
+    try:
+        importlib.import_module('rclpy')
+    except ImportError as error:
+        print(
+            f'masmc run: rclpy cannot be imported ({error}); source a ROS 2 Jazzy installation, '
+            'or install its wheels with pip install masmc_ros[ros] (Linux x86_64)',
+            file=sys.stderr,
+        )
+        return 2
+    status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
+    return status

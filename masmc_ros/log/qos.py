@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quality of service as a log keeps it, so that a player offers what was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_INFINITE = 'sec: 9223372036\n    nsec: 854775807'
+
+
+@dataclass(frozen=True)
+class Qos:
+    """What a publisher offers: the names are those of ROS 2's QoS policies.
+
+    Attributes:
+        depth: how many messages are kept.
+        history: `keep_last` or `keep_all`.
+        reliability: `reliable` or `best_effort`.
+        durability: `volatile` or `transient_local`.
+    """
+
+    depth: int = 1000
+    history: str = 'keep_last'
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+
+    def to_yaml(self) -> str:
+        """Return it as one entry of the list `offered_qos_profiles` of rosbag2."""
+        return (
+            f'- history: {self.history}\n'
+            f'  depth: {self.depth}\n'
+            f'  reliability: {self.reliability}\n'
+            f'  durability: {self.durability}\n'
+            f'  deadline:\n    {_INFINITE}\n'
+            f'  lifespan:\n    {_INFINITE}\n'
+            '  liveliness: automatic\n'
+            f'  liveliness_lease_duration:\n    {_INFINITE}\n'
+            '  avoid_ros_namespace_conventions: false'
+        )
+
+
+LATCHED = Qos(depth=1, durability='transient_local')
+"""What is published once and kept for late subscribers."""

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many messages of one layout at once, as the rows of a matrix of bytes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from masmc_ros.log.effort import NANOSECOND_DIGITS, effort_layout
+from masmc_ros.log.joint_state import joint_state_layout
+from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, Layout
+from masmc_ros.log.platform_motion import odometry_layout, time_layout, twist_layout
+from masmc_ros.log.telemetry import telemetry_layout
+
+Rows = NDArray[np.uint8]
+Stamps = NDArray[np.int64]
+
+
+class EffortRows(NamedTuple):
+    """Commands whose labels are equally long.
+
+    Attributes:
+        indices: (n) which of the given commands they are.
+        rows: (n, size) their messages.
+    """
+
+    indices: NDArray[np.intp]
+    rows: Rows
+
+
+def _rows(layout: Layout, count: int) -> Rows:
+    return np.tile(np.frombuffer(layout.template, np.uint8), (count, 1))
+
+
+def _fill(rows: Rows, offset: int, values: ArrayLike, kind: str = '<f8') -> None:
+    """Write `values` (N, n) into the rows, from byte `offset` on."""
+    data = np.ascontiguousarray(values, dtype=kind).reshape(len(rows), -1).view(np.uint8)
+    rows[:, offset : offset + data.shape[1]] = data
+
+
+def _fill_stamps(rows: Rows, stamps: Stamps) -> None:
+    # Nanoseconds stay below 2^31, so that one signed kind serves both numbers.
+    _fill(rows, len(ENCAPSULATION), np.stack(np.divmod(stamps, NANOSECONDS), axis=1), '<i4')
+
+
+def joint_state_rows(
+    stamps: Stamps, positions: ArrayLike, velocities: ArrayLike, efforts: ArrayLike
+) -> Rows:
+    """Return joint states as (N, size).
+
+    Args:
+        stamps: (N) in ns.
+        positions: (N, 7) in m and rad.
+        velocities: (N, 7) in m/s and rad/s.
+        efforts: (N, 7) zeros for the base joints, then torques in N m.
+    """
+    layout, position, velocity, effort = joint_state_layout()
+    rows = _rows(layout, len(stamps))
+    _fill_stamps(rows, stamps)
+    _fill(rows, position, positions)
+    _fill(rows, velocity, velocities)
+    _fill(rows, effort, efforts)
+    return rows
+
+
+def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[EffortRows]:
+    """Return commands, one group for each number of digits of the seconds.
+
+    Args:
+        stamps: (N) of the states that they answer, in ns, not negative.
+        torques: (N, 4) in N m.
+    """
+    torques = np.asarray(torques)
+    seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
+    lengths = np.char.str_len(seconds.astype(str))
+    groups = []
+    for length in np.unique(lengths).tolist():
+        indices = np.flatnonzero(lengths == length)
+        layout = effort_layout(length + 1 + NANOSECOND_DIGITS)
+        rows = _rows(layout, len(indices))
+        start = layout.digits.start
+        rows[:, start : start + length] = _digits(seconds[indices], length)
+        rows[:, start + length] = ord('.')
+        rows[:, start + length + 1 : layout.digits.stop] = _digits(
+            nanoseconds[indices], NANOSECOND_DIGITS
+        )
+        _fill(rows, layout.data, torques[indices])
+        groups.append(EffortRows(indices, rows))
+    return groups
+
+
+def _digits(numbers: Stamps, count: int) -> Rows:
+    """Return `numbers` (N) as `count` characters each, (N, count)."""
+    powers = 10 ** np.arange(count - 1, -1, -1)
+    return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
+
+
+def telemetry_rows(label: str, stamps: Stamps, values: ArrayLike) -> Rows:
+    """Return telemetry messages called `label` as (N, size).
+
+    Args:
+        label: what the values are.
+        stamps: (N) in ns.
+        values: (N, n).
+    """
+    values = np.asarray(values)
+    layout = telemetry_layout(label, values.shape[1])
+    rows = _rows(layout, len(stamps))
+    _fill(rows, layout.data, np.column_stack((*np.divmod(stamps, NANOSECONDS), values)))
+    return rows
+
+
+def twist_rows(twists: ArrayLike) -> Rows:
+    """Return twists as (N, size) of (N, 6): linear (m/s), then angular (rad/s)."""
+    layout, linear = twist_layout()
+    rows = _rows(layout, len(np.asarray(twists)))
+    _fill(rows, linear, twists)
+    return rows
+
+
+def odometry_rows(stamps: Stamps, poses: ArrayLike, twists: ArrayLike) -> Rows:
+    """Return odometries with zero covariances as (N, size).
+
+    Args:
+        stamps: (N) in ns.
+        poses: (N, 7) position in m and quaternion x, y, z, w of `base_link` in `odom`.
+        twists: (N, 6) linear (m/s), then angular (rad/s), in `base_link`.
+    """
+    layout, pose, twist = odometry_layout()
+    rows = _rows(layout, len(stamps))
+    _fill_stamps(rows, stamps)
+    _fill(rows, pose, poses)
+    _fill(rows, twist, twists)
+    return rows
+
+
+def time_rows(stamps: Stamps) -> Rows:
+    """Return times or clocks as (N, 12) of stamps (N) in ns."""
+    rows = _rows(time_layout(), len(stamps))
+    _fill_stamps(rows, stamps)
+    return rows

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Computed runs in the log format of live ones: the same topics, stamps and bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log import rows
+from masmc_ros.log.names import (
+    COMMAND_TOPIC,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+from masmc_ros.log.provenance import write_provenance
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.reference_window import ReferenceWindow
+from masmc_ros.log.text import string_message
+from masmc_ros.log.topics import PARAMETER_NODES, TOPICS, parameters_topic
+from masmc_ros.log.writer import ChannelRows, LogWriter
+from masmc_ros.loop.simulation import Simulation, Stretch
+from masmc_ros.robot.platform_motion import platform_motion
+
+Values = Mapping[str, Any]
+
+
+class SimulationLog:
+    """Writes the stretches of a computed run; a context manager.
+
+    A run that ends by an exception leaves no file.
+    """
+
+    def __init__(
+        self, path: Path, simulation: Simulation, values: Mapping[str, Values], file: Path
+    ) -> None:
+        """Start a log at `path` of a run with these values by node, read from `file`."""
+        self._simulation = simulation
+        self._values = values
+        self._file = file
+        recorder = values['recorder']
+        self._writer = LogWriter(path, compression=recorder['compression'])
+        self._channels = {
+            topic.name: self._writer.channel(
+                f'/{topic.name.lstrip("/")}', topic.type_name, Qos(durability='transient_local')
+            )
+            for topic in TOPICS
+        }
+
+    def __enter__(self) -> SimulationLog:
+        """Write what is known before the first tick."""
+        self._writer.__enter__()
+        for node in PARAMETER_NODES:
+            record = {'node': f'/{node}', 'tick': 0, 'stamp': 0, 'parameters': self._values[node]}
+            channel = self._channels[parameters_topic(node)]
+            self._writer.write(channel, 0, 0, string_message(json.dumps(record)))
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        """Complete the file, or leave none."""
+        if exception[0] is None:
+            parameters = {node: self._values[node] for node in PARAMETER_NODES}
+            files = {str(self._file): self._file.read_bytes()}
+            write_provenance(self._writer, parameters, [], files)
+        self._writer.__exit__(*exception)
+
+    def write(self, stretch: Stretch) -> None:
+        """Write all messages of consecutive ticks."""
+        ticks = np.arange(stretch.first, stretch.first + len(stretch.torque))
+        timing = self._simulation.timing
+        stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
+        self._writer.write_rows(
+            [
+                *self._reference(stretch, stamps),
+                *self._motion(stretch, ticks, stamps),
+                *self._clock(ticks, stamps),
+                self._states(stretch, stamps),
+                *self._commands(stretch, stamps),
+                *self._telemetry(stretch, ticks, stamps),
+            ]
+        )
+
+    def _rows(
+        self, topic: str, stamps: NDArray[np.int64], data: NDArray[np.uint8]
+    ) -> ChannelRows:
+        return ChannelRows(self._channels[topic], stamps, data)
+
+    def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
+        effort = np.zeros((len(stamps), 7))
+        effort[:, 3:] = stretch.applied
+        data = rows.joint_state_rows(stamps, stretch.position, stretch.velocity, effort)
+        return self._rows(STATE_TOPIC, stamps, data)
+
+    def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
+        for group in rows.effort_rows(stamps, stretch.torque):
+            yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
+
+    def _telemetry(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['controller']['telemetry_decimation']
+        if not decimation:
+            return
+        signals = (stretch.error, stretch.surface, stretch.estimate)
+        chosen = ticks % decimation == 0
+        for label, signal in zip(TELEMETRY, signals, strict=True):
+            data = rows.telemetry_rows(label, stamps[chosen], signal[chosen])
+            yield self._rows(telemetry_topic(label), stamps[chosen], data)
+
+    def _motion(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
+        pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
+        odometry = rows.odometry_rows(stamps[chosen], pose, twist)
+        yield self._rows('odom', stamps[chosen], odometry)
+        yield self._rows('base_twist', stamps[chosen], rows.twist_rows(twist))
+
+    def _clock(
+        self, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['plant']['clock_decimation']
+        if decimation:
+            chosen = self._decimated(ticks, decimation)
+            yield self._rows('/clock', stamps[chosen], rows.time_rows(stamps[chosen]))
+
+    def _decimated(self, ticks: NDArray[np.int64], decimation: int) -> NDArray[np.bool_]:
+        """Return which ticks a decimated topic has: multiples, and the last one."""
+        return (ticks % decimation == 0) | (ticks == self._simulation.timing.last)
+
+    def _reference(
+        self, stretch: Stretch, stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        """Yield the stretch's samples in windows, each at its own first stamp."""
+        period = self._simulation.timing.period
+        length = max(2, round(self._values['trajectory']['window'] / period))
+        edges = [*range(0, len(stamps), length), len(stamps)]
+        for first, end in pairwise(edges):
+            samples = stretch.reference[first:end]
+            raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
+            data = np.frombuffer(raw, dtype=np.uint8)[None]
+            yield self._rows(REFERENCE_TOPIC, stamps[first : first + 1], data)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time a serialised message speaks of, read without deserialising it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from masmc_ros.log.effort import EffortCdr
+from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, STAMP
+from masmc_ros.log.names import COMMAND_TOPIC, TELEMETRY, telemetry_topic
+from masmc_ros.log.telemetry import TelemetryCdr
+
+StampReader = Callable[[bytes], int | None]
+
+_STAMPED = (
+    'sensor_msgs/msg/JointState',
+    'nav_msgs/msg/Odometry',
+    'rosgraph_msgs/msg/Clock',
+)
+"""Types that begin with a stamp on the robot's clock."""
+
+
+def header_stamp(raw: bytes) -> int:
+    """Return the stamp in ns of a message that begins with a header or a time."""
+    seconds, nanoseconds = STAMP.unpack_from(raw, len(ENCAPSULATION))
+    return int(seconds * NANOSECONDS + nanoseconds)
+
+
+def stamp_reader(topic: str, type_name: str) -> StampReader:
+    """Return how to read the stamp in ns of a topic's messages; None for one without.
+
+    `topic` is relative to the robot. Commands have the stamp of the state that they answer,
+    telemetry that of the state that it belongs to.
+    """
+    if type_name in _STAMPED:
+        return header_stamp
+    if topic == COMMAND_TOPIC:
+        command = EffortCdr()
+        return lambda raw: command.stamp_ns if command.load(raw) else None
+    for label, count in TELEMETRY.items():
+        if topic == telemetry_topic(label):
+            telemetry = TelemetryCdr(label, count)
+            return _telemetry_reader(telemetry)
+    return lambda _: None
+
+
+def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:
+    return lambda raw: telemetry.stamp_ns if telemetry.load(raw) else None

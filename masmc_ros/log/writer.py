@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes runs as MCAP files that ROS 2's player and the usual viewers open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros import __version__
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.log.definitions import definition
+from masmc_ros.log.qos import Qos
+
+CHUNK_SIZE = 256 * 1024
+"""Bytes of messages that are compressed together."""
+
+COMPRESSIONS = {
+    'zstd': CompressionType.ZSTD,
+    'lz4': CompressionType.LZ4,
+    'none': CompressionType.NONE,
+}
+
+
+class ChannelRows(NamedTuple):
+    """Messages of one channel in bulk.
+
+    Attributes:
+        channel: as `LogWriter.channel` returned it.
+        times: (N) log and publish times in ns, ascending.
+        rows: (N, size) the messages.
+    """
+
+    channel: int
+    times: NDArray[np.int64]
+    rows: NDArray[np.uint8]
+
+
+class LogWriter:
+    """A log that is being written; a context manager.
+
+    A computed run is written beside its place, as `NAME.part`, and takes its name when it is
+    complete; where an exception ends it, nothing is left of it and an older file of that name
+    is untouched. A live recording has its own name from the start, and an exception closes
+    it properly: what was recorded can be read.
+    """
+
+    def __init__(self, path: str | Path, compression: str = 'zstd', *, live: bool = False) -> None:
+        """Start a log.
+
+        Args:
+            path: the file, in a folder that exists.
+            compression: `zstd`, `lz4` or `none`.
+            live: whether a running robot is recorded.
+
+        Raises:
+            InputError: where there can be no such file, before anything is written.
+        """
+        if compression not in COMPRESSIONS:
+            raise InputError(
+                f"compression '{compression}' is unknown: {suggestion(compression, COMPRESSIONS)}"
+            )
+        self.path = Path(path)
+        self._live = live
+        self._written = self.path if live else self.path.with_name(f'{self.path.name}.part')
+        check_log_path(self.path)
+        try:
+            self._stream = self._written.open('wb')
+        except OSError as error:
+            raise InputError(f'{self._written}: cannot be written: {error.strerror}') from error
+        self._writer = Writer(
+            self._stream, chunk_size=CHUNK_SIZE, compression=COMPRESSIONS[compression]
+        )
+        self._writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
+        self._schemas: dict[str, int] = {}
+
+    def channel(self, topic: str, type_name: str, *qos: Qos) -> int:
+        """Add a topic.
+
+        Args:
+            topic: its full name.
+            type_name: such as `sensor_msgs/msg/JointState`.
+            qos: what each of its publishers offers.
+
+        Returns:
+            The number by which messages name it.
+
+        Raises:
+            InputError: for a type that is none of ROS 2 Jazzy's own.
+        """
+        text, type_hash = definition(type_name)
+        if type_name not in self._schemas:
+            self._schemas[type_name] = self._writer.register_schema(
+                type_name, SchemaEncoding.ROS2, text.encode()
+            )
+        return self._writer.register_channel(
+            topic,
+            MessageEncoding.CDR,
+            self._schemas[type_name],
+            {
+                'offered_qos_profiles': '\n'.join(each.to_yaml() for each in qos),
+                'topic_type_hash': type_hash,
+            },
+        )
+
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
+        """Write one message, its times in ns, as CDR with its encapsulation header."""
+        self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+
+    def write_rows(self, sources: Sequence[ChannelRows]) -> None:
+        """Write many messages, merged in the order of their times.
+
+        Those of one time are written in the order of `sources`. A long run is written in
+        blocks of time, so that it need not be held in memory as a whole.
+        """
+        times = np.concatenate([source.times for source in sources])
+        counts = [len(source.times) for source in sources]
+        owners = np.repeat(np.arange(len(sources)), counts)
+        order = np.argsort(times, kind='stable')
+        data = [source.rows.tobytes() for source in sources]
+        sizes = [source.rows.shape[1] for source in sources]
+        channels = [source.channel for source in sources]
+        positions = [0] * len(sources)
+        add_message = self._writer.add_message
+        for time, owner in zip(times[order].tolist(), owners[order].tolist(), strict=True):
+            start = positions[owner]
+            end = start + sizes[owner]
+            positions[owner] = end
+            add_message(channels[owner], time, data[owner][start:end], time)
+
+    def attach(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:
+        """Add a file, such as the parameters or the robot description; its time in ns."""
+        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a record of names and texts; several may have the same `name`."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hand over to the operating system what was written so far.
+
+        What a killed recording has flushed can be recovered.
+        """
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Complete the file and give it its name."""
+        if self._stream.closed:
+            return
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.close()
+            if not self._live:
+                os.replace(self._written, self.path)
+        except BaseException:
+            self._discard()
+            raise
+
+    def _discard(self) -> None:
+        self._stream.close()
+        if not self._live:
+            self._written.unlink(missing_ok=True)
+
+    def __enter__(self) -> LogWriter:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Complete the file, or leave nothing of a computed run that failed."""
+        if kind is None or self._live:
+            self.close()
+        else:
+            self._discard()
+
+
+def check_log_path(path: Path) -> None:
+    """Check that a log can be written there, without writing anything.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: where it is a folder or something else than a file, where its folder is
+            missing, no folder, or not writable.
+    """
+    folder = path.parent
+    if path.exists() and not path.is_file():
+        kind = 'a folder' if path.is_dir() else 'not a file'
+        raise InputError(f'{path}: is {kind}; name the file to write, such as run.mcap')
+    if not folder.is_dir():
+        fault = 'is not a folder' if folder.exists() else 'does not exist'
+        raise InputError(f'{path}: folder {folder} {fault}; create it or name another')
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise InputError(f'{path}: cannot be written; name a file in a folder of yours')

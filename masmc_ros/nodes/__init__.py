@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS 2 nodes: plant, trajectory, controller and recorder, each thin around `loop/`."""

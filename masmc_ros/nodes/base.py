@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes of this package have in common: parameters, their record, and waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import json
+import time
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
+
+from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.parameters import declared
+from masmc_ros.nodes.qos import publisher_qos
+from masmc_ros.nodes.ros_parameters import RosParameters
+
+_DELIVERY = Duration(seconds=5)
+_PATIENCE = 3.0
+_REMINDER = 5.0
+
+
+class SuiteNode:
+    """A node with its parameters; subclasses add what it does."""
+
+    name: str
+    follows = False
+
+    def __init__(
+        self,
+        *,
+        context: Context,
+        command_line: CommandLine,
+        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+    ) -> None:
+        """Create the node and declare its parameters; InputError where one is not right."""
+        self.node = Node(self.name, context=context)
+        self.finished = False
+        self.parameters = RosParameters(
+            self.node, declared(self.name), command_line=command_line, check=check
+        )
+        self.values = self.parameters.values
+        self.log = self.node.get_logger()
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._publishers: list[Publisher] = []
+        self._waiting: str | None = None
+        self._waiting_since = 0.0
+        self._reminded = 0.0
+
+    def publisher(self, message_type: Any, topic: str, depth: int | None = None) -> Publisher:
+        """Create a publisher whose messages are delivered before the node ends."""
+        qos = publisher_qos() if depth is None else publisher_qos(depth)
+        publisher = self.node.create_publisher(message_type, topic, qos)
+        self._publishers.append(publisher)
+        return publisher
+
+    def connect(self) -> None:
+        """Publish the parameters in force, and watch what the node waits for."""
+        self._record = self.publisher(String, '~/parameters')
+        self.record_parameters(0, 0, self.values)
+        self.node.create_timer(1.0, self._remind, clock=self.steady)
+
+    def record_parameters(self, tick: int, stamp: int, values: Mapping[str, Any]) -> None:
+        """Publish parameter values, and the first tick that was computed with them."""
+        record = {
+            'node': self.node.get_fully_qualified_name(),
+            'tick': tick,
+            'stamp': stamp,
+            'parameters': values,
+        }
+        self._record.publish(String(data=json.dumps(record)))
+
+    def wait(self, reason: str | None) -> None:
+        """Note what the node waits for (None: nothing); it says so when that takes long."""
+        if reason is not None and self._waiting is None:
+            self._waiting_since = self._reminded = time.monotonic()
+        self._waiting = reason
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Deliver what was published to everybody who is listening."""
+        for publisher in self._publishers:
+            publisher.wait_for_all_acked(_DELIVERY)
+
+    def _remind(self) -> None:
+        now = time.monotonic()
+        if self._waiting is None or now - self._waiting_since < _PATIENCE:
+            return
+        if self._reminded > self._waiting_since and now - self._reminded < _REMINDER:
+            return
+        self._reminded = now
+        self.log.info(f'waiting for {self._waiting} ({now - self._waiting_since:.0f} s)')

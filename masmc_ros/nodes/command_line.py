@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a ROS command line says about parameters: files, and settings that win over them.
+
+rcl keeps an unprefixed `-p name:=value` with the block `/**` of a file, where a block for
+the node itself wins over it. Read here, the command line has the last word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.file import parse_value, read
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One `-p [NODE:]NAME:=VALUE`."""
+
+    node: str
+    """Name of the node it is for; empty: all nodes of the process."""
+    name: str
+    value: Any
+
+
+@dataclass(frozen=True)
+class CommandLine:
+    """The parameter files and settings among ROS arguments."""
+
+    files: tuple[str, ...] = ()
+    settings: tuple[Setting, ...] = field(default=())
+
+    def for_node(self, node: str) -> dict[str, Any]:
+        """Return the settings for a node, the last of a name winning."""
+        return {s.name: s.value for s in self.settings if s.node in ('', node)}
+
+
+def parse(arguments: Sequence[str]) -> CommandLine:
+    """Read a command line; InputError for a file or a setting that cannot be read."""
+    files: list[str] = []
+    settings: list[Setting] = []
+    in_ros = False
+    iterator = iter(arguments)
+    for argument in iterator:
+        if argument == '--ros-args':
+            in_ros = True
+        elif argument == '--':
+            in_ros = False
+        elif in_ros and argument == '--params-file':
+            files.append(next(iterator, ''))
+        elif in_ros and argument in ('-p', '--param'):
+            settings.append(_setting(next(iterator, '')))
+    for path in files:
+        read(path)
+    return CommandLine(tuple(files), tuple(settings))
+
+
+def _setting(text: str) -> Setting:
+    target, assigned, value = text.partition(':=')
+    node, _, name = target.rpartition(':')
+    if not assigned or not name:
+        raise InputError(f'-p {text}: expected NAME:=VALUE, as in k_s1:=150.0')
+    return Setting(node, name, parse_value(value, f'-p {text}'))

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message classes by the name of their type."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from masmc_ros.errors import InputError
+
+
+def message_class(type_name: str) -> Any:
+    """Return the class of a message type such as `std_msgs/msg/String`.
+
+    Raises InputError where the type is not installed.
+    """
+    package, _, name = type_name.split('/')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError):
+        raise InputError(f'message type {type_name} is not installed') from None

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which parameters each node declares. Knows nothing of ROS: offline commands read it too."""
+
+from __future__ import annotations
+
+from masmc_ros.loop import controller
+from masmc_ros.loop.simulated_robot import PLANT
+from masmc_ros.loop.timing import TIMING
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.reference import trajectory
+from masmc_ros.robot.parameters import ROBOT
+
+SHARED = (*TIMING, *ROBOT)
+"""Parameters that a file may give to all nodes at once, needed there or not."""
+
+PACING = ('lockstep', 'realtime')
+
+WITHOUT_FILE = {'pacing': 'realtime', 'duration': 0.0}
+"""Defaults of a node that is started without a parameter file: it runs until it is stopped."""
+
+_PLANT_NODE = (
+    Parameter(
+        'pacing',
+        'lockstep',
+        'Advance when the command for the present state arrives, or by the wall clock',
+        choices=PACING,
+    ),
+    Parameter(
+        'real_time_factor',
+        1.0,
+        'Simulated seconds per second with realtime pacing',
+        minimum=0.01,
+        maximum=100.0,
+        read_only=False,
+    ),
+    Parameter(
+        'command_timeout',
+        0.1,
+        'With realtime pacing, a command older than this is replaced by zero torque',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
+    Parameter(
+        'wait_for',
+        (),
+        'Nodes of the same namespace that must be there before the first state is sent',
+    ),
+    Parameter(
+        'odom_decimation',
+        20,
+        'Ticks between two messages on odom and base_twist',
+        minimum=1,
+    ),
+    Parameter('clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0),
+)
+
+_TRAJECTORY_NODE = (
+    Parameter(
+        'window',
+        0.5,
+        'Length of the reference windows',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=5.0,
+    ),
+    Parameter(
+        'horizon',
+        2.0,
+        'How far ahead of the robot the reference is sent',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=10.0,
+    ),
+    Parameter(
+        'start_time',
+        0.0,
+        'Stamp at which the trajectory begins; negative: the stamp of the first state',
+        unit='s',
+    ),
+)
+
+_CONTROLLER_NODE = (
+    Parameter(
+        'telemetry_decimation',
+        1,
+        'Ticks between two messages on each controller/... topic; 0 is none',
+        minimum=0,
+    ),
+)
+
+_RECORDER_NODE = (
+    Parameter('output', '.', 'File to record into (*.mcap), or folder for a file named by the time'),
+    Parameter('overwrite', False, 'Replace a file that is there already'),
+    Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
+    Parameter('extra_topics', (), 'Further topics to record, as they turn up'),
+    Parameter('flush_period', 0.5, 'Time between two flushes to disk', unit='s', minimum=0.01),
+)
+
+NODES = ('plant', 'trajectory', 'controller', 'recorder')
+
+
+def declared(node: str) -> tuple[Parameter, ...]:
+    """Return the declarations of a node by its name."""
+    if node == 'plant':
+        return (*SHARED, *PLANT, *_PLANT_NODE)
+    if node == 'trajectory':
+        return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
+    if node == 'controller':
+        return (*SHARED, *controller.parameters(), *_CONTROLLER_NODE)
+    return (*TIMING, *_RECORDER_NODE)
+
+
+def accepted(node: str) -> frozenset[str]:
+    """Names that a node accepts without declaring them: shared ones that it does not need."""
+    return frozenset(p.name for p in SHARED) - {p.name for p in declared(node)}

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant node: the simulated robot behind joint_states and effort_commands."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+import numpy as np
+from rclpy.context import Context
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.timing import Timing
+from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.nodes.runtime import run
+from masmc_ros.robot.platform_motion import platform_motion
+
+_AHEAD_OF_RECORDER = 800
+"""Ticks that lock-step may be ahead of what the recorder has written; its queues are deeper."""
+
+_RECORDER_PATIENCE = 5.0
+"""Time in s after which a silent recorder no longer holds up lock-step."""
+
+_LATE_TICKS = 20
+"""Ticks made up for at once when the wall clock has run ahead."""
+
+
+class PlantNode(SuiteNode):
+    """Publishes the robot's state at every tick and moves it by the commands that answer."""
+
+    name = 'plant'
+
+    def __init__(self, *, context: Context, command_line: CommandLine) -> None:
+        """Make the robot and compile its tick."""
+        super().__init__(context=context, command_line=command_line)
+        self._timing = Timing.from_values(self.values)
+        self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
+        self._lockstep = self.values['pacing'] == 'lockstep'
+        self._odom_decimation: int = self.values['odom_decimation']
+        self._clock_decimation: int = self.values['clock_decimation']
+        self._wait_for = [name for name in self.values['wait_for'] if name]
+        self._effort = EffortCdr()
+        self._state = JointStateCdr()
+        self._compile()
+        # The robot lives in the message: its arrays are views into the bytes to be sent.
+        robot, state = self._robot, self._state
+        robot.position, robot.velocity = state.position, state.velocity
+        robot.applied = state.effort[3:]
+        robot.reset()
+        self._started = self._paused = False
+        self._single_steps = 0
+        self._command: np.ndarray | None = None
+        self._command_time = -math.inf
+        self._dropped = 0
+        self._stamp = -1
+        self._recorded: int | None = None
+        self._recorded_time = 0.0
+        self._anchor = (0.0, 0)
+
+    def connect(self) -> None:
+        """Create topics, services and timers; the first state follows once all are there."""
+        super().connect()
+        self._states = self.publisher(JointState, 'joint_states')
+        self._odom = self.publisher(Odometry, 'odom')
+        self._twist = self.publisher(Twist, 'base_twist')
+        self._clock = self.publisher(Clock, '/clock')
+        self._odometry_message = OdometryCdr()
+        self._twist_message = TwistCdr()
+        self._clock_message = TimeCdr()
+        node = self.node
+        node.create_subscription(
+            Float64MultiArray,
+            'effort_commands',
+            self._on_command,
+            subscription_qos(),
+            raw=True,
+        )
+        node.create_subscription(
+            Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True)
+        )
+        node.create_service(Trigger, '~/reset', self._on_reset)
+        node.create_service(SetBool, '~/pause', self._on_pause)
+        node.create_service(Trigger, '~/step', self._on_step)
+        self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
+        # Looks again where lock-step was held up for a recorder that has fallen silent.
+        node.create_timer(1.0, self._answer, clock=self.steady)
+        if not self._lockstep:
+            self.parameters.on_change(lambda _: self._take_anchor())
+
+    def _compile(self) -> None:
+        """Advance the robot to no consequence, so that the first real tick is not late."""
+        self._robot.advance(np.zeros(4))
+        platform_motion(self._robot.position[None], self._robot.velocity[None])
+        self._robot.reset()
+
+    # Start.
+
+    def _start_when_ready(self) -> None:
+        missing = [name for name in self._wait_for if not self._is_there(name)]
+        if missing:
+            self.wait(' and '.join(missing))
+            return
+        self.wait(None)
+        self.node.destroy_timer(self._gate)
+        self._started = True
+        self._publish_state()
+        if not self._lockstep:
+            self._take_anchor()
+            period = self._timing.period / max(1.0, self.values['real_time_factor'])
+            self.node.create_timer(period, self._on_wall_clock, clock=self.steady)
+
+    def _is_there(self, name: str) -> bool:
+        """Tell whether a node of this namespace has found its topics."""
+        if name == 'recorder':
+            return self._recorded is not None
+        node = self.node
+        if name == 'controller':
+            listens = node.get_subscriptions_info_by_topic(self._states.topic_name)
+            answers = node.get_publishers_info_by_topic(
+                node.resolve_topic_name('effort_commands')
+            )
+            return self._names(listens, name) and self._names(answers, name)
+        if name == 'trajectory':
+            sends = node.get_publishers_info_by_topic(node.resolve_topic_name('reference'))
+            return self._names(sends, name)
+        return (name, node.get_namespace()) in node.get_node_names_and_namespaces()
+
+    def _names(self, endpoints: list[Any], name: str) -> bool:
+        here = self.node.get_namespace()
+        return any(e.node_name == name and e.node_namespace == here for e in endpoints)
+
+    # Commands.
+
+    def _on_command(self, raw: bytes) -> None:
+        effort = self._effort
+        if not effort.load(raw):
+            try:
+                effort.load_message(deserialize_message(raw, Float64MultiArray))
+            except InputError as error:
+                self.log.error(f'effort_commands refused: {error}', throttle_duration_sec=1.0)
+                return
+        if not self._started or (self._lockstep and effort.stamp_ns != self._stamp):
+            self._drop()
+            return
+        if not effort.is_finite():
+            self.log.error(
+                f'effort_commands refused: {effort.data.tolist()}, expected 4 finite numbers',
+                throttle_duration_sec=1.0,
+            )
+            return
+        self._command = effort.data.copy()
+        if not self._lockstep:
+            self._command_time = time.monotonic()
+            return
+        self._answer()
+
+    def _drop(self) -> None:
+        """Count a command that answers no outstanding state, and say so now and then."""
+        self._dropped += 1
+        self.log.debug(f'{self._dropped} commands dropped', throttle_duration_sec=5.0)
+
+    def _answer(self) -> None:
+        """Apply the command at hand in lock-step, unless something holds the plant up."""
+        if self._command is None:
+            return
+        if self._paused and not self._single_steps:
+            return
+        if self._is_ahead_of_recorder():
+            return
+        if self._single_steps:
+            self._single_steps -= 1
+        command, self._command = self._command, None
+        self._advance(command)
+
+    def _advance(self, command: np.ndarray) -> None:
+        if self._robot.tick == self._timing.last:
+            self.finished = True
+            return
+        self._robot.advance(command)
+        self._publish_state()
+
+    def _is_ahead_of_recorder(self) -> bool:
+        if self._recorded is None:
+            return False
+        ahead = self._robot.tick - self._recorded
+        if ahead <= _AHEAD_OF_RECORDER:
+            return False
+        if time.monotonic() - self._recorded_time < _RECORDER_PATIENCE:
+            return True
+        self.log.warning('the recorder does not answer; going on without it')
+        self._recorded = None
+        return False
+
+    def _on_recorded(self, stamp: Any) -> None:
+        """Note how far the recorder is, and go on if lock-step was held up for it."""
+        self._recorded_time = time.monotonic()
+        nanoseconds = stamp.sec * 1_000_000_000 + stamp.nanosec
+        self._recorded = round(nanoseconds / (1e9 * self._timing.period))
+        self._answer()
+
+    # Wall clock.
+
+    def _take_anchor(self) -> None:
+        """Let simulated time run on from now at the factor in force."""
+        self._anchor = (time.monotonic(), self._robot.tick)
+
+    def _on_wall_clock(self) -> None:
+        if self._paused:
+            return
+        since, tick = self._anchor
+        now = time.monotonic()
+        due = tick + int((now - since) * self.values['real_time_factor'] / self._timing.period)
+        if due - self._robot.tick > _LATE_TICKS:
+            self.log.warning(
+                f'{due - self._robot.tick} ticks late; the plant goes on from here',
+                throttle_duration_sec=5.0,
+            )
+            due = self._robot.tick + 1
+            self._anchor = (now, due)
+        while self._robot.tick < due and not self.finished:
+            self._advance(self._held_command(now))
+
+    def _held_command(self, now: float) -> np.ndarray:
+        """Return the last command, or no torque where it is too old."""
+        if self._command is not None and now - self._command_time > self.values['command_timeout']:
+            self.log.warning(
+                f'no command for {self.values["command_timeout"]:g} s; torque is zero until '
+                'one comes',
+                throttle_duration_sec=5.0,
+            )
+            self._command = None
+        return np.zeros(4) if self._command is None else self._command
+
+    # State.
+
+    def _publish_state(self) -> None:
+        tick = self._robot.tick
+        stamp = self._timing.stamp(tick)
+        self._stamp = stamp
+        self._state.set_stamp(stamp)
+        # First of all the state: the controller computes while the rest is sent.
+        self._states.publish(self._state.to_bytes())
+        last = tick == self._timing.last
+        if last or tick % self._odom_decimation == 0:
+            self._publish_motion(stamp)
+        if self._clock_decimation and (last or tick % self._clock_decimation == 0):
+            self._clock_message.set_stamp(stamp)
+            self._clock.publish(self._clock_message.to_bytes())
+
+    def _publish_motion(self, stamp: int) -> None:
+        pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
+        odometry, velocity = self._odometry_message, self._twist_message
+        odometry.set_stamp(stamp)
+        odometry.position[:], odometry.orientation[:] = pose[0, :3], pose[0, 3:]
+        odometry.linear[:], odometry.angular[:] = twist[0, :3], twist[0, 3:]
+        self._odom.publish(odometry.to_bytes())
+        velocity.linear[:], velocity.angular[:] = twist[0, :3], twist[0, 3:]
+        self._twist.publish(velocity.to_bytes())
+
+    # Services.
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        self._robot.reset()
+        self._command = None
+        if self._recorded is not None:
+            self._recorded = 0
+        self._take_anchor()
+        if self._started:
+            self._publish_state()
+        response.success, response.message = True, 'the robot is in its initial state, t = 0 s'
+        return response
+
+    def _on_pause(self, request: Any, response: Any) -> Any:
+        self._paused = request.data
+        self._take_anchor()
+        response.success = True
+        response.message = 'paused' if self._paused else 'running'
+        if not self._paused and self._lockstep:
+            self._answer()
+        return response
+
+    def _on_step(self, _: Any, response: Any) -> Any:
+        """Advance by one control period while paused."""
+        response.success = self._paused and self._started
+        if not response.success:
+            response.message = 'not paused; call pause with data true first'
+            return response
+        if self._lockstep:
+            self._single_steps += 1
+            self._answer()
+        else:
+            self._advance(self._held_command(time.monotonic()))
+        response.message = f't = {self._timing.time(self._robot.tick):g} s'
+        return response
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the plant node."""
+    return run([PlantNode], arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

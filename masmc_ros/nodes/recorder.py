@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder node: every message of a run, byte for byte, into one MCAP file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from functools import partial
+import json
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.context import Context
+from rclpy.qos import DurabilityPolicy
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
+from masmc_ros.log.provenance import write_provenance
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.stamps import StampReader, stamp_reader
+from masmc_ros.log.text import text_of
+from masmc_ros.log.topics import PARAMETER_NODES, SYSTEM_TOPICS, TOPICS, parameters_topic
+from masmc_ros.log.writer import LogWriter
+from masmc_ros.loop.timing import Timing
+from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.messages import message_class
+from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.runtime import run
+
+_PROGRESS = 100
+"""Answered states between two reports of progress."""
+
+_QUIET = 0.3
+"""Time in s without a message after which nothing more is under way."""
+
+_LONGEST_DRAIN = 10.0
+
+_CORE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC)
+"""Topics whose senders must be found before the recorder calls itself ready."""
+
+
+class RecorderNode(SuiteNode):
+    """Subscribes raw to everything and writes it as it comes."""
+
+    name = 'recorder'
+    follows = True
+
+    def __init__(self, *, context: Context, command_line: CommandLine) -> None:
+        """Open the file; InputError where that is not possible."""
+        super().__init__(context=context, command_line=command_line)
+        self._last = self._last_stamp()
+        self._files = {path: Path(path).read_bytes() for path in command_line.files}
+        self._extra = {name for name in self.values['extra_topics'] if name}
+        path = log_path(Path(self.values['output']))
+        if path.exists() and not self.values['overwrite']:
+            raise InputError(
+                f'output = {path}: is there already; name another file, or set overwrite to true'
+            )
+        self._writer = LogWriter(path, compression=self.values['compression'], live=True)
+        self._latest: int | None = None
+        self._early: list[tuple[int, bytes]] = []
+        self._answered = -1
+        self._unreported = 0
+        self._is_ready = False
+        self._last_arrival = time.monotonic()
+        self._core: list[str] = []
+        self._parameters: dict[str, Any] = {}
+        self._changes: list[dict[str, Any]] = []
+        self.counts: dict[str, int] = {}
+
+    def connect(self) -> None:
+        """Subscribe to everything, and say so once the senders are found."""
+        super().connect()
+        self._progress = self.publisher(Time, 'recorder/progress', 1)
+        for topic in (*TOPICS, *SYSTEM_TOPICS):
+            self._record_topic(topic.name, topic.type_name, is_latched=topic.is_latched)
+        self.node.create_timer(0.05, self._look_around, clock=self.steady)
+        self.node.create_timer(
+            self.values['flush_period'], self._writer.flush, clock=self.steady
+        )
+        self.log.info(f'recording into {self._writer.path}')
+        self.wait(f'the senders of {", ".join(_CORE)}')
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Take what is still under way, complete the file."""
+        super().close(spin)
+        limit = time.monotonic() + _LONGEST_DRAIN
+        while time.monotonic() < min(limit, self._last_arrival + _QUIET):
+            spin()
+        self._release_early(self._latest or 0)
+        write_provenance(self._writer, self._parameters, self._changes, self._files)
+        self._writer.close()
+        messages = sum(self.counts.values())
+        self.log.info(f'{messages} messages in {self._writer.path}')
+
+    def _last_stamp(self) -> int | None:
+        """Return the stamp of the run's last state; None for an endless run."""
+        timing = Timing.from_values(self.values)
+        return None if timing.last is None else timing.stamp(timing.last)
+
+    def _record_topic(self, topic: str, type_name: str, *, is_latched: bool) -> None:
+        resolved = self.node.resolve_topic_name(topic)
+        durability = 'transient_local' if is_latched else 'volatile'
+        channel = self._writer.channel(resolved, type_name, Qos(durability=durability))
+        self.counts[resolved] = 0
+        if topic in _CORE:
+            self._core.append(resolved)
+        handlers: dict[str, Callable[[bytes, int | None], None]] = {
+            STATE_TOPIC: self._on_state,
+            COMMAND_TOPIC: self._on_command,
+            **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
+        }
+        callback = partial(
+            self._on_message,
+            resolved,
+            channel,
+            stamp_reader(topic, type_name),
+            handlers.get(topic),
+        )
+        # A plain function: rclpy looks at a callback's signature to see what it takes.
+        message_type = message_class(type_name)
+        if is_latched:
+            subscribe_with_past(self.node, message_type, topic, lambda raw: callback(raw), DEEP)
+        else:
+            qos = subscription_qos(depth=DEEP)
+            self.node.create_subscription(
+                message_type, topic, lambda raw: callback(raw), qos, raw=True
+            )
+
+    def _on_message(
+        self,
+        topic: str,
+        channel: int,
+        stamp_of: StampReader,
+        handler: Callable[[bytes, int | None], None] | None,
+        raw: bytes,
+    ) -> None:
+        self._last_arrival = time.monotonic()
+        self.counts[topic] += 1
+        stamp = stamp_of(raw)
+        if handler is not None:
+            handler(raw, stamp)
+        time_ns = self._latest if stamp is None else stamp
+        if time_ns is None:
+            self._early.append((channel, raw))
+        else:
+            self._writer.write(channel, time_ns, time_ns, raw)
+
+    def _on_state(self, raw: bytes, stamp: int | None) -> None:
+        if stamp is not None and self._latest is None:
+            self._release_early(stamp)
+        self._latest = stamp
+
+    def _on_command(self, raw: bytes, stamp: int | None) -> None:
+        """Note which states are answered, and report progress now and then."""
+        if stamp is None:
+            return
+        self._answered = stamp
+        self._unreported += 1
+        if self._unreported >= _PROGRESS:
+            self._report()
+        if self._last is not None and stamp >= self._last:
+            self.wait(None)
+
+    def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
+        record = json.loads(text_of(raw))
+        if node in self._parameters:
+            self._changes.append({**record, 'node': node})
+        else:
+            self._parameters[node] = record['parameters']
+
+    def _release_early(self, stamp: int) -> None:
+        """Write what came before the first state, with its stamp."""
+        for channel, raw in self._early:
+            self._writer.write(channel, stamp, stamp, raw)
+        self._early.clear()
+
+    def _report(self) -> None:
+        self._unreported = 0
+        stamp = max(self._answered, 0)
+        self._progress.publish(Time(sec=stamp // 10**9, nanosec=stamp % 10**9))
+
+    def _record_extra(self, topic: str) -> None:
+        """Record an extra topic once somebody sends on it, in the way it is sent."""
+        resolved = self.node.resolve_topic_name(topic)
+        senders = self.node.get_publishers_info_by_topic(resolved)
+        if not senders:
+            return
+        self._extra.discard(topic)
+        is_latched = all(
+            sender.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for sender in senders
+        )
+        try:
+            self._record_topic(topic, senders[0].topic_type, is_latched=is_latched)
+        except InputError as error:
+            self.log.error(f'{resolved} is not recorded: {error}')
+
+    def _look_around(self) -> None:
+        """Tell the plant when all senders are found; end when they have gone."""
+        for topic in tuple(self._extra):
+            self._record_extra(topic)
+        here = [self.node.count_publishers(topic) > 0 for topic in self._core]
+        if not self._is_ready and all(here):
+            self._is_ready = True
+            self.wait(None)
+            self._report()
+        is_over = self._last is not None and self._answered >= self._last
+        if is_over and not any(here):
+            self.finished = True
+
+
+def log_path(output: Path) -> Path:
+    """Return the file to record into: the one named, or one named by the time in a folder."""
+    if output.suffix == '.mcap':
+        return output
+    return output / datetime.now().strftime('masmc_%Y-%m-%d_%H-%M-%S.mcap')
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the recorder node."""
+    return run([RecorderNode], arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

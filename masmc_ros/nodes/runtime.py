@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a process of this package starts, spins and ends.
+
+A process ends with status 0 when its run is over and on SIGINT and SIGTERM, with status 2
+and one line on bad input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import signal
+import sys
+from types import FrameType
+from typing import Protocol
+
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.nodes.command_line import parse
+
+_POLL = 0.1
+"""Longest time in s that a signal waits to be seen."""
+
+
+class RunningNode(Protocol):
+    """What the runtime asks of a node."""
+
+    node: Node
+    finished: bool
+    follows: bool
+    """Whether the node ends with the others of its process instead of by itself."""
+
+    def connect(self) -> None:
+        """Create publishers, subscriptions, services and timers; everything is compiled."""
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Deliver or take what is still under way; `spin` handles what has arrived."""
+
+
+Factory = Callable[..., RunningNode]
+
+
+def run(factories: Sequence[Factory], arguments: Sequence[str] | None = None) -> int:
+    """Run nodes in this process until all have finished; return the exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        _run(factories, arguments)
+    except UserError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
+    command_line = parse(arguments)
+    stop = _StopSignals()
+    context = Context()
+    try:
+        rclpy.init(
+            args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
+        )
+    except Exception as error:
+        raise InputError(f'--ros-args: {one_line(error)}') from error
+    executor = EventsExecutor(context=context)
+    nodes: list[RunningNode] = []
+    try:
+        for factory in factories:
+            nodes.append(factory(context=context, command_line=command_line))
+        for node in nodes:
+            node.connect()
+            executor.add_node(node.node)
+        leading = [node for node in nodes if not node.follows] or nodes
+        while not stop.requested and not all(node.finished for node in leading):
+            executor.spin_once(timeout_sec=_POLL)
+        for node in nodes:
+            node.close(lambda: executor.spin_once(timeout_sec=_POLL))
+    finally:
+        for node in nodes:
+            executor.remove_node(node.node)
+            node.node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
+
+
+class _StopSignals:
+    """Whether the process was asked to end; a handler may only set a flag."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._request)
+
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's first meaningful line."""
+    text = ' '.join(str(error).split())
+    return text.split(', at ./src')[0].split(', at /')[0]

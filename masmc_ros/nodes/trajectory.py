@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The trajectory node: sends windows of the reference ahead of the robot."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.context import Context
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.timing import Timing
+from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.runtime import run
+from masmc_ros.reference.trajectory import Trajectory
+
+_CHECKED_AHEAD = 60.0
+"""How much of an endless path is checked at the start, in s."""
+
+
+class TrajectoryNode(SuiteNode):
+    """Keeps the reference topic filled up to the horizon ahead of the robot's time."""
+
+    name = 'trajectory'
+
+    def __init__(self, *, context: Context, command_line: CommandLine) -> None:
+        """Make the trajectory; InputError where the arm cannot reach it."""
+        super().__init__(context=context, command_line=command_line)
+        self._timing = Timing.from_values(self.values)
+        period = self._timing.period
+        self._trajectory = Trajectory(self.values, period, robot_of(self.values))
+        self._window = max(2, round(self.values['window'] / period))
+        self._horizon = max(self._window, round(self.values['horizon'] / period))
+        self._next = 0
+        start = self.values['start_time']
+        self._origin = round(1e9 * start) if start >= 0.0 else None
+        self._check_reach()
+
+    def connect(self) -> None:
+        """Send the beginning, and follow the robot's time from then on."""
+        super().connect()
+        # A late controller needs the windows around the present, not the whole past.
+        depth = 4 + 2 * (self._horizon // self._window)
+        self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
+        if self._origin is None:
+            subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
+        else:
+            subscribe_with_past(self.node, Odometry, 'odom', self._follow)
+            self._send_until(self._horizon)
+        self.wait('the plant (odom)')
+
+    def _check_reach(self) -> None:
+        last = self._timing.last
+        if last is None:
+            last = round(_CHECKED_AHEAD / self._timing.period)
+        for first in range(0, last + 1, self._window):
+            self._trajectory.sample(first, min(self._window, last + 1 - first))
+
+    def _follow(self, raw: bytes) -> None:
+        """Send what comes within the horizon of a message's stamp."""
+        stamp = header_stamp(raw)
+        if self._origin is None:
+            self._origin = stamp
+        self.wait(None)
+        tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        if tick + self._horizon + self._window < self._next:
+            self.log.info('the robot was set back; the reference follows')
+            self._next = max(0, tick)
+        self._send_until(tick + self._horizon)
+        if self._timing.last is not None and tick >= self._timing.last:
+            self.finished = True
+
+    def _send_until(self, tick: int) -> None:
+        last = self._timing.last
+        while self._next <= (tick if last is None else min(tick, last)):
+            count = self._window if last is None else min(self._window, last + 1 - self._next)
+            try:
+                samples = self._trajectory.sample(self._next, count)
+            except InputError as error:
+                self.log.error(f'{error}; the reference ends here', once=True)
+                return
+            start = self._timing.stamp(self._next) + (self._origin or 0)
+            window = ReferenceWindow(start, self._timing.period, samples)
+            self._publisher.publish(window.to_bytes())
+            self._next += count
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Run the trajectory node."""
+    return run([TrajectoryNode], arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
