@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.effort import (
-    LABEL_SIZE,
-    NANOSECOND_DIGITS,
     EffortCdr,
     EffortLayout,
+    LABEL_SIZE,
     layout_of_label,
+    NANOSECOND_DIGITS,
 )
-from masmc_ros.log.joint_state import JointStateCdr, joint_state_layout
-from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, Layout
+from masmc_ros.log.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
 from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.scan import Topic
-from masmc_ros.log.telemetry import STAMP_NUMBERS, TelemetryCdr, telemetry_layout
+from masmc_ros.log.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
 
 Rows = NDArray[np.uint8]
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
             ' it takes cdr with ros2msg, as ROS 2 records them'
         )
 
-    def decode(raw: bytes) -> Any:  # noqa: ANN401
+    def decode(raw: bytes) -> Any:
         try:
             return decoder(raw)
         except (McapError, struct.error, ValueError) as error:
@@ -176,7 +176,7 @@ def joint_states() -> Topical:
         numbers = np.hstack([_numbers(rows, offset, len(JOINTS)) for offset in offsets])
         return Bulk(usable, Series(parts[:, 0] * NANOSECONDS + parts[:, 1], numbers))
 
-    def single(received: Any, _: int) -> tuple[int, Floats]:  # noqa: ANN401
+    def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
@@ -200,7 +200,7 @@ def commands() -> Topical:
             usable & plain, Series(stamps, _numbers(rows, layout.data, len(DRIVEN_JOINTS)))
         )
 
-    def single(received: Any, log_time: int) -> tuple[int, Floats]:  # noqa: ANN401
+    def single(received: Any, log_time: int) -> tuple[int, Floats]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
         return stamp, message.data.copy()
@@ -211,6 +211,8 @@ def commands() -> Topical:
 def _label_stamps(rows: Rows, layout: EffortLayout) -> tuple[NDArray[np.bool_], Stamps]:
     """Return which labels have nine digits of nanoseconds, and the stamps in ns of those."""
     point = layout.digits.stop - NANOSECOND_DIGITS - 1
+    if point <= layout.digits.start:
+        return np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
     text = np.delete(rows[:, layout.digits], point - layout.digits.start, axis=1)
     plain = (rows[:, point] == ord('.')) & ((text >= ord('0')) & (text <= ord('9'))).all(axis=1)
     powers = 10 ** np.arange(text.shape[1] - 1, -1, -1)
@@ -231,7 +233,7 @@ def telemetry(label: str, count: int) -> Topical:
         stamps = parts[:, 0] * NANOSECONDS + parts[:, 1]
         return Bulk(usable, Series(stamps, numbers[:, STAMP_NUMBERS:]))
 
-    def single(received: Any, _: int) -> tuple[int, Floats]:  # noqa: ANN401
+    def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received)
         return message.stamp_ns, message.values.copy()
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 from masmc_ros.errors import InputError, suggestion
 
@@ -27,7 +27,7 @@ class Definition(NamedTuple):
 @cache
 def _store() -> Typestore:
     # Imported when first needed: it takes 0.1 s, and a plant needs no definitions.
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import get_typestore, Stores
 
     return get_typestore(Stores.ROS2_JAZZY)
 

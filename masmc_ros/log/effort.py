@@ -114,9 +114,7 @@ class EffortCdr:
         digits = raw[layout.digits]
         seconds, _, nanoseconds = digits.partition(b'.')
         if not (
-            seconds.isdigit()
-            and nanoseconds.isdigit()
-            and len(nanoseconds) <= NANOSECOND_DIGITS
+            seconds.isdigit() and nanoseconds.isdigit() and len(nanoseconds) <= NANOSECOND_DIGITS
         ):
             return False
         self._torques[:] = raw[layout.data :]
@@ -124,7 +122,7 @@ class EffortCdr:
         self.stamp_ns = int(seconds) * NANOSECONDS + int(nanoseconds)
         return True
 
-    def load_message(self, message: Any) -> None:  # noqa: ANN401
+    def load_message(self, message: Any) -> None:
         """Take over a command of any sender, such as ros2_control's, labelled or not.
 
         Args:
@@ -151,7 +149,7 @@ class EffortCdr:
             self.set_stamp(stamp_ns)
 
 
-def _label_stamp(message: Any) -> int | None:  # noqa: ANN401
+def _label_stamp(message: Any) -> int | None:
     """Return the stamp in ns on the label of a message, None where it has none."""
     dimensions = message.layout.dim
     label = dimensions[0].label if dimensions else ''

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.layout import NANOSECONDS, Layout, StampedMessage
+from masmc_ros.log.layout import Layout, NANOSECONDS, StampedMessage
 from masmc_ros.log.names import JOINTS
 
 
@@ -59,7 +59,7 @@ class JointStateCdr(StampedMessage):
         """Tell whether every position and velocity is a finite number."""
         return all(map(isfinite, self.position.tolist() + self.velocity.tolist()))
 
-    def load_message(self, message: Any) -> None:  # noqa: ANN401
+    def load_message(self, message: Any) -> None:
         """Take over a joint state of any sender, joint by joint by name.
 
         Joints of other names are left out; efforts that are absent or NaN become zero.

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.decode import (
-    Series,
-    Topical,
     commands,
     decode,
     decode_references,
     joint_states,
+    Series,
     telemetry,
+    Topical,
 )
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
@@ -29,7 +29,7 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.scan import Records, Topic, scan
+from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
 
 Floats = NDArray[np.float64]

@@ -86,7 +86,7 @@ class ReferenceWindow:
         return _window(np.frombuffer(raw, np.float64, offset=start).copy())
 
     @staticmethod
-    def from_message(message: Any) -> ReferenceWindow:  # noqa: ANN401
+    def from_message(message: Any) -> ReferenceWindow:
         """Read a window or a set-point of any sender.
 
         Args:
@@ -148,6 +148,4 @@ def _set_point(numbers: NDArray[np.float64]) -> ReferenceWindow:
 
 def _check_finite(numbers: NDArray[np.float64]) -> None:
     if not np.isfinite(numbers).all():
-        raise InputError(
-            f'reference: number {int(np.argmin(np.isfinite(numbers)))} is not finite'
-        )
+        raise InputError(f'reference: number {int(np.argmin(np.isfinite(numbers)))} is not finite')

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from masmc_ros.log.effort import NANOSECOND_DIGITS, effort_layout
+from masmc_ros.log.effort import effort_layout, NANOSECOND_DIGITS
 from masmc_ros.log.joint_state import joint_state_layout
-from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, Layout
+from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
 from masmc_ros.log.platform_motion import odometry_layout, time_layout, twist_layout
 from masmc_ros.log.telemetry import telemetry_layout
 
@@ -36,7 +36,7 @@ def _rows(layout: Layout, count: int) -> Rows:
 
 def _fill(rows: Rows, offset: int, values: ArrayLike, kind: str = '<f8') -> None:
     """Write `values` (N, n) into the rows, from byte `offset` on."""
-    data = np.ascontiguousarray(values, dtype=kind).reshape(len(rows), -1).view(np.uint8)
+    data = np.ascontiguousarray(values, dtype=kind).view(np.uint8)
     rows[:, offset : offset + data.shape[1]] = data
 
 

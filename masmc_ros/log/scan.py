@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+import os
 from pathlib import Path
 import struct
 
@@ -13,7 +14,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream, StreamReader
 from zstandard import ZstdError
 
 from masmc_ros.errors import InputError
@@ -65,8 +66,10 @@ def scan(path: Path) -> Records:
     Raises:
         InputError: for a file that is missing, no MCAP file, damaged or incomplete.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError(f'{path}: is a folder; name the .mcap file in it')
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError(f'{path}: is not a file; name a .mcap file')
     try:
         with path.open('rb') as stream:
             return _Collector().collect(StreamReader(stream, emit_chunks=True).records)

@@ -8,7 +8,7 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.layout import NANOSECONDS, Message
+from masmc_ros.log.layout import Message, NANOSECONDS
 from masmc_ros.log.multi_array import MultiArrayLayout
 
 STAMP_NUMBERS = 2
@@ -49,7 +49,7 @@ class TelemetryCdr(Message):
         seconds, nanoseconds = _STAMP_PAIR.unpack_from(self._wire, self._stamp_offset)
         return int(seconds) * NANOSECONDS + int(nanoseconds)
 
-    def load_message(self, message: Any) -> None:  # noqa: ANN401
+    def load_message(self, message: Any) -> None:
         """Take over a telemetry message whatever its labels.
 
         Args:

@@ -120,6 +120,8 @@ class LogWriter:
         Those of one time are written in the order of `sources`. A long run is written in
         blocks of time, so that it need not be held in memory as a whole.
         """
+        if not sources:
+            return
         times = np.concatenate([source.times for source in sources])
         counts = [len(source.times) for source in sources]
         owners = np.repeat(np.arange(len(sources)), counts)
@@ -148,14 +150,14 @@ class LogWriter:
 
         What a killed recording has flushed can be recovered.
         """
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
     def close(self) -> None:
         """Complete the file and give it its name."""
         if self._stream.closed:
             return
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._stream.close()
             if not self._live:
                 os.replace(self._written, self.path)
@@ -196,11 +198,13 @@ def check_log_path(path: Path) -> None:
             missing, no folder, or not writable.
     """
     folder = path.parent
-    if path.exists() and not path.is_file():
-        kind = 'a folder' if path.is_dir() else 'not a file'
+    # Not the methods of Path, some of which raise for a name that is too long.
+    exists = os.path.exists(path)
+    if exists and not os.path.isfile(path):
+        kind = 'a folder' if os.path.isdir(path) else 'not a file'
         raise InputError(f'{path}: is {kind}; name the file to write, such as run.mcap')
-    if not folder.is_dir():
-        fault = 'is not a folder' if folder.exists() else 'does not exist'
+    if not os.path.isdir(folder):
+        fault = 'is not a folder' if os.path.exists(folder) else 'does not exist'
         raise InputError(f'{path}: folder {folder} {fault}; create it or name another')
-    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+    if not os.access(folder, os.W_OK) or (exists and not os.access(path, os.W_OK)):
         raise InputError(f'{path}: cannot be written; name a file in a folder of yours')

@@ -173,6 +173,16 @@ def load_state(position: Any, velocity: Any) -> PlantState:
 
 
 @formula
+def is_finite(state: PlantState) -> bool:
+    """Tell whether every part of a state is a finite number."""
+    total = 0.0
+    for value in state:
+        # Zero for a finite number, not-a-number for any other.
+        total += value - value
+    return total == 0.0
+
+
+@formula
 def store_state(geometry: Geometry, state: PlantState, position: Any, velocity: Any) -> None:
     """Write a state as positions (7) and velocities (7) in the order of joint_states."""
     s0, c0 = sin_cos(state.yaw)
@@ -205,8 +215,10 @@ def plant_tick(
     position: Any,
     velocity: Any,
     applied: Any,
-) -> None:
+) -> bool:
     """Advance positions (7) and velocities (7) in place by one control period.
+
+    Returns whether the state is still finite.
 
     `command` (4) in N m is clipped to `limit` (4) and written to `applied` (4); `time` is
     that of the tick the command answers, in s.
@@ -228,6 +240,7 @@ def plant_tick(
         steps,
     )
     store_state(lengths, state, position, velocity)
+    return is_finite(state)
 
 
 @kernel

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.errors import InputError
 from masmc_ros.loop.plant import initial_state, plant_tick
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.parameters import Robot
@@ -112,8 +113,11 @@ class SimulatedRobot:
         )
 
     def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a torque command (4, N m) for one control period."""
-        plant_tick(
+        """Hold a torque command (4, N m) for one control period.
+
+        Raises InputError where the state is no longer finite.
+        """
+        finite = plant_tick(
             self.geometry,
             self.theta,
             self.amplitude,
@@ -129,3 +133,13 @@ class SimulatedRobot:
             self.applied,
         )
         self.tick += 1
+        if not finite:
+            raise diverged(self.tick * self.period)
+
+
+def diverged(time: float) -> InputError:
+    """Return the error of a closed loop whose numbers are no longer finite at a time in s."""
+    return InputError(
+        f'the closed loop diverged at t = {time:g} s; expected gains and a control_period '
+        'with which it is stable'
+    )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot import AXES, BASE_PARAMETERS
@@ -93,10 +93,7 @@ class Simulation:
         )
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
-            raise InputError(
-                f'the closed loop diverged at t = {self.timing.time(tick):g} s; expected gains '
-                'and a control_period with which it is stable'
-            )
+            raise diverged(self.timing.time(tick))
 
     def _compiled(self, first: int, reference: Array, *, final: bool) -> Stretch:
         n = len(reference)

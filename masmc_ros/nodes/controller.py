@@ -18,6 +18,7 @@ from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow, TelemetryCdr
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
@@ -118,6 +119,7 @@ class ControllerNode(SuiteNode):
                 return
             self.log.info('the robot was set back; the controller starts anew')
             self._controller.reset()
+            self._last_stamp = None
         reference = self._reference.at(stamp)
         if reference is None:
             reference = self._reference_beyond(stamp)
@@ -129,6 +131,8 @@ class ControllerNode(SuiteNode):
         self.wait(None)
         controller = self._controller
         singular = controller.tick(self._position, self._velocity, reference)
+        if not self._effort.is_finite():
+            raise diverged(stamp * 1e-9)
         self._effort.set_stamp(stamp)
         self._commands.publish(self._effort.to_bytes())
         self._last_stamp = stamp

@@ -43,8 +43,8 @@ _PLANT_NODE = (
     ),
     Parameter(
         'wait_for',
-        (),
-        'Nodes of the same namespace that must be there before the first state is sent',
+        ('controller',),
+        'Nodes of the same namespace without which the run does not begin',
     ),
     Parameter(
         'odom_decimation',

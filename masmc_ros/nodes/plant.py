@@ -62,11 +62,12 @@ class PlantNode(SuiteNode):
         robot.position, robot.velocity = state.position, state.velocity
         robot.applied = state.effort[3:]
         robot.reset()
-        self._started = self._paused = False
+        self._started = self._paused = self._runs = False
         self._single_steps = 0
         self._command: np.ndarray | None = None
         self._command_time = -math.inf
         self._dropped = 0
+        self._begun = 0.0
         self._stamp = -1
         self._recorded: int | None = None
         self._recorded_time = 0.0
@@ -118,8 +119,11 @@ class PlantNode(SuiteNode):
         self.wait(None)
         self.node.destroy_timer(self._gate)
         self._started = True
+        self._begun = time.monotonic()
         self._publish_state()
         if not self._lockstep:
+            # Where a controller is waited for, time begins with its first command.
+            self._runs = not self._wait_for
             self._take_anchor()
             period = self._timing.period / max(1.0, self.values['real_time_factor'])
             self.node.create_timer(period, self._on_wall_clock, clock=self.steady)
@@ -166,6 +170,9 @@ class PlantNode(SuiteNode):
         self._command = effort.data.copy()
         if not self._lockstep:
             self._command_time = time.monotonic()
+            if not self._runs:
+                self._take_anchor()
+                self._runs = True
             return
         self._answer()
 
@@ -190,9 +197,19 @@ class PlantNode(SuiteNode):
     def _advance(self, command: np.ndarray) -> None:
         if self._robot.tick == self._timing.last:
             self.finished = True
+            self._say_pace()
             return
         self._robot.advance(command)
         self._publish_state()
+
+    def _say_pace(self) -> None:
+        """Tell how fast the run was, from its first state to the last command."""
+        ticks = self._robot.tick
+        elapsed = time.monotonic() - self._begun
+        self.log.info(
+            f'{ticks} ticks in {elapsed:.2f} s: {ticks / elapsed:.0f} ticks/s, '
+            f'{ticks * self._timing.period / elapsed:.1f} times real time'
+        )
 
     def _is_ahead_of_recorder(self) -> bool:
         if self._recorded is None:
@@ -220,7 +237,7 @@ class PlantNode(SuiteNode):
         self._anchor = (time.monotonic(), self._robot.tick)
 
     def _on_wall_clock(self) -> None:
-        if self._paused:
+        if self._paused or not self._runs:
             return
         since, tick = self._anchor
         now = time.monotonic()

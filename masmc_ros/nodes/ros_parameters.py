@@ -77,6 +77,7 @@ class RosParameters:
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
         name = node.get_name()
         given = {**_given(node), **command_line.for_node(name)}
+        given = {n: v for n, v in given.items() if not _is_from_rcl(n)}
         for shared in accepted(name) & given.keys():
             del given[shared]
         defaults = {} if command_line.files else WITHOUT_FILE
@@ -134,11 +135,12 @@ def _given(node: Node) -> dict[str, Any]:
     """Return what files and command line give this node, as rcl resolved it."""
     # rclpy has no public way to see overrides that nobody declares, and passes them silently.
     overrides = node._parameter_overrides
-    return {
-        name: _plain(parameter.value)
-        for name, parameter in overrides.items()
-        if name not in _FROM_RCL and not name.startswith(_FROM_RCL_PREFIX)
-    }
+    return {name: _plain(parameter.value) for name, parameter in overrides.items()}
+
+
+def _is_from_rcl(name: str) -> bool:
+    """Tell whether every ROS 2 node has a parameter of this name."""
+    return name in _FROM_RCL or name.startswith(_FROM_RCL_PREFIX)
 
 
 def _plain(value: Any) -> Any:

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+# make demo: set everything up and run the paper's experiment; make test: set up and test.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
+
+.PHONY: help setup demo test lint bench clean
+
+help:
+	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
+	@echo 'make test   set up and run the tests'
+	@echo 'make lint   style and types'
+	@echo 'make bench  speeds, as ratios within one run'
+	@echo 'make clean  remove what make and the demo made'
+
+$(VENV)/.installed: $(SOURCES)
+	@python=$$(tools/choose_python.sh $(PYTHON)) && \
+	echo "Setting up $(VENV) with $$python (once, about 400 MB) ..." && \
+	if [ -n "$$AMENT_PREFIX_PATH" ]; then site=--system-site-packages; fi && \
+	$$python -m venv $$site $(VENV)
+	@$(PIP) --upgrade pip setuptools wheel
+	@tools/install_ros.sh $(BIN)/python
+	@$(PIP) --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@$(PIP) --no-build-isolation -e .[test,lint]
+	@touch $@
+
+setup: $(VENV)/.installed
+
+demo: $(VENV)/.installed
+	@$(BIN)/masmc demo
+
+test: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest
+
+lint: $(VENV)/.installed-dev
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+bench: $(VENV)/.installed-dev
+	@$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) build install demo report *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's experiment: plant, trajectory, controller and, if wanted, the recorder."""
+
+from __future__ import annotations
+
+import os
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+PACKAGE = 'masmc_ros'
+
+
+def generate_launch_description() -> LaunchDescription:
+    share = get_package_share_directory(PACKAGE)
+    arguments = [
+        DeclareLaunchArgument(
+            'params_file',
+            default_value=os.path.join(share, 'config', 'paper.yaml'),
+            description='ROS 2 parameter file for all nodes.',
+        ),
+        DeclareLaunchArgument(
+            'law',
+            default_value='',
+            description='Control law, smc, rasmc or a plugged-in one; empty: as in params_file.',
+        ),
+        DeclareLaunchArgument(
+            'pacing',
+            default_value='',
+            choices=['', 'lockstep', 'realtime'],
+            description='How the plant is paced; empty: as in params_file.',
+        ),
+        DeclareLaunchArgument(
+            'namespace', default_value='', description='Namespace of all nodes and topics.'
+        ),
+        DeclareLaunchArgument(
+            'record', default_value='true', description='Whether the run is recorded (MCAP).'
+        ),
+        DeclareLaunchArgument(
+            'output',
+            default_value='.',
+            description='File to record into (*.mcap), or folder for a file named by the time.',
+        ),
+        DeclareLaunchArgument(
+            'composed', default_value='false', description='Run all nodes in one process.'
+        ),
+        DeclareLaunchArgument(
+            'use_sim_time',
+            default_value='false',
+            description="Whether the nodes' own clock follows /clock.",
+        ),
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
+
+
+def _nodes(context: LaunchContext) -> list[object]:
+    def given(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    record = given('record').lower() in ('true', '1', 'yes')
+    names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
+    settings: dict[str, dict[str, object]] = {name: {} for name in names}
+    settings['plant']['wait_for'] = [name for name in names if name != 'plant']
+    if given('law'):
+        settings['controller']['law'] = given('law')
+    if given('pacing'):
+        settings['plant']['pacing'] = given('pacing')
+    if record:
+        settings['recorder']['output'] = given('output')
+    for name in names:
+        settings[name]['use_sim_time'] = given('use_sim_time').lower() in ('true', '1', 'yes')
+    if given('composed').lower() in ('true', '1', 'yes'):
+        nodes = [_composed(given('params_file'), given('namespace'), settings, record=record)]
+    else:
+        nodes = [
+            Node(
+                package=PACKAGE,
+                executable=name,
+                name=name,
+                namespace=given('namespace'),
+                parameters=[given('params_file'), settings[name]],
+                output='screen',
+            )
+            for name in names
+        ]
+    # The others end by themselves when the run is over; where one fails, all end.
+    return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
+
+
+def _composed(
+    params_file: str, namespace: str, settings: dict[str, dict[str, object]], *, record: bool
+) -> Node:
+    arguments = ['--record'] if record else []
+    arguments += ['--ros-args', '--params-file', params_file]
+    for node, values in settings.items():
+        for name, value in values.items():
+            text = str(value).lower() if isinstance(value, bool) else value
+            arguments += ['-p', f'{node}:{name}:={text}']
+    return Node(
+        package=PACKAGE,
+        executable='composed',
+        namespace=namespace,
+        arguments=arguments,
+        output='screen',
+    )
+
+
+def _end_on_failure(event: object, context: LaunchContext) -> list[object] | None:
+    if event.returncode != 0:
+        return [EmitEvent(event=Shutdown(reason=f'{event.process_name} failed'))]
+    return None

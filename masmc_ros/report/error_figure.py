@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tracking errors over time: the paper's Figures 4, 5, 7 and 8."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from masmc_ros.report.metrics import Metrics
+from masmc_ros.report.style import (
+    BLUE,
+    caption,
+    COLUMN,
+    GREY,
+    new_figure,
+    time_axis,
+    VERMILLION,
+)
+from masmc_ros.report.tracking import Tracking
+
+_HEIGHT = 78.0
+_MILLIMETRES = 1.0e3
+_HEADROOM = 1.15
+"""Height of the lower panel over the largest error in the window."""
+
+
+def end_effector_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure:
+    """Draw the errors of x_E and y_E over the whole run and, enlarged, once settled."""
+    return _error_figure(tracked, reached, label, 'E', 0, reached.end_effector_rms)
+
+
+def platform_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure:
+    """Draw the errors of x_F and y_F over the whole run and, enlarged, once settled."""
+    return _error_figure(tracked, reached, label, 'F', 2, reached.platform_rms)
+
+
+def _error_figure(
+    tracked: Tracking, reached: Metrics, label: str, point: str, first: int, rms: float
+) -> Figure:
+    """Draw columns `first` and `first` + 1 of the errors, those of one point, in mm."""
+    figure = new_figure(COLUMN, _HEIGHT)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    error = tracked.error[:, first : first + 2] * _MILLIMETRES
+    for axes in (upper, lower):
+        axes.axhline(0.0, color=GREY, linewidth=0.6)
+        for values, axis, colour in zip(error.T, 'xy', (BLUE, VERMILLION), strict=True):
+            axes.plot(
+                tracked.times, values, color=colour, linewidth=0.9, label=f'$e_{{{axis}_{point}}}$'
+            )
+        axes.set_ylabel('error (mm)')
+    _enlarge(lower, tracked, error, reached)
+    lower.text(
+        1.0,
+        1.02,
+        rf'enlarged; RMS $|e_{point}|$ = {rms * _MILLIMETRES:.3g} mm over'
+        f' {reached.begin:g}–{reached.end:g} s',
+        transform=lower.transAxes,
+        fontsize=7.0,
+        ha='right',
+        va='bottom',
+    )
+    time_axis(lower)
+    caption(figure, upper, label, upper.get_lines()[1:])
+    figure.align_ylabels()
+    return figure
+
+
+def _enlarge(axes: Axes, tracked: Tracking, error: np.ndarray, reached: Metrics) -> None:
+    """Scale to the errors in the window and shade it."""
+    settled = error[(reached.begin <= tracked.times) & (tracked.times < reached.end)]
+    largest = float(np.nanmax(np.abs(settled), initial=0.0))
+    if np.isfinite(largest) and largest > 0.0:
+        axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
+    axes.axvspan(reached.begin, reached.end, color=GREY, alpha=0.12, linewidth=0.0)

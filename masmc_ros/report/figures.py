@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which figures a set of runs gives, and what they are called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+import re
+
+from matplotlib.figure import Figure
+
+from masmc_ros.log.reader import Run
+from masmc_ros.report.comparison_figure import Compared, comparison_figure
+from masmc_ros.report.error_figure import end_effector_figure, platform_figure
+from masmc_ros.report.labels import law_of
+from masmc_ros.report.metrics import Metrics
+from masmc_ros.report.path_figure import path_figure
+from masmc_ros.report.style import paper_style, png
+
+KINDS = ('path', 'end_effector', 'platform')
+"""The figures of one run, in the order of the paper's."""
+
+PAPER_FIGURES = {'smc': 3, 'rasmc': 6}
+"""Number of the first of the paper's three figures of each law."""
+
+
+def draw_figures(
+    compared: Sequence[Compared], reached: Sequence[Metrics]
+) -> Iterator[tuple[str, bytes]]:
+    """Yield file name and PNG of every figure: three a run, then all runs in one.
+
+    A run whose log does not tell the positions has no figure of its path.
+    """
+    runs = [each.run for each in compared]
+    with paper_style():
+        for each, metrics, names in zip(compared, reached, figure_names(runs), strict=True):
+            label, run, tracked = each
+            figures: tuple[Figure | None, ...] = (
+                path_figure(run, tracked, label),
+                end_effector_figure(tracked, metrics, label),
+                platform_figure(tracked, metrics, label),
+            )
+            for name, figure in zip(names, figures, strict=True):
+                if figure is not None:
+                    yield name, png(figure)
+        yield 'comparison.png', png(comparison_figure(compared))
+
+
+def figure_names(runs: Sequence[Run]) -> list[list[str]]:
+    """Return the file names of each run's figures, of which there is one of each of KINDS.
+
+    The first run under each law of the paper has the paper's: figure_3_smc_path.png. The
+    others are named by their logs: RUN_path.png.
+    """
+    numbers = dict(PAPER_FIGURES)
+    taken: set[str] = set()
+    names = []
+    for run in runs:
+        law = law_of(run)
+        first = None if law is None else numbers.pop(law, None)
+        if first is None:
+            stem = _free(re.sub(r'[^\w.-]+', '_', run.path.stem), taken)
+            names.append([f'{stem}_{kind}.png' for kind in KINDS])
+        else:
+            names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(KINDS)])
+    return names
+
+
+def _free(stem: str, taken: set[str]) -> str:
+    """Take a name that no other run has, upper and lower case alike, numbered if need be."""
+    name, number = stem, 1
+    while name.lower() in taken:
+        number += 1
+        name = f'{stem}_{number}'
+    taken.add(name.lower())
+    return name

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names that tell runs apart in a table or a legend."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_parameters, was_changed
+
+_WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
+
+_LONGEST = 40
+
+
+def labels(runs: Sequence[Run]) -> list[str]:
+    """Return one label a run, such as 'smc, tanh δ 0.2', all different.
+
+    Runs under the same law, and those that do not tell theirs, are told apart by their files.
+    """
+    plain = [_law_label(run) for run in runs]
+    files = _different(
+        [_short(run.path.stem) for run in runs], [_short(str(run.path)) for run in runs]
+    )
+    count = Counter(plain)
+    named = [
+        file if not label else f'{label} ({file})' if count[label] > 1 else label
+        for label, file in zip(plain, files, strict=True)
+    ]
+    return _numbered(named)
+
+
+def law_of(run: Run) -> str | None:
+    """Return the law that a run started with, None where the log does not tell."""
+    law = run_parameters(run).get('controller', {}).get('law')
+    return law if isinstance(law, str) else None
+
+
+def _law_label(run: Run) -> str:
+    law = law_of(run)
+    if law is None:
+        return ''
+    controller = run_parameters(run)['controller']
+    parts = [law, *_switching(controller)]
+    if was_changed(run):
+        parts.append('changed while running')
+    return ', '.join(parts)
+
+
+def _switching(controller: Mapping[str, Any]) -> list[str]:
+    name = controller.get('switching')
+    if not isinstance(name, str):
+        return []
+    layer, gain = controller.get('boundary_layer'), controller.get('observer_gain')
+    if name in _WITH_BOUNDARY_LAYER and isinstance(layer, int | float):
+        return [f'{name} δ {layer:g}']
+    if name == 'implicit' and isinstance(gain, int | float):
+        return [name, f'β {gain:g}']
+    return [name]
+
+
+def _short(name: str) -> str:
+    """Keep the end of a name that is too long for a table or a legend, on one line."""
+    name = ' '.join(name.split())
+    return name if len(name) <= _LONGEST else f'…{name[1 - _LONGEST :]}'
+
+
+def _different(short: Sequence[str], long: Sequence[str]) -> list[str]:
+    """Take the short name of each where it is the only such one, else the long name."""
+    count = Counter(short)
+    return [s if count[s] == 1 else full for s, full in zip(short, long, strict=True)]
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Add numbers to those that are the same."""
+    total, seen = Counter(names), Counter[str]()
+    numbered = []
+    for name in names:
+        seen[name] += 1
+        numbered.append(f'{name} #{seen[name]}' if total[name] > 1 else name)
+    return numbered

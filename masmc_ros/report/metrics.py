@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run reached, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import Run
+from masmc_ros.report.tracking import Tracking, tracking
+
+Floats = NDArray[np.float64]
+Window = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Errors and torques of a run over the window begin <= t < end, SI units.
+
+    Attributes:
+        begin: s from the first state.
+        end: s from the first state.
+        end_effector_rms: root mean square of |e_E|, the distance to the desired point, m.
+        end_effector_max: largest |e_E|, m.
+        platform_rms: root mean square of |e_F|, m.
+        platform_max: largest |e_F|, m.
+        torque_rms: root mean square of the Euclidean norm of the four commanded torques, N m;
+            None without commands in the window.
+        torque_variation: total variation of the commands per time, summed over the joints,
+            sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
+            command, large for one that chatters; None likewise.
+        estimate_norm: Euclidean norm of the last estimate of the base inertial parameters,
+            whose units are mixed (kg, kg m2, kg m); None where the log has none.
+    """
+
+    begin: float
+    end: float
+    end_effector_rms: float
+    end_effector_max: float
+    platform_rms: float
+    platform_max: float
+    torque_rms: float | None
+    torque_variation: float | None
+    estimate_norm: float | None
+
+
+def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None = None) -> Metrics:
+    """Compute the metrics of a logged run.
+
+    Args:
+        run: the run.
+        window: begin <= t < end in s from the first state; by default the second half.
+        tracked: the run's tracking, if it is known already.
+
+    Raises:
+        InputError: where the log has no error in the window.
+    """
+    tracked = tracking(run) if tracked is None else tracked
+    begun = run.times[0]
+    try:
+        return measure(
+            tracked.times,
+            tracked.error,
+            run.torque_times - begun,
+            run.torque,
+            run.parameter_estimate,
+            window or second_half(run.times - begun),
+        )
+    except InputError as error:
+        raise InputError(f'{run.path}: {error}') from error
+
+
+def second_half(times: Floats) -> Window:
+    """Return the second half of the time (n) from 0 to the last of `times`, s."""
+    end = float(times[-1])
+    return end / 2, end
+
+
+def measure(
+    times: Floats,
+    error: Floats,
+    torque_times: Floats,
+    torque: Floats,
+    estimate: Floats | None,
+    window: Window,
+) -> Metrics:
+    """Compute the metrics of signals.
+
+    Args:
+        times: (K) of the errors, s.
+        error: (K, 4) of x_E, y_E, x_F, y_F in m.
+        torque_times: (M) of the commands, s.
+        torque: (M, 4) in N m.
+        estimate: (L, 7) base inertial parameters over time, or None.
+        window: begin <= t < end, s.
+
+    Raises:
+        InputError: where there is no error in the window.
+    """
+    begin, end = window
+    error = error[_within(times, begin, end)]
+    if not len(error):
+        raise InputError(
+            f'no tracking error in {begin:g} s <= t < {end:g} s; expected a longer run'
+        )
+    torque = torque[_within(torque_times, begin, end)]
+    if estimate is not None and not len(estimate):
+        estimate = None
+    return Metrics(
+        begin=begin,
+        end=end,
+        end_effector_rms=rms_norm(error[:, :2]),
+        end_effector_max=largest_norm(error[:, :2]),
+        platform_rms=rms_norm(error[:, 2:]),
+        platform_max=largest_norm(error[:, 2:]),
+        torque_rms=rms_norm(torque) if len(torque) else None,
+        torque_variation=total_variation(torque) / (end - begin) if len(torque) else None,
+        estimate_norm=None if estimate is None else float(np.linalg.norm(estimate[-1])),
+    )
+
+
+def rms_norm(vectors: Floats) -> float:
+    """Return the root mean square of the Euclidean norms of (n, m) vectors, n > 0."""
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
+
+
+def largest_norm(vectors: Floats) -> float:
+    """Return the largest Euclidean norm of (n, m) vectors, n > 0."""
+    return float(np.sqrt(np.max(np.sum(vectors**2, axis=1))))
+
+
+def total_variation(samples: Floats) -> float:
+    """Return the total variation of (n, m) samples, summed over the m columns."""
+    return float(np.sum(np.abs(np.diff(samples, axis=0))))
+
+
+def _within(times: Floats, begin: float, end: float) -> NDArray[np.bool_]:
+    return (begin <= times) & (times < end)

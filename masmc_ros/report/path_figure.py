@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Desired and actual paths in the plane: the paper's Figures 3 and 6."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_robot
+from masmc_ros.report.robot_drawing import draw_robot
+from masmc_ros.report.style import (
+    BLACK,
+    BLUE,
+    caption,
+    GREY,
+    new_figure,
+    PAGE,
+    VERMILLION,
+)
+from masmc_ros.report.tracking import Tracking
+from masmc_ros.robot.geometry import Geometry
+
+Floats = NDArray[np.float64]
+
+_INSTANTS = 6
+_FLATTEST, _STEEPEST = 0.2, 0.8
+"""Height of the drawing over its width."""
+_MARGIN = 0.02
+"""Of the drawing's longer side, around what is drawn."""
+_WIDTH = 165.0
+"""Width in mm of the axes in the figure."""
+_SURROUND = 17.0
+"""Height in mm that the labels and the legend take."""
+
+
+def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
+    """Draw the paths of end effector and platform point F, and the robot now and then.
+
+    Returns None where the log does not tell the positions.
+    """
+    if tracked.actual is None or tracked.desired is None:
+        return None
+    figure = new_figure(PAGE, PAGE)
+    axes = figure.subplots()
+    robot = run_robot(run)
+    if robot is not None:
+        _draw_instants(axes, Geometry(*robot.geometry), run)
+    lines = []
+    for name, colour, first in (('E', BLUE, 0), ('F', VERMILLION, 2)):
+        x, y = tracked.actual[:, first : first + 2].T
+        lines += axes.plot(x, y, color=colour, linewidth=1.2, label=f'{name} actual', zorder=2.5)
+        axes.plot(x[:1], y[:1], 'o', color=colour, markersize=3.5, zorder=2.5)
+        x, y = tracked.desired[:, first : first + 2].T
+        lines += axes.plot(
+            x, y, color=BLACK, linewidth=0.8, dashes=(4, 3), label=f'{name} desired', zorder=2.6
+        )
+    axes.set_xlabel('$x$ (m)')
+    axes.set_ylabel('$y$ (m)')
+    width, height = _fit(axes)
+    figure.set_figheight(figure.get_figwidth() * (_SURROUND + height / width * _WIDTH) / PAGE)
+    caption(figure, axes, label, lines)
+    return figure
+
+
+def _draw_instants(axes: Axes, geometry: Geometry, run: Run) -> None:
+    """Draw the robot at instants evenly spread over the run, each with its time."""
+    side = geometry.half_track + 2.0 * geometry.wheel_radius
+    for k in np.linspace(0, len(run.position) - 1, _INSTANTS).round().astype(int):
+        draw_robot(axes, geometry, run.position[k], opacity=0.45)
+        x, y = run.position[k, :2]
+        axes.text(
+            x,
+            y - side,
+            f'{run.times[k] - run.times[0]:.3g} s',
+            color=GREY,
+            fontsize=6.5,
+            ha='center',
+            va='top',
+            clip_on=True,
+        )
+        # By itself a text does not count as drawn.
+        axes.update_datalim([(x, y - side - 2.0 * geometry.wheel_radius)])
+
+
+def _fit(axes: Axes) -> tuple[float, float]:
+    """Show all that is drawn, one metre as long in x as in y; return both extents in m."""
+    drawn = axes.dataLim
+    margin = 2.0 * _MARGIN * max(drawn.width, drawn.height)
+    width, height = drawn.width + margin, drawn.height + margin
+    width = max(width, height / _STEEPEST)
+    height = max(height, width * _FLATTEST)
+    x, y = (drawn.x0 + drawn.x1) / 2.0, (drawn.y0 + drawn.y1) / 2.0
+    axes.set_xlim(x - width / 2.0, x + width / 2.0)
+    axes.set_ylim(y - height / 2.0, y + height / 2.0)
+    axes.set_aspect('equal')
+    return width, height

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder with everything there is to say about some runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import Run
+from masmc_ros.report.comparison_figure import Compared
+from masmc_ros.report.figures import draw_figures
+from masmc_ros.report.labels import labels
+from masmc_ros.report.metrics import metrics
+from masmc_ros.report.table import csv_table, markdown_table, text_table
+from masmc_ros.report.tracking import tracking
+
+
+def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
+    """Write metrics and figures of runs, and of all of them together, into a folder.
+
+    The folder is made if need be; files of an earlier report in it are replaced.
+
+    Args:
+        runs: at least one run.
+        directory: the folder.
+
+    Returns:
+        The files: table.txt, table.md, metrics.csv, then the figures.
+
+    Raises:
+        InputError: for a run without what a report needs and for a folder that cannot be
+            written. Nothing is written unless everything could be computed.
+    """
+    if not runs:
+        raise InputError('no runs to report; expected at least one log')
+    compared = [
+        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
+    ]
+    reached = [metrics(each.run, tracked=each.tracked) for each in compared]
+    rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
+    files = {
+        'table.txt': text_table(rows).encode(),
+        'table.md': markdown_table(rows).encode(),
+        'metrics.csv': csv_table(rows).encode(),
+        **dict(draw_figures(compared, reached)),
+    }
+    return _write(files, Path(directory))
+
+
+def _write(files: dict[str, bytes], directory: Path) -> list[Path]:
+    """Write files by name, each whole or not at all."""
+    written = []
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            path = directory / name
+            part = directory / f'.{name}.part'
+            try:
+                part.write_bytes(content)
+                part.replace(path)
+            finally:
+                part.unlink(missing_ok=True)
+            written.append(path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f'{directory}: the report cannot be written there ({reason}); expected a folder that'
+            ' can be written or made'
+        ) from error
+    return written

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The look of the figures: sizes, fonts and colours as for a journal's page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import io
+from itertools import cycle, islice, product
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+COLUMN = 88.0
+"""Width of one column of a page in mm."""
+
+PAGE = 180.0
+"""Width of both columns in mm."""
+
+DPI = 300
+
+# Okabe and Ito's colours, which the colour-blind tell apart; their yellow is too faint on white.
+BLACK = '#000000'
+BLUE = '#0072B2'
+ORANGE = '#E69F00'
+GREEN = '#009E73'
+VERMILLION = '#D55E00'
+PURPLE = '#CC79A7'
+SKY = '#56B4E9'
+GREY = '#8C8C8C'
+
+_MILLIMETRES_PER_INCH = 25.4
+_GAP = 10.0
+"""Between a title and a legend in one line, in pixels at 100 to the inch."""
+_NEXT_LINE = 16.0
+"""Distance in points from the axes to a title above the legend."""
+_STYLE: Any = {  # the type of its keys differs between versions of matplotlib
+    'font.size': 8.0,
+    'axes.titlesize': 8.0,
+    'axes.labelsize': 8.0,
+    'xtick.labelsize': 7.0,
+    'ytick.labelsize': 7.0,
+    'legend.fontsize': 7.5,
+    'legend.frameon': False,
+    'legend.borderaxespad': 0.0,
+    'legend.borderpad': 0.0,
+    'legend.handlelength': 1.8,
+    'legend.columnspacing': 1.4,
+    'axes.titlelocation': 'left',
+    'axes.titlepad': 4.0,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'axes.linewidth': 0.6,
+    'axes.xmargin': 0.0,
+    'grid.color': '#D9D9D9',
+    'grid.linewidth': 0.4,
+    'xtick.major.width': 0.6,
+    'ytick.major.width': 0.6,
+    'ytick.minor.width': 0.4,
+    'xtick.major.size': 2.5,
+    'ytick.major.size': 2.5,
+    'ytick.minor.size': 1.5,
+    'lines.linewidth': 1.0,
+    'path.simplify': True,
+    'agg.path.chunksize': 10_000,
+    'figure.constrained_layout.use': True,
+    'savefig.facecolor': 'white',
+}
+
+
+@contextmanager
+def paper_style() -> Iterator[None]:
+    """Draw and save figures in the look of this package, whatever the user's settings."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        with matplotlib.rc_context(_STYLE):
+            yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in mm."""
+    figure = Figure(figsize=(width / _MILLIMETRES_PER_INCH, height / _MILLIMETRES_PER_INCH))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG file: the same bytes for the same figure."""
+    out = io.BytesIO()
+    figure.savefig(out, format='png', dpi=DPI, metadata={'Software': None})
+    return out.getvalue()
+
+
+def line_styles(count: int) -> list[dict[str, Any]]:
+    """Return colour and dashes for so many lines: first all colours solid, then dashed."""
+    colours = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+    dashes = ('-', '--', '-.', ':')
+    styles = ({'color': c, 'linestyle': d} for d, c in product(dashes, colours))
+    return list(islice(cycle(styles), count))
+
+
+def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -> None:
+    """Name the axes at their upper left and their lines at the upper right, off the data."""
+    legend = axes.legend(
+        handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.02), ncols=len(handles)
+    )
+    title = axes.set_title(plain(label))
+    figure.draw_without_rendering()
+    if title.get_window_extent().x1 > legend.get_window_extent().x0 - _GAP:
+        axes.set_title(plain(label), pad=_NEXT_LINE)
+
+
+def time_axis(axes: Axes) -> None:
+    """Label an axis of time in s, with ticks at whole seconds where there is room."""
+    axes.set_xlabel('time $t$ (s)')
+    axes.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10]))
+
+
+def plain(text: str) -> str:
+    """Return text that is drawn as it is, a file's name with dollar signs in it, say."""
+    return text.replace('$', r'\$')

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a run followed its reference: task positions and tracking error (13) over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_robot
+from masmc_ros.robot.forward_kinematics import task_positions
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Task coordinates are x_E, y_E, x_F, y_F in the world, m; times in s from the first state.
+
+    Attributes:
+        times: (K) of the errors.
+        error: (K, 4) e = x - x_d.
+        actual: (N, 4) x at every state; None where the log does not tell it.
+        desired: (N, 4) x_d at every state, NaN where there is none; None likewise.
+    """
+
+    times: Floats
+    error: Floats
+    actual: Floats | None
+    desired: Floats | None
+
+
+def tracking(run: Run) -> Tracking:
+    """Return the tracking of a run.
+
+    The error is the controller's own where the log has it, and computed from the states and
+    the reference where not. Of actual and desired positions, one that is missing follows from
+    the other and the error.
+
+    Raises:
+        InputError: for a log that does not tell the error in either way.
+    """
+    robot = run_robot(run)
+    actual = None if robot is None else task_positions(robot.geometry, run.position)
+    desired = None if run.reference is None else run.reference[:, :4]
+    if run.tracking_error is not None and run.tracking_error_times is not None:
+        times, error = run.tracking_error_times, run.tracking_error
+    elif actual is not None and desired is not None:
+        known = np.isfinite(desired).all(axis=1)
+        times, error = run.times[known], (actual - desired)[known]
+    else:
+        missing = 'reference' if desired is None else "record of the robot's parameters"
+        raise InputError(
+            f'{run.path}: no controller/tracking_error and no {missing} in it; expected a log'
+            ' with one of these'
+        )
+    if actual is None and desired is not None:
+        actual = desired + _at(run.times, times, error)
+    elif desired is None and actual is not None:
+        desired = actual - _at(run.times, times, error)
+    return Tracking(times - run.times[0], error, actual, desired)
+
+
+def _at(wanted: Floats, times: Floats, values: Floats) -> Floats:
+    """Interpolate linearly; NaN outside of the times and where there are none."""
+    if not len(times):
+        return np.full((len(wanted), values.shape[1]), np.nan)
+    columns = [np.interp(wanted, times, v, left=np.nan, right=np.nan) for v in values.T]
+    return np.stack(columns, axis=1)

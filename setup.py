@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One package for two installers: colcon on a ROS machine, pip anywhere else.
+
+Metadata stand here and not in pyproject.toml, because `colcon build --symlink-install` does
+not take them from there.
+"""
+
+from glob import glob
+import sys
+
+from setuptools import find_packages, setup
+
+NAME = 'masmc_ros'
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'composed')
+WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
+
+# `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by
+# setup.cfg. pip puts them in bin/, where names such as `plant` would be in everybody's way:
+# a wheel has `masmc` there, and shims that call it where `ros2 run` looks.
+is_wheel = 'bdist_wheel' in sys.argv or 'editable_wheel' in sys.argv
+scripts = ['masmc = masmc_ros.cli.main:main']
+shims = []
+if is_wheel:
+    shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
+else:
+    scripts += [f'{node} = masmc_ros.nodes.{node}:main' for node in NODES]
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Robust adaptive sliding mode control of mobile manipulators for ROS 2',
+    author='masmc_ros developers',
+    author_email='developers@masmc-ros.invalid',
+    maintainer='masmc_ros developers',
+    maintainer_email='developers@masmc-ros.invalid',
+    license='Apache-2.0',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    python_requires='>=3.11',
+    # ROS 2 packages are not named here: their distributions are called differently in the
+    # wheels and in apt. The extra `ros` brings the wheels.
+    install_requires=[
+        'matplotlib',
+        'mcap',
+        'numba',
+        'numpy',
+        'PyYAML',
+        'rosbags',
+        'tqdm',
+    ],
+    extras_require={
+        'ros': [
+            f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
+            f'ros-jazzy-common-interfaces; {WHEELS}',
+        ],
+        'test': ['hypothesis', 'mcap-ros2-support', 'mpmath', 'pytest', 'sympy'],
+        'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
+    },
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', sorted(glob('config/*'))),
+        (f'share/{NAME}/launch', sorted(glob('launch/*.launch.py'))),
+        *shims,
+    ],
+    entry_points={'console_scripts': scripts},
+    zip_safe=False,
+)

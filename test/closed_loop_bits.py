@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Digests of closed-loop runs, in this process or for another CPU.
+
+`python closed_loop_bits.py TICKS` prints them as JSON, with what the machine code is made of.
+The digests that test_same_bits.py records are those of 2001 ticks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.control.laws.update import BUILT_IN
+from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.loop.closed_loop import closed_loop
+from scenario import Run, Scenario, axes, whole
+
+
+def scenarios(ticks: int) -> dict[str, Scenario]:
+    """Every law with every switching, and a run in which everything else is switched on."""
+    runs = {
+        f'{law} {switching}': Scenario(law, switching, ticks=ticks)
+        for law in BUILT_IN
+        for switching in SWITCHING
+    }
+    runs['observer, torque limits, uneven gains'] = Scenario(
+        'rasmc',
+        'implicit',
+        0.5,
+        ticks=ticks,
+        steps=3,
+        limit=axes(6.0, 5.0, 0.0, 8.0),
+        k_s1=axes(120.0, 80.0, 100.0, 0.0),
+        k_s2=axes(90.0, 0.0, 100.0, 70.0),
+        gamma=np.linspace(0.5, 8.0, 7),
+        rates=axes(1.0, -1.0, 0.3, -0.2),
+    )
+    return runs
+
+
+def digest(run: Run) -> str:
+    """Return the SHA-256 of every number of a run, one bit pattern for not-a-number."""
+    sha = hashlib.sha256()
+    for name in ('position', 'velocity', 'applied', 'torque', 'error', 'surface', 'estimate'):
+        values = np.where(np.isnan(getattr(run, name)), np.nan, getattr(run, name))
+        sha.update(values.astype('<f8').tobytes())
+    sha.update(str(run.singular).encode())
+    return sha.hexdigest()
+
+
+def machine_code() -> dict[str, int]:
+    """Count the kinds of instructions in the closed loop's machine code (x86-64)."""
+    kinds = {'avx': r'\bvmulsd\b|\bvmulpd\b', 'sse': r'\bmulsd\b|\bmulpd\b', 'fma': r'\bvfn?m'}
+    texts = closed_loop.inspect_asm().values() if hasattr(closed_loop, 'inspect_asm') else ()
+    return {name: sum(len(re.findall(kind, t)) for t in texts) for name, kind in kinds.items()}
+
+
+def report(ticks: int) -> dict[str, Any]:
+    """Return digests and kinds of instructions."""
+    digests = {name: digest(whole(scenario)) for name, scenario in scenarios(ticks).items()}
+    return {'digests': digests, 'machine code': machine_code()}
+
+
+if __name__ == '__main__':
+    print(json.dumps(report(int(sys.argv[1])), indent=1))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logs of made-up numbers for the tests."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.names import (
+    COMMAND_TOPIC,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.rows import effort_rows, joint_state_rows, telemetry_rows
+from masmc_ros.log.writer import ChannelRows, LogWriter
+
+STATE = 'sensor_msgs/msg/JointState'
+ARRAY = 'std_msgs/msg/Float64MultiArray'
+
+
+class Numbers(NamedTuple):
+    """A run of n ticks."""
+
+    stamps: NDArray[np.int64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    torque: NDArray[np.float64]
+    telemetry: dict[str, NDArray[np.float64]]
+    reference: NDArray[np.float64]
+
+
+def numbers(count: int, period_ns: int = 1_000_000, start: int = 0) -> Numbers:
+    """Return `count` ticks of different numbers."""
+    random = np.random.default_rng(count)
+    effort = random.standard_normal((count, 7))
+    effort[:, :3] = 0.0
+    return Numbers(
+        start + period_ns * np.arange(count),
+        random.standard_normal((count, 7)),
+        random.standard_normal((count, 7)),
+        effort,
+        random.standard_normal((count, 4)),
+        {label: random.standard_normal((count, size)) for label, size in TELEMETRY.items()},
+        random.standard_normal((count, 12)),
+    )
+
+
+def write_run(
+    path: Path, run: Numbers, namespace: str = '/', *, window: int = 50, everything: bool = True
+) -> None:
+    """Write a run as `masmc simulate` would, the reference in windows of that many samples."""
+    with LogWriter(path) as log:
+        write_numbers(log, run, namespace, window=window, everything=everything)
+        log.metadata('origin', {'law': 'smc'})
+        log.attach('paper.yaml', 'application/yaml', b'plant: {}')
+
+
+def write_numbers(
+    log: LogWriter, run: Numbers, namespace: str = '/', *, window: int, everything: bool
+) -> None:
+    """Write a run into an open log."""
+    states = log.channel(namespace + STATE_TOPIC, STATE, Qos(durability='transient_local'))
+    state_rows = joint_state_rows(run.stamps, run.position, run.velocity, run.effort)
+    sources = [ChannelRows(states, run.stamps, state_rows)]
+    if everything:
+        commands = log.channel(namespace + COMMAND_TOPIC, ARRAY, Qos())
+        for group in effort_rows(run.stamps, run.torque):
+            sources.append(ChannelRows(commands, run.stamps[group.indices], group.rows))
+        for label, values in run.telemetry.items():
+            channel = log.channel(namespace + telemetry_topic(label), ARRAY, Qos())
+            rows = telemetry_rows(label, run.stamps, values)
+            sources.append(ChannelRows(channel, run.stamps, rows))
+        period = float(run.stamps[1] - run.stamps[0]) / 1e9
+        channel = log.channel(namespace + REFERENCE_TOPIC, ARRAY, Qos())
+        for first in range(0, len(run.stamps), window):
+            stamp = int(run.stamps[first])
+            samples = run.reference[first : first + window].reshape(-1, 3, 4)
+            log.write(channel, stamp, stamp, ReferenceWindow(stamp, period, samples).to_bytes())
+    log.write_rows(sources)

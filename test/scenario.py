@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed-loop runs of the compiled kernel, called as arrays: whole, in pieces, tick by tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+
+from masmc_ros.control.laws.update import BUILT_IN
+from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.loop.closed_loop import closed_loop
+from masmc_ros.loop.control_tick import control_tick
+from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.reference.trajectory import LineSine
+from masmc_ros.robot import AXES, BASE_PARAMETERS
+from robots import DEFAULT, Array, Machine
+
+
+def axes(*values: float) -> Array:
+    """Make an array of one number per axis."""
+    return np.array(values, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Robot, law, reference, disturbance and start of a run; defaults are the paper's."""
+
+    law: str = 'rasmc'
+    switching: str = 'tanh'
+    observer_gain: float = 0.0
+    boundary_layer: float = 0.2
+    model_scale: float = 0.5
+    robot: Machine = field(default_factory=lambda: Machine(DEFAULT))
+    period: float = 1e-3
+    steps: int = 2
+    ticks: int = 20_001
+    k_s1: Array = field(default_factory=lambda: np.full(AXES, 100.0))
+    k_s2: Array = field(default_factory=lambda: np.full(AXES, 100.0))
+    sigma: Array = field(default_factory=lambda: np.full(AXES, 2.0))
+    gamma: Array = field(default_factory=lambda: np.ones(BASE_PARAMETERS))
+    amplitude: Array = field(default_factory=lambda: axes(1.5, 1.5, 3.0, 3.0))
+    frequency: Array = field(default_factory=lambda: axes(3.0, 3.0, 1.5, 1.5))
+    phase: Array = field(default_factory=lambda: axes(0.0, math.pi / 2, 0.0, math.pi / 2))
+    limit: Array = field(default_factory=lambda: np.zeros(AXES))
+    pose: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 2))
+    joints: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 4, -math.pi / 2))
+    rates: Array = field(default_factory=lambda: np.zeros(AXES))
+    line: Array = field(
+        default_factory=lambda: np.array(
+            [
+                [0.3, 0.5, 0.0, 0.0],
+                [0.2, 0.0, 0.2, 0.0],
+                [0.0, 0.25, 0.0, 0.0],
+                [0.0, 0.2 * math.pi, 0.0, 0.0],
+                [0.0, 0.0, 0.0, 0.0],
+            ]
+        )
+    )
+    """Offset, slope, amplitude, frequency and phase of each task axis (5, 4)."""
+
+    @property
+    def reference(self) -> Array:
+        """Return x_d, xdot_d and xddot_d at every tick (n, 12)."""
+        names = ('offset', 'slope', 'amplitude', 'frequency', 'phase')
+        return LineSine(dict(zip(names, self.line, strict=True))).sample(
+            np.arange(self.ticks) * self.period
+        )
+
+
+@dataclass
+class Run:
+    """What a run leaves behind; rows are ticks."""
+
+    position: Array
+    velocity: Array
+    applied: Array
+    torque: Array
+    error: Array
+    surface: Array
+    estimate: Array
+    singular: int = 0
+
+
+class Loop:
+    """A run in progress."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Start at tick 0."""
+        self.scenario = scenario
+        robot = scenario.robot
+        self._geometry, self._theta = np.array(robot.geometry), np.array(robot.theta)
+        self._nominal = scenario.model_scale * self._theta
+        self._estimate = self._nominal.copy()
+        self._disturbance, self._predicted = np.zeros(AXES), np.full(AXES, np.nan)
+        n = scenario.ticks
+        self._reference = scenario.reference
+        self.run = Run(
+            np.full((n + 1, 7), np.nan),
+            np.full((n + 1, 7), np.nan),
+            np.zeros((n + 1, AXES)),
+            *(np.full((n, AXES), np.nan) for _ in range(3)),
+            np.full((n, BASE_PARAMETERS), np.nan),
+        )
+        initial_state(
+            self._geometry,
+            robot.physical['com_offset'],
+            scenario.pose,
+            scenario.joints,
+            scenario.rates,
+            self.run.position[0],
+            self.run.velocity[0],
+        )
+
+    def stretch(self, first: int, last: int) -> None:
+        """Compute ticks first ... last - 1 in one compiled call."""
+        s, r = self.scenario, self.run
+        r.singular += closed_loop(
+            self._geometry,
+            self._theta,
+            s.amplitude,
+            s.frequency,
+            s.phase,
+            s.limit,
+            s.steps,
+            self._nominal,
+            s.period,
+            BUILT_IN.index(s.law),
+            SWITCHING.index(s.switching),
+            s.k_s1,
+            s.k_s2,
+            s.sigma,
+            s.gamma,
+            s.boundary_layer,
+            s.observer_gain,
+            self._estimate,
+            self._disturbance,
+            self._predicted,
+            first,
+            last == s.ticks,
+            self._reference[first:last],
+            r.position[first : last + 1],
+            r.velocity[first : last + 1],
+            r.applied[first : last + 1],
+            r.torque[first:last],
+            r.error[first:last],
+            r.surface[first:last],
+            r.estimate[first:last],
+        )
+
+    def tick(self, k: int) -> None:
+        """Compute one tick as the nodes do: the controller's, then the plant's."""
+        s, r = self.scenario, self.run
+        r.estimate[k] = self._estimate
+        r.singular += control_tick(
+            self._geometry,
+            self._nominal,
+            s.period,
+            BUILT_IN.index(s.law),
+            SWITCHING.index(s.switching),
+            s.k_s1,
+            s.k_s2,
+            s.sigma,
+            s.gamma,
+            s.boundary_layer,
+            s.observer_gain,
+            r.position[k],
+            r.velocity[k],
+            self._reference[k],
+            self._estimate,
+            self._disturbance,
+            self._predicted,
+            r.torque[k],
+            r.error[k],
+            r.surface[k],
+        )
+        if k + 1 == s.ticks:
+            return
+        r.position[k + 1], r.velocity[k + 1] = r.position[k], r.velocity[k]
+        plant_tick(
+            self._geometry,
+            self._theta,
+            s.amplitude,
+            s.frequency,
+            s.phase,
+            s.limit,
+            k * s.period,
+            s.period,
+            s.steps,
+            r.torque[k],
+            r.position[k + 1],
+            r.velocity[k + 1],
+            r.applied[k + 1],
+        )
+
+
+def whole(scenario: Scenario) -> Run:
+    """Run in one compiled call."""
+    loop = Loop(scenario)
+    loop.stretch(0, scenario.ticks)
+    return loop.run
+
+
+def in_pieces(scenario: Scenario, cut: int) -> Run:
+    """Run in two compiled calls."""
+    loop = Loop(scenario)
+    loop.stretch(0, cut)
+    loop.stretch(cut, scenario.ticks)
+    return loop.run
+
+
+def tick_by_tick(scenario: Scenario) -> Run:
+    """Run tick by tick from Python."""
+    loop = Loop(scenario)
+    for k in range(scenario.ticks):
+        loop.tick(k)
+    return loop.run

@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Received messages: those of our layout are taken over, all others are told apart."""
+
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow, TelemetryCdr
+from masmc_ros.log.effort import effort_layout
+from masmc_ros.log.joint_state import joint_state_layout
+from masmc_ros.log.names import JOINTS
+from masmc_ros.log.reference_window import reference_layout
+from masmc_ros.log.telemetry import telemetry_layout
+
+
+def state() -> JointStateCdr:
+    """Return a state with different numbers everywhere."""
+    message = JointStateCdr()
+    message.position[:] = np.arange(1, 8)
+    message.velocity[:] = np.arange(11, 18)
+    message.effort[:] = np.arange(21, 28)
+    message.set_stamp(12_000_000_034)
+    return message
+
+
+def command() -> EffortCdr:
+    """Return a command with different numbers everywhere."""
+    message = EffortCdr()
+    message.data[:] = [1.0, 2.0, 3.0, 4.0]
+    message.set_stamp(12_000_000_034)
+    return message
+
+
+def telemetry() -> TelemetryCdr:
+    """Return telemetry with different numbers everywhere."""
+    message = TelemetryCdr('tracking_error', 4)
+    message.values[:] = [1.0, 2.0, 3.0, 4.0]
+    message.set_stamp(12_000_000_034)
+    return message
+
+
+EMPTY = {
+    state: JointStateCdr,
+    command: EffortCdr,
+    telemetry: partial(TelemetryCdr, 'tracking_error', 4),
+}
+
+MESSAGES = [
+    (state, joint_state_layout().layout),
+    (command, effort_layout(12)),
+    (telemetry, telemetry_layout('tracking_error', 4)),
+]
+
+
+@pytest.mark.parametrize(('make', 'layout'), MESSAGES)
+def test_round_trip(make: Any, layout: Any) -> None:
+    raw = make().to_bytes()
+    message = EMPTY[make]()
+    assert message.to_bytes() != raw
+    assert message.load(raw)
+    assert message.to_bytes() == raw
+    assert message.stamp_ns == 12_000_000_034
+
+
+@pytest.mark.parametrize(('make', 'layout'), MESSAGES)
+def test_any_other_constant_byte_is_another_layout(make: Any, layout: Any) -> None:
+    message = make()
+    raw = message.to_bytes()
+    for index in np.flatnonzero(np.frombuffer(layout.mask, np.uint8)):
+        changed = bytearray(raw)
+        changed[index] ^= 1
+        assert not message.load(bytes(changed)), index
+        assert message.to_bytes() == raw
+
+
+@pytest.mark.parametrize(('make', 'layout'), MESSAGES)
+@given(garbage=st.binary(min_size=1, max_size=1))
+def test_bytes_that_align_are_not_looked_at_nor_sent_on(
+    make: Any, layout: Any, garbage: bytes
+) -> None:
+    message = make()
+    raw = message.to_bytes()
+    flags = np.frombuffer(layout.mask, np.uint8) == 0
+    for part in layout.varying:
+        flags[part] = False
+    assert flags.any()
+    changed = np.frombuffer(raw, np.uint8).copy()
+    changed[flags] = garbage[0]
+    assert message.load(changed.tobytes())
+    assert message.to_bytes() == raw
+
+
+@pytest.mark.parametrize(('make', 'layout'), MESSAGES)
+@given(raw=st.binary(max_size=400))
+def test_anything_else_is_another_layout(make: Any, layout: Any, raw: bytes) -> None:
+    message = make()
+    before = message.to_bytes()
+    assert not message.load(raw)
+    assert not message.load(before[: len(raw) % len(before)])
+    assert not message.load(before + b'\0')
+    assert message.to_bytes() == before
+
+
+def test_numbers_are_views_on_multiples_of_eight() -> None:
+    message = state()
+    for view in (message.position, message.velocity, message.effort, telemetry().values):
+        assert view.ctypes.data % 8 == 0
+        assert view.flags.writeable
+        assert view.base is not None
+    before = message.position
+    message.load(state().to_bytes())
+    assert message.position is before
+
+
+@given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
+def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) -> None:
+    label = f'{seconds}.{nanoseconds}'
+    layout = effort_layout(len(label))
+    raw = bytearray(layout.template)
+    raw[layout.digits] = label.encode()
+    message = command()
+    assert message.load(bytes(raw))
+    assert message.stamp_ns == seconds * 10**9 + nanoseconds
+    assert message.to_bytes() == bytes(raw)
+
+
+@pytest.mark.parametrize(
+    'label', ['12', '1.2.3', '-1.5', '1.-5', '.5', '5.', ' 1.5', '1_0.5', '1.0123456789', 'now']
+)
+def test_label_without_a_stamp(label: str) -> None:
+    layout = effort_layout(len(label))
+    raw = bytearray(layout.template)
+    raw[layout.digits] = label.encode()
+    message = command()
+    before = message.to_bytes()
+    assert not message.load(bytes(raw))
+    assert message.to_bytes() == before
+    with pytest.raises(InputError, match='is not effort@SECONDS'):
+        message.load_message(array([4.0] * 4, [(f'effort@{label}', 4)]))
+
+
+def array(
+    data: list[float], dimensions: list[tuple[str, int]] | None = None, data_offset: int = 0
+) -> Any:
+    """Return what a deserialiser makes of a Float64MultiArray."""
+    dim = [SimpleNamespace(label=label, size=size) for label, size in dimensions or []]
+    return SimpleNamespace(layout=SimpleNamespace(dim=dim, data_offset=data_offset), data=data)
+
+
+def joint_state(**fields: Any) -> Any:
+    """Return what a deserialiser makes of a JointState, ours but for `fields`."""
+    numbers = [float(n) for n in range(7)]
+    stamp = SimpleNamespace(sec=1, nanosec=5)
+    ours = {'name': list(JOINTS), 'position': numbers, 'velocity': numbers, 'effort': numbers}
+    return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **(ours | fields))
+
+
+@given(st.permutations(range(9)))
+def test_joints_in_any_order(order: list[int]) -> None:
+    names = [*JOINTS, 'gripper', 'camera']
+    message = joint_state(
+        name=[names[n] for n in order],
+        position=[float(n) for n in order],
+        velocity=[10.0 + n for n in order],
+        effort=[20.0 + n for n in order],
+    )
+    received = JointStateCdr()
+    received.load_message(message)
+    assert received.position.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert received.velocity.tolist() == [10, 11, 12, 13, 14, 15, 16]
+    assert received.effort.tolist() == [20, 21, 22, 23, 24, 25, 26]
+    assert received.stamp_ns == 1_000_000_005
+
+
+def test_efforts_that_are_unknown_are_zero() -> None:
+    received = JointStateCdr()
+    received.load_message(joint_state(effort=[float('nan')] * 6 + [3.0]))
+    assert received.effort.tolist() == [0.0] * 6 + [3.0]
+
+
+@pytest.mark.parametrize(
+    ('fields', 'expected'),
+    [
+        ({'name': list(JOINTS[:-1])}, "joint 'arm_joint_2' is missing"),
+        ({'name': [*JOINTS, 'arm_joint_1']}, "joint 'arm_joint_1' is given 2 times"),
+        ({'position': [0.0] * 6}, 'position has 6 numbers for 7 joints'),
+        ({'velocity': []}, 'velocity has 0 numbers for 7 joints'),
+        ({'effort': [0.0] * 8}, 'effort has 8 numbers for 7 joints'),
+        ({'position': [0.0] * 6 + [np.nan]}, "position of 'arm_joint_2' is not a finite"),
+        ({'velocity': [np.inf] + [0.0] * 6}, "velocity of 'base_x_joint' is not a finite"),
+        ({'effort': [np.inf] + [0.0] * 6}, "effort of 'base_x_joint' is not a finite"),
+    ],
+)
+def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:
+    received = state()
+    before = received.to_bytes()
+    with pytest.raises(InputError, match=expected):
+        received.load_message(joint_state(**fields))
+    assert received.to_bytes() == before
+    received.load_message(joint_state())
+    assert received.position.tolist() == [0, 1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ('data', 'expected'),
+    [
+        ([1.0] * 3, '3 numbers; it takes 4'),
+        ([], '0 numbers; it takes 4'),
+        ([1.0, np.nan, 1.0, 1.0], "torque of 'wheel_left_joint' is not a finite"),
+    ],
+)
+def test_refused_command(data: list[float], expected: str) -> None:
+    received = command()
+    before = received.to_bytes()
+    with pytest.raises(InputError, match=expected):
+        received.load_message(array(data))
+    assert received.to_bytes() == before
+
+
+def test_finite() -> None:
+    joints, torques = state(), command()
+    assert joints.is_finite()
+    assert torques.is_finite()
+    joints.velocity[6] = np.inf
+    torques.data[0] = np.nan
+    assert not joints.is_finite()
+    assert not torques.is_finite()
+
+
+WINDOW = ReferenceWindow(3_000_000_007, 0.25, np.arange(24.0).reshape(2, 3, 4))
+DIMENSIONS = [('samples', 2), ('derivative', 3), ('task', 4)]
+HEAD = [3.0, 7.0, 0.25]
+
+
+def assert_same_window(first: ReferenceWindow | None, second: ReferenceWindow) -> None:
+    """Compare two windows."""
+    assert first is not None
+    assert (first.stamp_ns, first.period) == (second.stamp_ns, second.period)
+    assert np.array_equal(first.samples, second.samples)
+
+
+def test_window() -> None:
+    assert_same_window(ReferenceWindow.from_bytes(WINDOW.to_bytes()), WINDOW)
+    message = array(HEAD + list(range(24)), DIMENSIONS, 3)
+    assert_same_window(ReferenceWindow.from_message(message), WINDOW)
+    assert WINDOW.stamps().tolist() == [3_000_000_007, 3_250_000_007]
+
+
+def test_window_with_another_label_is_another_layout() -> None:
+    raw = WINDOW.to_bytes()
+    assert ReferenceWindow.from_bytes(raw.replace(b'samples', b'Samples')) is None
+    for size in range(len(raw)):
+        assert ReferenceWindow.from_bytes(raw[:size]) is None
+
+
+@pytest.mark.parametrize(
+    ('message', 'expected'),
+    [
+        (array([1.0] * 5), 'a set-point of 5 numbers; it takes 4 positions, or 8'),
+        (array([1.0, np.nan, 1.0, 1.0]), 'number 1 is not finite'),
+        (array([*HEAD, *[0.0] * 23], DIMENSIONS, 3), '26 numbers'),
+        (array([0.0] * 24, DIMENSIONS, 0), 'data_offset 0'),
+        (array([*HEAD, *[0.0] * 24], DIMENSIONS[::-1], 3), 'task 4 x derivative 3 x samples 2'),
+        (array([3.5, 7.0, 0.25, *[0.0] * 24], DIMENSIONS, 3), r'stamp \[3.5, 7\]'),
+        (array([3.0, 1e9, 0.25, *[0.0] * 24], DIMENSIONS, 3), r'stamp \[3, 1e\+09\]'),
+        (array([3.0, 7.0, 0.0, *[0.0] * 24], DIMENSIONS, 3), 'sample period 0 s'),
+        (array([3.0, 7.0, 0.25, *[0.0] * 23, np.inf], DIMENSIONS, 3), 'number 26 is not finite'),
+    ],
+)
+def test_refused_reference(message: Any, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        ReferenceWindow.from_message(message)
+
+
+def test_our_window_with_a_number_that_is_not_finite_is_refused() -> None:
+    layout = reference_layout(1)
+    raw = layout.template[: layout.data] + np.full(15, np.nan).tobytes()
+    with pytest.raises(InputError, match='number 0 is not finite'):
+        ReferenceWindow.from_bytes(raw)
+
+
+def test_telemetry_of_another_label() -> None:
+    received = telemetry()
+    received.load_message(array([1.0, 5.0, 6.0, 7.0, 8.0, 9.0], [('s', 4)], 2))
+    assert received.values.tolist() == [6.0, 7.0, 8.0, 9.0]
+    assert received.stamp_ns == 1_000_000_005
+    with pytest.raises(InputError, match='tracking_error: 4 numbers, data_offset 0'):
+        received.load_message(array([6.0, 7.0, 8.0, 9.0]))
+    assert received.values.tolist() == [6.0, 7.0, 8.0, 9.0]

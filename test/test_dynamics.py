@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dynamics (10)-(12): properties 1 to 3 of the paper, the inverse inertia, power and energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from masmc_ros.loop.control_tick import task_inertia
+from masmc_ros.loop.plant import PlantState, derivative
+from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.dynamics import (
+    BaseParameters,
+    Inertia,
+    coriolis,
+    inertia,
+    inertia_solve,
+    inertia_times,
+    regressor,
+    regressor_times,
+    regressor_transpose_times,
+)
+from masmc_ros.robot.geometry import Posture, posture, quasi_velocity
+from masmc_ros.robot.kinematics import quasi_from_task, task_drift, task_force_from_quasi
+from robots import (
+    DEFAULT,
+    PROPERTY,
+    STEP,
+    Angles,
+    Array,
+    Machine,
+    Quad,
+    all_angles,
+    assert_agree,
+    between,
+    columns,
+    machines,
+    quads,
+    quasi_map,
+    regular_angles,
+)
+
+ROBOT = Machine(DEFAULT)
+
+
+def real(angles: Angles) -> Posture:
+    """Posture of angles at rest."""
+    return posture(angles.yaw, angles.arm_1, angles.arm_2)
+
+
+def inertia_matrix(robot: Machine, bend: Posture) -> Any:
+    """H in quasi-velocities (4 x 4)."""
+    h = inertia(robot.theta, robot.geometry, bend)
+    return columns(lambda *v: inertia_times(h, *v))
+
+
+def coriolis_matrix(robot: Machine, bend: Posture, velocity: Quad) -> Array:
+    """V(v) in quasi-velocities (4 x 4)."""
+    return columns(lambda *v: coriolis(robot.theta, robot.geometry, bend, velocity, v))
+
+
+def task_matrix(robot: Machine, bend: Posture, force: Callable[[Quad], Quad]) -> Any:
+    """J^-T (force of J^-1 x), column by column (4 x 4)."""
+    geometry = robot.geometry
+    return columns(
+        lambda *x: task_force_from_quasi(
+            geometry, bend, *force(quasi_from_task(geometry, bend, *x))
+        )
+    )
+
+
+def inertia_x(robot: Machine, bend: Posture) -> Any:
+    """H_x = J^-T H J^-1 of (11)."""
+    h = inertia(robot.theta, robot.geometry, bend)
+    return task_matrix(robot, bend, lambda v: inertia_times(h, *v))
+
+
+def test_base_parameters_of_the_default_robot() -> None:
+    expected = (21.35300031, 0.36151294, 0.42108, 1.1951, 0.26001, 0.59325996, 0.08598243)
+    assert ROBOT.theta == pytest.approx(expected, abs=5e-9)
+
+
+@PROPERTY
+@given(machines(), all_angles())
+def test_property_1_reduced_inertia_is_symmetric_positive_definite(
+    robot: Machine, angles: Angles
+) -> None:
+    h = inertia_matrix(robot, real(angles))
+    assert (h == h.T).all()
+    np.linalg.cholesky(h)
+    q = quasi_map(robot.geometry)
+    np.linalg.cholesky(q.T @ h @ q)
+
+
+@PROPERTY
+@given(machines(), regular_angles())
+def test_property_1_task_inertia_is_symmetric_positive_definite(
+    robot: Machine, angles: Angles
+) -> None:
+    h_x = inertia_x(robot, real(angles))
+    assert_agree(h_x, h_x.T, 1e-13)
+    np.linalg.cholesky(0.5 * (h_x + h_x.T))
+
+
+@PROPERTY
+@given(machines(), all_angles())
+@example(ROBOT, Angles(0.0, 0.3, 0.0))
+def test_task_inertia_of_the_control_tick(robot: Machine, angles: Angles) -> None:
+    found = np.full((AXES, AXES), np.nan)
+    task_inertia(robot.theta, robot.geometry, real(angles), found)
+    assert_agree(found, inertia_x(robot, real(angles)), 1e-14)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads())
+def test_property_2_in_reduced_coordinates(
+    robot: Machine, angles: Angles, velocity: Quad
+) -> None:
+    rate = np.imag(inertia_matrix(robot, angles.moving(velocity))) / STEP
+    v = coriolis_matrix(robot, real(angles), velocity)
+    skew = rate - 2.0 * v
+    assert_agree(skew + skew.T, np.zeros((4, 4)), 1e-14, scale=np.abs(v).max() + 1e-9)
+
+
+@PROPERTY
+@given(machines(), regular_angles(), quads())
+def test_property_2_in_task_space(robot: Machine, angles: Angles, velocity: Quad) -> None:
+    bend, geometry = real(angles), robot.geometry
+    h = inertia(robot.theta, geometry, bend)
+
+    def force(v_r: Quad) -> Quad:
+        """(V - H J^-1 Jdot) v_r of (11)."""
+        drift = task_drift(geometry, bend, velocity, v_r)
+        turning = inertia_times(h, *quasi_from_task(geometry, bend, *drift))
+        own = coriolis(robot.theta, geometry, bend, velocity, v_r)
+        return (
+            own[0] - turning[0],
+            own[1] - turning[1],
+            own[2] - turning[2],
+            own[3] - turning[3],
+        )
+
+    v_x = task_matrix(robot, bend, force)
+    rate = np.imag(inertia_x(robot, angles.moving(velocity))) / STEP
+    skew = rate - 2.0 * v_x
+    assert_agree(skew + skew.T, np.zeros((4, 4)), 1e-12, scale=np.abs(v_x).max() + 1e-9)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(), quads(5.0))
+def test_property_3_the_dynamics_are_linear_in_the_base_parameters(
+    robot: Machine, angles: Angles, velocity: Quad, reference: Quad, acceleration: Quad
+) -> None:
+    bend, geometry, theta = real(angles), robot.geometry, robot.theta
+    y = regressor(geometry, bend, velocity, reference, acceleration)
+    inertial = np.array(inertia_times(inertia(theta, geometry, bend), *acceleration))
+    forces = inertial + coriolis(theta, geometry, bend, velocity, reference)
+    size = np.abs(inertial).max() + np.abs(forces).max() + 1e-9
+    assert_agree(regressor_times(y, theta), forces, 1e-13, scale=size)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(), quads(5.0), quads(), st.integers(0, 6))
+def test_the_transposed_regressor_is_the_regressors_transpose(
+    robot: Machine,
+    angles: Angles,
+    velocity: Quad,
+    reference: Quad,
+    acceleration: Quad,
+    motion: Quad,
+    column: int,
+) -> None:
+    y = regressor(robot.geometry, real(angles), velocity, reference, acceleration)
+    unit = BaseParameters(*(float(j == column) for j in range(BASE_PARAMETERS)))
+    force = regressor_times(y, unit)
+    gradient = regressor_transpose_times(y, *motion)
+    size = np.abs(force).max() * 3.0 + 1e-9
+    assert_agree(gradient[column], np.dot(force, motion), 1e-14, scale=size)
+
+
+@PROPERTY
+@given(machines(), st.integers(0, 2**32 - 1))
+def test_every_base_parameter_matters(robot: Machine, seed: int) -> None:
+    """The seven are a minimal set: some motion tells each of them from all the others."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(12):
+        bend = posture(*rng.uniform(-3.0, 3.0, 3).tolist())
+        v, v_r, a_r = (tuple(rng.uniform(-2.0, 2.0, 4).tolist()) for _ in range(3))
+        y = regressor(robot.geometry, bend, v, v_r, a_r)
+        units = np.eye(BASE_PARAMETERS).tolist()
+        rows.append(np.array([regressor_times(y, BaseParameters(*u)) for u in units]).T)
+    assert np.linalg.matrix_rank(np.vstack(rows), tol=1e-6) == BASE_PARAMETERS
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(50.0))
+def test_inertia_solve_inverts_inertia_times(
+    robot: Machine, angles: Angles, force: Quad
+) -> None:
+    h: Inertia = inertia(robot.theta, robot.geometry, real(angles))
+    solved = inertia_solve(h, *force)
+    size = np.abs(np.array(h)).max() * np.abs(solved).max() + 1e-9
+    assert_agree(inertia_times(h, *solved), force, 1e-13, scale=size)
+
+
+def plant_state(angles: Angles, rates: Quad) -> PlantState:
+    """State at the origin of the world."""
+    return PlantState(0.0, 0.0, angles.yaw, 0.1, -0.2, angles.arm_1, angles.arm_2, *rates)
+
+
+def kinetic_energy(robot: Machine, state: PlantState) -> Any:
+    """Kinetic energy in J."""
+    v = np.array(quasi_velocity(robot.geometry, *state[7:]))
+    bend = posture(state.yaw, state.arm_1, state.arm_2)
+    return 0.5 * v @ inertia_matrix(robot, bend) @ v
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(10.0))
+def test_power_is_what_the_torques_bring_in(
+    robot: Machine, angles: Angles, rates: Quad, torque: Quad
+) -> None:
+    state = plant_state(angles, rates)
+    rate = derivative(robot.theta, robot.geometry, state, torque)
+    v = np.array(quasi_velocity(robot.geometry, *rates))
+    v_dot = np.array(quasi_velocity(robot.geometry, *rate[7:]))
+    h = inertia_matrix(robot, real(angles))
+    h_dot = np.imag(inertia_matrix(robot, angles.moving(tuple(v.tolist())))) / STEP
+    gained = v @ h @ v_dot + 0.5 * v @ h_dot @ v
+    size = np.abs(h).max() * np.abs(v).max() * np.abs(v_dot).max() + np.abs(torque).max() * 3.0
+    assert_agree(gained, np.dot(torque, rates), 1e-12, scale=size + 1e-9)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(10.0))
+def test_the_plant_rolls_without_slipping(
+    robot: Machine, angles: Angles, rates: Quad, torque: Quad
+) -> None:
+    rate = derivative(robot.theta, robot.geometry, plant_state(angles, rates), torque)
+    r, b = robot.physical['wheel_radius'], robot.physical['half_track']
+    c, s = np.cos(angles.yaw), np.sin(angles.yaw)
+    forward, sideways = c * rate.x + s * rate.y, c * rate.y - s * rate.x
+    assert_agree(sideways, 0.0, 1e-15, scale=1.0)
+    assert_agree(forward + b * rate.yaw, r * rates[0], 1e-14, scale=1.0)
+    assert_agree(forward - b * rate.yaw, r * rates[1], 1e-14, scale=1.0)
+    assert rate[3:7] == rates
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(10.0), between(0.1, 10.0))
+def test_a_heavier_robot_needs_as_much_more_torque(
+    robot: Machine, angles: Angles, rates: Quad, torque: Quad, factor: float
+) -> None:
+    """Scaling every inertial parameter and the torque leaves the motion as it is."""
+    heavier = replace(robot, physical=dict(robot.physical))
+    inertial = [n for n in DEFAULT if n.endswith(('_mass', '_inertia'))]
+    heavier.physical.update({name: factor * robot.physical[name] for name in inertial})
+    more = tuple(factor * value for value in torque)
+    state = plant_state(angles, rates)
+    one = derivative(robot.theta, robot.geometry, state, torque)
+    two = derivative(heavier.theta, heavier.geometry, state, more)
+    assert_agree(two, one, 1e-10)

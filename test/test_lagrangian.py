@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled model against the same robot's equations derived from its Lagrangian."""
+
+from __future__ import annotations
+
+from hypothesis import given
+import numpy as np
+
+from lagrangian import Matrices, matrices
+from masmc_ros.loop.plant import PlantState, derivative
+from masmc_ros.robot.dynamics import (
+    coriolis,
+    inertia,
+    inertia_times,
+    regressor,
+    regressor_times,
+)
+from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.kinematics import (
+    quasi_force_from_task,
+    quasi_from_task,
+    task_drift,
+    task_velocity,
+)
+from robots import (
+    PROPERTY,
+    Angles,
+    Array,
+    Machine,
+    Quad,
+    all_angles,
+    assert_agree,
+    columns,
+    machines,
+    quads,
+    quasi_map,
+    regular_angles,
+)
+
+TOLERANCE = 1e-11
+
+
+def derived(robot: Machine, angles: Angles, rates: Quad) -> Matrices:
+    """Return the derived matrices at a state of the robot, somewhere in the world."""
+    q = np.array([0.3, -0.7, angles.yaw, 0.2, 0.9, angles.arm_1, angles.arm_2])
+    return matrices(robot.physical, q, np.array(rates))
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads())
+def test_the_derivation_fulfils_its_own_constraints(
+    robot: Machine, angles: Angles, rates: Quad
+) -> None:
+    """A S = 0, S is 7 x 4 of full rank, and there is no other motion: A is of rank 3."""
+    m = derived(robot, angles, rates)
+    assert_agree(m.constraints @ m.null_space, np.zeros((4, 4)), 1e-14, scale=1.0)
+    assert m.null_space.shape == (7, 4)
+    assert np.linalg.matrix_rank(m.null_space) == 4
+    assert np.linalg.matrix_rank(m.constraints) == 3
+
+
+@PROPERTY
+@given(machines(), all_angles())
+def test_reduced_inertia(robot: Machine, angles: Angles) -> None:
+    h = inertia(robot.theta, robot.geometry, posture(angles.yaw, angles.arm_1, angles.arm_2))
+    q = quasi_map(robot.geometry)
+    found = q.T @ columns(lambda *v: inertia_times(h, *v)) @ q
+    expected = derived(robot, angles, (0.0, 0.0, 0.0, 0.0)).reduced_inertia
+    assert_agree(found, expected, TOLERANCE)
+
+
+def in_joints(robot: Machine, bend: Array, rates: Quad) -> Array:
+    """V(v) of the kernel on reduced velocities (4 x 4)."""
+    geometry = robot.geometry
+    velocity = quasi_velocity(geometry, *rates)
+    return columns(
+        lambda *v_r: joint_torque(
+            geometry,
+            *coriolis(robot.theta, geometry, bend, velocity, quasi_velocity(geometry, *v_r)),
+        )
+    )
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads())
+def test_coriolis_matrix(robot: Machine, angles: Angles, rates: Quad) -> None:
+    found = in_joints(robot, posture(angles.yaw, angles.arm_1, angles.arm_2), rates)
+    m = derived(robot, angles, rates)
+    size = np.abs(m.printed_coriolis).max() + np.abs(m.reduced_inertia).max() * 1e-3
+    assert_agree(found, m.reduced_coriolis, TOLERANCE, scale=size)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(), quads(5.0))
+def test_regressor(
+    robot: Machine, angles: Angles, rates: Quad, reference: Quad, acceleration: Quad
+) -> None:
+    geometry = robot.geometry
+    y = regressor(
+        geometry,
+        posture(angles.yaw, angles.arm_1, angles.arm_2),
+        quasi_velocity(geometry, *rates),
+        quasi_velocity(geometry, *reference),
+        quasi_velocity(geometry, *acceleration),
+    )
+    found = joint_torque(geometry, *regressor_times(y, robot.theta))
+    m = derived(robot, angles, rates)
+    inertial = m.reduced_inertia @ np.array(acceleration)
+    expected = inertial + m.reduced_coriolis @ np.array(reference)
+    assert_agree(found, expected, TOLERANCE, scale=np.abs(inertial).max() + 1e-9)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(10.0))
+def test_equations_of_motion_with_multipliers(
+    robot: Machine, angles: Angles, rates: Quad, torque: Quad
+) -> None:
+    """The plant's acceleration is that of (6) and (7), solved with their multipliers."""
+    m = derived(robot, angles, rates)
+    v = np.array(rates)
+    q_dot = m.null_space @ v
+    # Three of the four rows of A are independent; their span is what counts.
+    rows = np.linalg.svd(m.constraints)[2][:3]
+    a_dot_q_dot = -rows @ m.null_space_rate @ v
+    effort = np.concatenate([np.zeros(3), torque])
+    matrix = np.block([[m.inertia, rows.T], [rows, np.zeros((3, 3))]])
+    known = np.concatenate([effort - m.christoffel @ q_dot, -a_dot_q_dot])
+    expected = np.linalg.solve(matrix, known)[3:7]
+    state = PlantState(
+        0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2, *rates
+    )
+    found = derivative(robot.theta, robot.geometry, state, torque)[7:]
+    assert_agree(found, expected, 1e-9, scale=1.0)
+
+
+@PROPERTY
+@given(machines(), regular_angles(), quads(), quads())
+def test_task_jacobian(robot: Machine, angles: Angles, rates: Quad, reference: Quad) -> None:
+    geometry = robot.geometry
+    bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    m = derived(robot, angles, rates)
+    jacobian = m.jacobian
+    found = columns(
+        lambda *v: task_velocity(geometry, bend, *quasi_velocity(geometry, *v))
+    )
+    assert_agree(found, jacobian, TOLERANCE)
+    q = quasi_map(geometry)
+    back = columns(lambda *x: quasi_from_task(geometry, bend, *x))
+    assert_agree(q @ np.linalg.inv(jacobian), back, 1e-10)
+    transposed = columns(
+        lambda *f: joint_torque(geometry, *quasi_force_from_task(geometry, bend, *f))
+    )
+    assert_agree(transposed, jacobian.T, TOLERANCE)
+    drift = task_drift(
+        geometry, bend, quasi_velocity(geometry, *rates), quasi_velocity(geometry, *reference)
+    )
+    assert_agree(drift, m.jacobian_rate @ np.array(reference), TOLERANCE, scale=10.0)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message definitions are those of ROS 2 Jazzy."""
+
+from importlib import import_module
+from time import monotonic
+
+import pytest
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.definitions import definition
+
+TYPES = (
+    'builtin_interfaces/msg/Time',
+    'geometry_msgs/msg/Twist',
+    'nav_msgs/msg/Odometry',
+    'rosgraph_msgs/msg/Clock',
+    'sensor_msgs/msg/JointState',
+    'std_msgs/msg/Float64MultiArray',
+    'std_msgs/msg/String',
+)
+
+
+def test_text_holds_the_types_within() -> None:
+    text = definition('sensor_msgs/msg/JointState').text
+    assert 'float64[] effort' in text
+    assert 'MSG: std_msgs/Header' in text
+    assert 'MSG: builtin_interfaces/Time' in text
+
+
+def test_hashes_are_those_of_running_publishers(monkeypatch: pytest.MonkeyPatch) -> None:
+    rclpy = pytest.importorskip('rclpy', reason='compares with ROS 2')
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    context = rclpy.Context()
+    context.init(domain_id=77)
+    try:
+        node = rclpy.create_node('test_log_definitions', context=context)
+        for type_name in TYPES:
+            package, _, name = type_name.split('/')
+            kind = getattr(import_module(f'{package}.msg'), name)
+            topic = f'/test_{package}_{name}'
+            publisher = node.create_publisher(kind, topic, 1)
+            deadline = monotonic() + 10.0
+            while not (endpoints := node.get_publishers_info_by_topic(topic)):
+                assert monotonic() < deadline, f'{topic} was not seen'
+            type_hash = endpoints[0].topic_type_hash
+            expected = f'RIHS{type_hash.version:02d}_{bytes(type_hash.value).hex()}'
+            assert definition(type_name).hash == expected
+            node.destroy_publisher(publisher)
+    finally:
+        context.shutdown()
+
+
+def test_unknown_type() -> None:
+    with pytest.raises(InputError, match=r'did you mean .*sensor_msgs/msg/JointState'):
+        definition('sensor_msgs/msg/JointStates')

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages filled in bulk are those filled one by one."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+import numpy as np
+
+from masmc_ros.log.cdr import (
+    EffortCdr,
+    JointStateCdr,
+    OdometryCdr,
+    TelemetryCdr,
+    TimeCdr,
+    TwistCdr,
+)
+from masmc_ros.log.rows import (
+    effort_rows,
+    joint_state_rows,
+    odometry_rows,
+    telemetry_rows,
+    time_rows,
+    twist_rows,
+)
+
+STAMPS = hnp.arrays(np.int64, st.integers(0, 12), elements=st.integers(0, 2**31 * 10**9 - 1))
+
+
+def numbers(count: int, width: int) -> np.ndarray:
+    """Return (count, width) different numbers."""
+    return np.random.default_rng(width).standard_normal((count, width))
+
+
+@given(STAMPS)
+def test_joint_states(stamps: np.ndarray) -> None:
+    values = numbers(len(stamps), 21)
+    rows = joint_state_rows(stamps, values[:, :7], values[:, 7:14], values[:, 14:])
+    message = JointStateCdr()
+    assert len(rows) == len(stamps)
+    for stamp, value, row in zip(stamps.tolist(), values, rows, strict=True):
+        message.set_stamp(stamp)
+        message.position[:], message.velocity[:], message.effort[:] = np.split(value, 3)
+        assert row.tobytes() == message.to_bytes()
+
+
+@given(STAMPS)
+def test_commands(stamps: np.ndarray) -> None:
+    values = numbers(len(stamps), 4)
+    message = EffortCdr()
+    seen = []
+    for indices, rows in effort_rows(stamps, values):
+        seen += indices.tolist()
+        for index, row in zip(indices.tolist(), rows, strict=True):
+            message.set_stamp(int(stamps[index]))
+            message.data[:] = values[index]
+            assert row.tobytes() == message.to_bytes()
+    assert sorted(seen) == list(range(len(stamps)))
+
+
+@given(STAMPS)
+def test_telemetry(stamps: np.ndarray) -> None:
+    values = numbers(len(stamps), 7)
+    rows = telemetry_rows('parameter_estimate', stamps, values)
+    message = TelemetryCdr('parameter_estimate', 7)
+    for stamp, value, row in zip(stamps.tolist(), values, rows, strict=True):
+        message.set_stamp(stamp)
+        message.values[:] = value
+        assert row.tobytes() == message.to_bytes()
+
+
+@given(STAMPS)
+def test_platform_motion(stamps: np.ndarray) -> None:
+    values = numbers(len(stamps), 13)
+    odometry, twist, clock = OdometryCdr(), TwistCdr(), TimeCdr()
+    all_rows = zip(
+        odometry_rows(stamps, values[:, :7], values[:, 7:]),
+        twist_rows(values[:, 7:]),
+        time_rows(stamps),
+        strict=True,
+    )
+    for stamp, value, (odometry_row, twist_row, time_row) in zip(
+        stamps.tolist(), values, all_rows, strict=True
+    ):
+        odometry.set_stamp(stamp)
+        clock.set_stamp(stamp)
+        odometry.position[:] = value[:3]
+        odometry.orientation[:] = value[3:7]
+        odometry.linear[:] = twist.linear[:] = value[7:10]
+        odometry.angular[:] = twist.angular[:] = value[10:]
+        assert odometry_row.tobytes() == odometry.to_bytes()
+        assert twist_row.tobytes() == twist.to_bytes()
+        assert time_row.tobytes() == clock.to_bytes()

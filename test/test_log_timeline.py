@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which samples and states hold at a time."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.timeline import last_pass, sample_reference
+
+MS = 1_000_000
+
+
+def window(first: int, count: int, value: float, period: int = 1) -> ReferenceWindow:
+    """Return a window at rest at `value`; times in ms."""
+    samples = np.zeros((count, 3, 4))
+    samples[:, 0] = value
+    return ReferenceWindow(first * MS, period / 1000, samples)
+
+
+def set_point(value: float) -> ReferenceWindow:
+    """Return a set-point that moves."""
+    samples = np.full((1, 3, 4), 7.0)
+    samples[:, 0] = value
+    return ReferenceWindow(None, 0.0, samples)
+
+
+def positions(windows: list[tuple[int, ReferenceWindow]], times: list[float]) -> list[float]:
+    """Return x_E at times in ms."""
+    stamps = np.array([round(time * MS) for time in times], dtype=np.int64)
+    return sample_reference(windows, stamps)[:, 0].tolist()
+
+
+def test_newer_windows_replace_overlaps() -> None:
+    windows = [(0, window(0, 10, 1.0)), (0, window(4, 3, 2.0)), (0, window(6, 2, 3.0))]
+    assert positions(windows, list(range(10))) == [1, 1, 1, 1, 2, 2, 3, 3, 1, 1]
+
+
+def test_newer_window_before_older_ones() -> None:
+    windows = [(0, window(5, 3, 1.0)), (0, window(8, 3, 2.0)), (0, window(3, 6, 3.0))]
+    assert positions(windows, list(range(3, 11))) == [3, 3, 3, 3, 3, 3, 2, 2]
+
+
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 12)), max_size=12))
+def test_the_last_window_that_covers_a_sample_holds(spans: list[tuple[int, int]]) -> None:
+    windows = [
+        (0, window(first, count, float(number))) for number, (first, count) in enumerate(spans)
+    ]
+    for time in range(45):
+        covering = [n for n, (first, count) in enumerate(spans) if first <= time < first + count]
+        if covering:
+            assert positions(windows, [time]) == [covering[-1]]
+
+
+def test_before_the_first_sample_nothing_is_known() -> None:
+    assert np.isnan(sample_reference([], np.array([0]))).all()
+    found = sample_reference([(0, window(5, 2, 1.0))], np.array([0, 4 * MS, 5 * MS]))
+    assert np.isnan(found[:2]).all()
+    assert not np.isnan(found[2]).any()
+
+
+def test_past_the_end_the_position_holds() -> None:
+    samples = np.full((3, 3, 4), 5.0)
+    found = sample_reference(
+        [(0, ReferenceWindow(0, 0.001, samples))], np.array([2 * MS, 2 * MS + 1, 2 * MS + 2])
+    )
+    assert (found[:2] == 5.0).all()
+    assert (found[2, :4] == 5.0).all()
+    assert not found[2, 4:].any()
+
+
+def test_a_gap_between_windows_is_an_end() -> None:
+    windows = [(0, window(0, 3, 1.0)), (0, window(10, 3, 2.0))]
+    assert positions(windows, [2, 5, 9.9, 10]) == [1, 1, 1, 2]
+
+
+def test_set_point_holds_from_its_arrival_until_a_newer_window() -> None:
+    windows = [(0, window(0, 20, 1.0)), (5 * MS, set_point(2.0))]
+    assert positions(windows, [4, 5, 6, 100]) == [1, 2, 2, 2]
+    found = sample_reference(windows, np.array([100 * MS]))
+    assert (found[0, 4:] == 7.0).all()
+    windows.append((8 * MS, window(8, 3, 3.0)))
+    assert positions(windows, [5, 7, 8, 10, 50]) == [2, 2, 3, 3, 3]
+
+
+@given(
+    st.lists(st.floats(-3, 3), min_size=6, max_size=6),
+    st.integers(1, 40),
+    st.floats(0.05, 0.95),
+)
+def test_between_samples_a_quintic_is_met_exactly(
+    coefficients: list[float], period_ms: int, part: float
+) -> None:
+    """Position, velocity and acceleration of any polynomial of degree five."""
+    path = np.polynomial.Polynomial(coefficients)
+    derivatives = [path, path.deriv(), path.deriv(2)]
+    period = period_ms / 1000
+    knots = np.arange(4) * period
+    samples = np.stack([each(knots) for each in derivatives], axis=1)[:, :, None]
+    windows = [(0, ReferenceWindow(0, period, np.repeat(samples, 4, axis=2)))]
+    before = samples.copy()
+    stamps = np.rint((np.arange(3) + part) * period * 1e9).astype(np.int64)
+    found = sample_reference(windows, stamps).reshape(3, 3, 4)
+    expected = np.stack([each(stamps / 1e9) for each in derivatives], axis=1)
+    scale = 1.0 / period ** np.arange(3)
+    assert found[:, :, 2] == pytest.approx(expected, abs=1e-12 * scale.max())
+    assert np.array_equal(samples, before)
+
+
+def test_between_contiguous_windows_samples_are_joined() -> None:
+    windows = [(0, window(0, 3, 1.0)), (0, window(3, 3, 2.0))]
+    [found] = positions(windows, [2.5])
+    assert found == pytest.approx(1.5)
+
+
+def test_reset_voids_what_came_before() -> None:
+    stamps = np.array([0, 1, 2, 3, 0, 1, 2])
+    assert last_pass(stamps).tolist() == [4, 5, 6]
+    assert last_pass(np.array([0, 1, 2, 1, 2])).tolist() == [0, 3, 4]
+    assert last_pass(np.array([], dtype=np.int64)).tolist() == []
+
+
+@given(st.lists(st.integers(0, 20)))
+def test_remaining_stamps_ascend_and_the_last_is_kept(stamps: list[int]) -> None:
+    array = np.array(stamps, dtype=np.int64)
+    kept = last_pass(array)
+    assert (np.diff(array[kept]) > 0).all()
+    assert list(kept[-1:]) == list(range(len(stamps)))[-1:]
+    for index in set(range(len(stamps))) - set(kept.tolist()):
+        assert min(stamps[index + 1 :]) <= stamps[index]

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Error dynamics (18) and Lyapunov function (19)-(23) in continuous time, signs and all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hypothesis import assume, given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from masmc_ros.control.laws.plug_in import TickInput
+from masmc_ros.loop.dense import tick_input
+from masmc_ros.loop.plant import PlantState, derivative
+from masmc_ros.robot.dynamics import coriolis
+from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.kinematics import task_drift, task_position
+from robots import (
+    DEFAULT,
+    PROPERTY,
+    Angles,
+    Array,
+    Machine,
+    Quad,
+    assert_agree,
+    machines,
+    quads,
+)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """A robot in motion under (17) with an estimate, gains and a disturbance."""
+
+    robot: Machine
+    angles: Angles
+    rates: Quad
+    reference: Array
+    """x_d, xdot_d, xddot_d (12)."""
+    estimate: Array
+    """theta_hat (7)."""
+    k_s1: Array
+    k_s2: Array
+    disturbance: Array
+    """tau_d (4) in v's order."""
+
+    @property
+    def tick(self) -> TickInput:
+        """Surface, reference state and the true model's matrices."""
+        position = np.array(
+            [0.2, -0.1, self.angles.yaw, 0.0, 0.0, self.angles.arm_1, self.angles.arm_2]
+        )
+        velocity = np.array([0.0, 0.0, 0.0, *self.rates])
+        gains = {'sigma': np.array([2.0, 1.0, 3.0, 0.5])}
+        theta = np.array(self.robot.theta)
+        return tick_input(
+            np.array(self.robot.geometry),
+            theta,
+            1e-3,
+            gains,
+            position,
+            velocity,
+            self.reference,
+            self.estimate,
+        )
+
+    @property
+    def task_disturbance(self) -> Array:
+        """J^-T tau_d (4) in N."""
+        return self.tick.inverse_jacobian.T @ self.disturbance
+
+    def surface_rate(self) -> Array:
+        """Return sdot (4) of the plant under the law (17)."""
+        t, geometry = self.tick, self.robot.geometry
+        u = -self.k_s1 * t.surface - self.k_s2 * np.sign(t.surface)
+        torque = t.regressor @ self.estimate + t.jacobian.T @ u + self.disturbance
+        state = PlantState(
+            0.0, 0.0, self.angles.yaw, 0.0, 0.0, self.angles.arm_1, self.angles.arm_2, *self.rates
+        )
+        rate = derivative(self.robot.theta, geometry, state, tuple(torque.tolist()))
+        bend = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        v = quasi_velocity(geometry, *self.rates)
+        acceleration = t.jacobian @ np.array(rate[7:]) + task_drift(geometry, bend, v, v)
+        sigma = np.asarray(t.gains['sigma'])
+        return acceleration - (t.reference[2] - sigma * t.error_rate)
+
+    def coriolis_force(self) -> Array:
+        """Return V_x s (4) of (11)."""
+        t, geometry = self.tick, self.robot.geometry
+        bend = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        v = quasi_velocity(geometry, *self.rates)
+        along = t.inverse_jacobian @ t.surface
+        along_quasi = quasi_velocity(geometry, *along.tolist())
+        own = joint_torque(
+            geometry, *coriolis(self.robot.theta, geometry, bend, v, along_quasi)
+        )
+        drift = task_drift(geometry, bend, v, along_quasi)
+        turning = t.inertia @ t.inverse_jacobian @ np.array(drift)
+        return t.inverse_jacobian.T @ (np.array(own) - turning)
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> Situation:
+    """Draw a situation with an arm well bent and every s_i off the surface."""
+    robot = draw(machines())
+    bend = draw(st.floats(0.4, 2.7)) * draw(st.sampled_from((-1.0, 1.0)))
+    angles = Angles(draw(st.floats(-3.0, 3.0)), draw(st.floats(-3.0, 3.0)), bend)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    situation = Situation(
+        robot,
+        angles,
+        draw(quads(2.0)),
+        rng.uniform(-1.0, 1.0, 12),
+        np.array(robot.theta) * rng.uniform(0.2, 3.0, 7),
+        rng.uniform(0.0, 100.0, 4),
+        rng.uniform(0.0, 100.0, 4),
+        rng.uniform(-5.0, 5.0, 4),
+    )
+    assume(np.abs(situation.tick.surface).min() > 1e-3)
+    return situation
+
+
+@PROPERTY
+@given(situations())
+def test_18_has_the_estimation_error_with_a_minus(situation: Situation) -> None:
+    """H_x sdot + V_x s + K_s1 s + K_s2 sgn(s) = -Y (theta - theta_hat) + tau_dx."""
+    t = situation.tick
+    s = t.surface
+    inertial = t.task_inertia @ situation.surface_rate()
+    left = (
+        inertial
+        + situation.coriolis_force()
+        + situation.k_s1 * s
+        + situation.k_s2 * np.sign(s)
+    )
+    wrong = np.array(situation.robot.theta) - situation.estimate
+    mismatch = t.inverse_jacobian.T @ t.regressor @ wrong
+    size = np.abs(inertial).max() + np.abs(left).max() + 1.0
+    assert_agree(left, -mismatch + situation.task_disturbance, 1e-9, scale=size)
+    # As printed, with a plus and without the disturbance, it fails.
+    assert np.abs(left - mismatch).max() > 1e-6 * size
+
+
+def lyapunov_rate(situation: Situation, estimate_rate: Array, gamma: Array) -> float:
+    """Return dL/dt of (20), with Hdot_x from Property 2: s' Hdot_x s / 2 = s' V_x s."""
+    t = situation.tick
+    s = t.surface
+    along = s @ (t.task_inertia @ situation.surface_rate() + situation.coriolis_force())
+    wrong = np.array(situation.robot.theta) - situation.estimate
+    return float(along + wrong @ (gamma * -estimate_rate))
+
+
+@PROPERTY
+@given(situations(), st.integers(0, 2**32 - 1))
+def test_23_cancels_the_estimation_error(situation: Situation, seed: int) -> None:
+    """dL/dt = -s' K_s1 s - s' K_s2 sgn(s) + s' tau_dx under dtheta_hat/dt of (23)."""
+    t = situation.tick
+    s = t.surface
+    gamma = np.random.default_rng(seed).uniform(0.1, 10.0, 7)
+    update = -(t.regressor.T @ t.inverse_jacobian @ s) / gamma
+    found = lyapunov_rate(situation, update, gamma)
+    expected = (
+        -s @ (situation.k_s1 * s)
+        - np.abs(s) @ situation.k_s2
+        + s @ situation.task_disturbance
+    )
+    y_x = t.inverse_jacobian.T @ t.regressor
+    size = np.abs(s).max() * (
+        np.abs(t.task_inertia @ situation.surface_rate()).max()
+        + np.abs(y_x).max() * np.abs(situation.robot.theta).max() * 4.0
+    )
+    assert_agree(found, expected, 1e-9, scale=size)
+    # With theta_tilde's derivative on the left of (23), as its symbols suggest in (20), the
+    # estimation error would enter twice instead of cancelling.
+    wrong = np.array(situation.robot.theta) - situation.estimate
+    opposite = lyapunov_rate(situation, -update, gamma)
+    left_over = -2.0 * s @ y_x @ wrong
+    assert_agree(opposite - found, left_over, 1e-9, scale=size)
+
+
+@PROPERTY
+@given(situations())
+def test_switching_gains_above_the_disturbance_make_l_decrease(situation: Situation) -> None:
+    strong = Situation(
+        **{**vars(situation), 'k_s2': np.abs(situation.task_disturbance) * 1.01 + 1e-3}
+    )
+    t = strong.tick
+    update = -(t.regressor.T @ t.inverse_jacobian @ t.surface)
+    size = np.abs(t.surface).max() * np.abs(t.task_inertia @ strong.surface_rate()).max()
+    assert lyapunov_rate(strong, update, np.ones(7)) < 1e-9 * size
+
+
+def test_switching_gains_below_the_disturbance_let_l_grow() -> None:
+    """(21)-(22) drop K_s2 and the disturbance, and with them the condition on K_s2."""
+    robot = Machine(DEFAULT)
+    angles = Angles(0.4, 0.7, -1.2)
+    still = Situation(
+        robot,
+        angles,
+        (0.0, 0.0, 0.0, 0.0),
+        np.zeros(12),
+        np.array(robot.theta),
+        np.zeros(4),
+        np.zeros(4),
+        np.zeros(4),
+    )
+    # A reference a millimetre off in every axis, and a push along s that K_s2 = 1 N is under.
+    bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    x = np.array(task_position(robot.geometry, bend, 0.2, -0.1))
+    reference = np.concatenate([x - 1e-3, np.zeros(8)])
+    push = still.tick.jacobian.T @ np.full(4, 2.0)
+    near = Situation(
+        **{**vars(still), 'reference': reference, 'k_s2': np.ones(4), 'disturbance': push}
+    )
+    assert (near.tick.surface > 0.0).all()
+    assert near.task_disturbance == pytest.approx(np.full(4, 2.0))
+    assert lyapunov_rate(near, np.zeros(7), np.ones(7)) > 1e-3

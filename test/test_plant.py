@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant over a control period: energy, order of integration, disturbance, torque limit."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.robot.dynamics import inertia, inertia_times
+from masmc_ros.robot.geometry import posture, quasi_velocity
+from robots import (
+    DEFAULT,
+    PROPERTY,
+    Angles,
+    Array,
+    Machine,
+    Quad,
+    all_angles,
+    assert_agree,
+    between,
+    machines,
+    quads,
+)
+
+ROBOT = Machine(DEFAULT)
+STILL = np.zeros(4)
+
+
+class Plant:
+    """A plant of one robot, stepped from Python."""
+
+    def __init__(self, robot: Machine, angles: Angles, rates: Quad) -> None:
+        """Start at the origin with these angles and reduced velocities."""
+        self.robot = robot
+        self.geometry = np.array(robot.geometry)
+        self.theta = np.array(robot.theta)
+        self.position = np.array([0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
+        self.velocity = np.array([0.0, 0.0, 0.0, *rates])
+        self.applied = np.zeros(4)
+
+    def tick(
+        self,
+        period: float,
+        steps: int,
+        command: Array = STILL,
+        *,
+        time: float = 0.0,
+        disturbance: tuple[Array, Array, Array] = (STILL, STILL, STILL),
+        limit: Array = STILL,
+    ) -> None:
+        """Advance by one control period."""
+        plant_tick(
+            self.geometry,
+            self.theta,
+            *disturbance,
+            limit,
+            time,
+            period,
+            steps,
+            command,
+            self.position,
+            self.velocity,
+            self.applied,
+        )
+
+    @property
+    def energy(self) -> float:
+        """Kinetic energy in J."""
+        v = quasi_velocity(self.robot.geometry, *self.velocity[3:].tolist())
+        bend = posture(*self.position[[2, 5, 6]].tolist())
+        h = inertia(self.robot.theta, self.robot.geometry, bend)
+        return 0.5 * float(np.dot(v, inertia_times(h, *v)))
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(1.0))
+def test_undriven_the_plant_keeps_its_energy(
+    robot: Machine, angles: Angles, rates: Quad
+) -> None:
+    plant = Plant(robot, angles, rates)
+    start = plant.energy
+    for _ in range(100):
+        plant.tick(0.002, 2)
+    assert plant.energy == pytest.approx(start, rel=1e-8)
+
+
+def test_integration_is_of_fourth_order() -> None:
+    angles, rates = Angles(0.3, 0.7, -1.1), (4.0, -2.0, 1.5, -3.0)
+    amplitude, frequency = np.array([0.5, -0.3, 0.2, 0.1]), np.array([5.0, 3.0, 7.0, 2.0])
+    shaking = (amplitude, frequency, np.array([0.0, 1.0, 2.0, 3.0]))
+
+    def end(steps: int) -> Array:
+        plant = Plant(ROBOT, angles, rates)
+        plant.tick(0.4, steps, time=0.25, disturbance=shaking)
+        return np.concatenate([plant.position, plant.velocity])
+
+    exact = end(4096)
+    errors = [float(np.abs(end(steps) - exact).max()) for steps in (32, 64, 128)]
+    orders = [math.log2(errors[i] / errors[i + 1]) for i in range(2)]
+    assert errors[0] > 1e-10
+    assert orders == pytest.approx([4.0, 4.0], abs=0.2)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(5.0), quads(5.0), st.integers(1, 4))
+def test_a_constant_disturbance_adds_to_the_command(
+    robot: Machine, angles: Angles, rates: Quad, command: Quad, push: Quad, steps: int
+) -> None:
+    apart, together = Plant(robot, angles, rates), Plant(robot, angles, rates)
+    right_angle = np.full(4, math.pi / 2)
+    apart.tick(
+        0.001, steps, np.array(command), disturbance=(np.array(push), STILL, right_angle)
+    )
+    together.tick(0.001, steps, np.array(command) + push)
+    assert_agree(apart.position, together.position, 1e-13, scale=1.0)
+    assert_agree(apart.velocity, together.velocity, 1e-12, scale=1.0)
+    assert apart.applied.tolist() == list(command)
+
+
+@PROPERTY
+@given(quads(10.0), quads(5.0))
+def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push: Quad) -> None:
+    limit = np.array([1.0, 2.5, 0.0, 4.0])
+    clipped = np.array(
+        [np.clip(c, -m, m) if m > 0.0 else c for c, m in zip(command, limit, strict=True)]
+    )
+    shaking = (np.array(push), np.full(4, 3.0), np.full(4, 1.0))
+    angles, rates = Angles(0.3, 0.7, -1.1), (0.1, 0.2, 0.3, 0.4)
+    limited, free = Plant(ROBOT, angles, rates), Plant(ROBOT, angles, rates)
+    limited.tick(0.001, 2, np.array(command), disturbance=shaking, limit=limit)
+    free.tick(0.001, 2, clipped, disturbance=shaking)
+    assert limited.applied.tolist() == clipped.tolist()
+    assert limited.position.tolist() == free.position.tolist()
+    assert limited.velocity.tolist() == free.velocity.tolist()
+
+
+@PROPERTY
+@given(machines(), between(-3.0, 3.0), quads(2.0), quads())
+def test_the_initial_pose_is_that_of_the_centre_of_mass(
+    robot: Machine, yaw: float, joints: Quad, rates: Quad
+) -> None:
+    position, velocity = np.full(7, np.nan), np.full(7, np.nan)
+    offset = robot.physical['com_offset']
+    pose = np.array([0.4, -0.6, yaw])
+    initial_state(
+        np.array(robot.geometry),
+        offset,
+        pose,
+        np.array(joints),
+        np.array(rates),
+        position,
+        velocity,
+    )
+    heading = np.array([math.cos(yaw), math.sin(yaw)])
+    assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
+    assert position[2:].tolist() == [yaw, *joints]
+    u, w, _, _ = quasi_velocity(robot.geometry, *rates)
+    assert_agree(velocity[:2], u * heading, 1e-14, scale=1.0)
+    assert velocity[2:].tolist() == [w, *rates]

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Explicit reaching terms, surface, reference state and update laws, axis by axis."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from masmc_ros.control.laws.update import BUILT_IN, RASMC, SMC, updated_estimate
+from masmc_ros.control.reaching import (
+    IMPLICIT,
+    SATURATION,
+    SIGMOID,
+    SIGN,
+    SWITCHING,
+    TANH,
+    explicit_reaching,
+)
+from masmc_ros.control.surface import (
+    reference_acceleration,
+    reference_velocity,
+    sliding_surface,
+)
+from robots import PROPERTY, between
+
+SMOOTH = (SATURATION, TANH, SIGMOID)
+EXPLICIT = (SIGN, *SMOOTH)
+
+SURFACE = between(-50.0, 50.0)
+GAIN = between(0.0, 500.0)
+LAYER = between(1e-3, 10.0)
+KINDS = st.sampled_from(EXPLICIT)
+
+
+def switched(kind: int, s: float, delta: float) -> float:
+    """The switching function alone: -u at K_s1 = 0 and K_s2 = 1."""
+    return -explicit_reaching(kind, s, 0.0, 1.0, delta)
+
+
+def test_compiled_code_knows_the_choices_by_their_positions() -> None:
+    names = {SIGN: 'sign', SATURATION: 'saturation', TANH: 'tanh', SIGMOID: 'sigmoid'}
+    assert {SWITCHING[i]: i for i in (*EXPLICIT, IMPLICIT)} == {
+        **{name: i for i, name in names.items()},
+        'implicit': IMPLICIT,
+    }
+    assert (BUILT_IN[SMC], BUILT_IN[RASMC]) == ('smc', 'rasmc')
+
+
+@PROPERTY
+@given(KINDS, SURFACE, GAIN, GAIN, LAYER)
+def test_reaching_is_the_sum_of_both_terms(
+    kind: int, s: float, k_s1: float, k_s2: float, delta: float
+) -> None:
+    expected = -k_s1 * s - k_s2 * switched(kind, s, delta)
+    assert explicit_reaching(kind, s, k_s1, k_s2, delta) == pytest.approx(expected, rel=1e-15)
+
+
+@PROPERTY
+@given(KINDS, SURFACE, GAIN, GAIN, LAYER)
+def test_reaching_is_odd_to_the_bit_and_opposes_s(
+    kind: int, s: float, k_s1: float, k_s2: float, delta: float
+) -> None:
+    u = explicit_reaching(kind, s, k_s1, k_s2, delta)
+    assert explicit_reaching(kind, -s, k_s1, k_s2, delta) == -u
+    assert u * s <= 0.0
+
+
+@PROPERTY
+@given(KINDS, SURFACE, LAYER)
+def test_switching_stays_within_one(kind: int, s: float, delta: float) -> None:
+    assert abs(switched(kind, s, delta)) <= 1.0
+
+
+@PROPERTY
+@given(KINDS, SURFACE, SURFACE, LAYER)
+def test_switching_does_not_decrease(kind: int, s: float, other: float, delta: float) -> None:
+    low, high = sorted((s, other))
+    # Where the two branches of tanh meet, neighbours may change places by a rounding.
+    assert switched(kind, low, delta) <= switched(kind, high, delta) + 4e-16
+
+
+@PROPERTY
+@given(st.sampled_from(SMOOTH), SURFACE.filter(lambda s: abs(s) > 1e-6))
+def test_a_thin_layer_is_the_sign(kind: int, s: float) -> None:
+    assert switched(kind, s, 1e-16) == pytest.approx(math.copysign(1.0, s), abs=1e-9)
+
+
+@PROPERTY
+@given(st.sampled_from(SMOOTH), between(-1.0, 1.0), LAYER)
+def test_inside_the_layer_the_slope_is_one_over_delta(
+    kind: int, ratio: float, delta: float
+) -> None:
+    s = 1e-6 * ratio * delta
+    assert switched(kind, s, delta) == pytest.approx(s / delta, rel=2e-6)
+
+
+@PROPERTY
+@given(SURFACE, LAYER)
+def test_switching_functions_are_what_they_are_called(s: float, delta: float) -> None:
+    assert switched(SIGN, s, delta) == (s > 0) - (s < 0)
+    assert switched(SATURATION, s, delta) == max(-1.0, min(1.0, s / delta))
+    assert switched(TANH, s, delta) == pytest.approx(math.tanh(s / delta), rel=1e-15)
+    assert switched(SIGMOID, s, delta) == s / (abs(s) + delta)
+
+
+@pytest.mark.parametrize('kind', EXPLICIT)
+def test_on_the_surface_there_is_no_force(kind: int) -> None:
+    assert explicit_reaching(kind, 0.0, 100.0, 100.0, 0.2) == 0.0
+
+
+@pytest.mark.parametrize('kind', EXPLICIT)
+def test_not_a_number_is_not_hidden(kind: int) -> None:
+    assert math.isnan(explicit_reaching(kind, math.nan, 100.0, 100.0, 0.2))
+
+
+@PROPERTY
+@given(SURFACE, SURFACE, SURFACE, SURFACE, SURFACE, between(0.0, 20.0))
+def test_the_surface_is_what_is_left_of_the_reference_state(
+    x: float, x_dot: float, x_d: float, x_dot_d: float, x_ddot_d: float, sigma: float
+) -> None:
+    """S = xdot - xdot_r of (14), and its derivative likewise."""
+    error, rate = x - x_d, x_dot - x_dot_d
+    s = sliding_surface(error, rate, sigma)
+    assert s == pytest.approx(x_dot - reference_velocity(x_dot_d, error, sigma), abs=1e-11)
+    # sdot = xddot - xddot_r for any xddot; at xddot = xddot_d it is sigma edot.
+    left = x_ddot_d - reference_acceleration(x_ddot_d, rate, sigma)
+    assert left == pytest.approx(sliding_surface(rate, 0.0, sigma), abs=1e-11)
+
+
+@PROPERTY
+@given(
+    between(-100.0, 100.0), between(-1e4, 1e4), between(1e-3, 1e3), between(1e-4, 0.1)
+)
+def test_the_update_is_one_euler_step_of_23(
+    estimate: float, gradient: float, gamma: float, period: float
+) -> None:
+    exact = Fraction(estimate) - Fraction(period) * Fraction(gradient) / Fraction(gamma)
+    found = updated_estimate(RASMC, estimate, gradient, gamma, period)
+    size = abs(estimate) + abs(period * gradient / gamma)
+    assert abs(Fraction(found) - exact) <= Fraction(1e-15) * Fraction(size)
+    assert updated_estimate(SMC, estimate, gradient, gamma, period) == estimate

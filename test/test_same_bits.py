@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run gives the same bits however it is cut up, and on every kind of machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+import json
+import os
+from pathlib import Path
+import platform
+import subprocess
+import sys
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+import pytest
+
+from closed_loop_bits import digest, scenarios
+from scenario import Run, Scenario, in_pieces, tick_by_tick, whole
+
+HERE = Path(__file__).parent
+TICKS = 2001
+INTERPRETED_TICKS = 201
+TIMEOUT = 300.0
+
+RECORDED = {
+    'smc sign': 'ea8430c4471f1d7210886339b9bf1ecc362115953632af2e6d296096c779a3d0',
+    'smc saturation': 'd338313f7677d308faaa6429ee8e9662f94f39237866b63ce7a2cdefaf87f771',
+    'smc tanh': '31c4a1e17b001e553f536c515cb36bbedf794c6e418920794748eadf9e4071d1',
+    'smc sigmoid': '80764ec67914aaffb6558c8694b7198ad1ba96f5da033381dd101e68e6953c0c',
+    'smc implicit': '09e4e60e30b133cea326776dc28e36dba9a3f2041b035a24a4c400fe61c0908f',
+    'rasmc sign': '814947cc03fceaac3c40a85e2699424a7873da6ad7230f80bf2b070303c1b4eb',
+    'rasmc saturation': '46b8fa63857475a5569a1da58a23beacc62d0ea7c1e93450727c2913a23fa91a',
+    'rasmc tanh': '24759fea646de5b9d705a8c0d19a47e56c634c6c5ef0eb710fa567ffab5ccd8d',
+    'rasmc sigmoid': '70305963a479fd82951591f7a2aec0d0acf005f2eb646b94f09a5f7a3a343306',
+    'rasmc implicit': '87856d9eaef809ae652c6475114b8ad78eed245e9624dce244a6185369741fc8',
+    'observer, torque limits, uneven gains': '0b5075817a27fa5b66a8eca07e2f51f0ebaa946133518494ae8f597d58c66ad2',
+}
+"""Digests as every machine must give them; after a change of the formulas, see same_bits.md."""
+
+OTHERS = {'plain SSE2': 'generic', 'AVX2 and FMA': 'haswell'}
+
+
+def host_has(cpu: str) -> bool:
+    """Tell whether this machine runs code made for a CPU."""
+    if cpu == 'generic':
+        return True
+    if platform.machine() not in ('x86_64', 'AMD64'):
+        return False
+    features = llvm.get_host_cpu_features()
+    return all(features.get(name, False) for name in ('avx2', 'fma', 'bmi2'))
+
+
+def start(ticks: int, cache: Path, **settings: str) -> subprocess.Popen[str]:
+    """Start a process that computes the digests with code of its own."""
+    path = os.pathsep.join([str(HERE.parent), str(HERE), *filter(None, sys.path)])
+    environment = {**os.environ, 'PYTHONPATH': path, 'XDG_CACHE_HOME': str(cache), **settings}
+    return subprocess.Popen(
+        [sys.executable, str(HERE / 'closed_loop_bits.py'), str(ticks)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.fixture(scope='module')
+def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, Any]]]:
+    """Reports of processes compiled for other CPUs, and of one that does not compile at all."""
+    cache = tmp_path_factory.mktemp
+    running = {
+        name: start(TICKS, cache(cpu), NUMBA_CPU_NAME=cpu, NUMBA_CPU_FEATURES='')
+        for name, cpu in OTHERS.items()
+        if host_has(cpu)
+    }
+    running['interpreted'] = start(INTERPRETED_TICKS, cache('none'), NUMBA_DISABLE_JIT='1')
+    try:
+        yield {
+            name: json.loads(process.communicate(timeout=TIMEOUT)[0])
+            for name, process in running.items()
+        }
+    finally:
+        for process in running.values():
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope='module')
+def digests() -> dict[str, str]:
+    """Digests of this process."""
+    return {name: digest(whole(scenario)) for name, scenario in scenarios(TICKS).items()}
+
+
+def test_this_machine_gives_the_recorded_bits(digests: dict[str, str]) -> None:
+    assert digests == RECORDED
+
+
+@pytest.mark.parametrize('name', OTHERS)
+def test_another_cpu_gives_the_same_bits(
+    name: str, children: dict[str, dict[str, Any]], digests: dict[str, str]
+) -> None:
+    if name not in children:
+        pytest.skip(f'this machine cannot run code for {OTHERS[name]}')
+    assert children[name]['digests'] == digests
+
+
+def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -> None:
+    """The machine codes differ in what they multiply with, and none contracts into an FMA."""
+    if 'AVX2 and FMA' not in children:
+        pytest.skip('needs an x86-64 machine with AVX2')
+    plain, vector = (children[name]['machine code'] for name in OTHERS)
+    assert plain['sse'] > 100 and plain['avx'] == 0
+    assert vector['avx'] > 100 and vector['sse'] == 0
+    assert vector['fma'] == 0
+
+
+def test_the_interpreter_gives_the_same_bits(children: dict[str, dict[str, Any]]) -> None:
+    """Plain Python, which neither reorders nor contracts, computes what LLVM's code does."""
+    expected = {n: digest(whole(s)) for n, s in scenarios(INTERPRETED_TICKS).items()}
+    assert children['interpreted']['digests'] == expected
+
+
+SHORT = scenarios(401)
+
+
+def assert_same(one: Run, other: Run) -> None:
+    """Compare every bit of two runs, and say first where they part."""
+    for field in fields(Run):
+        np.testing.assert_array_equal(
+            getattr(one, field.name), getattr(other, field.name), err_msg=field.name
+        )
+    assert digest(one) == digest(other)
+
+
+@pytest.mark.parametrize('scenario', SHORT.values(), ids=SHORT)
+def test_a_run_tick_by_tick_is_the_whole_run(scenario: Scenario) -> None:
+    assert_same(tick_by_tick(scenario), whole(scenario))
+
+
+@pytest.mark.parametrize('scenario', SHORT.values(), ids=SHORT)
+@pytest.mark.parametrize('cut', [1, 200, 400])
+def test_a_run_in_two_pieces_is_the_whole_run(scenario: Scenario, cut: int) -> None:
+    assert_same(in_pieces(scenario, cut), whole(scenario))
+
+
+def test_runs_do_differ() -> None:
+    """The digests tell runs apart: one bit of one number is enough."""
+    found = {digest(whole(scenario)) for scenario in SHORT.values()}
+    assert len(found) == len(SHORT)
+    run = whole(next(iter(SHORT.values())))
+    before = digest(run)
+    run.torque[200, 2] = np.nextafter(run.torque[200, 2], np.inf)
+    assert digest(run) != before

@@ -1,0 +1,19 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# Gives the environment rclpy: a sourced ROS 2 Jazzy as it is, otherwise the wheels.
+python=$1
+if "$python" -c 'import rclpy, sensor_msgs, nav_msgs, std_srvs' >/dev/null 2>&1; then
+    exit 0
+fi
+if [ -n "${AMENT_PREFIX_PATH:-}" ]; then
+    echo "A ROS 2 installation is sourced, but $python cannot import rclpy from it." >&2
+    echo "Use the Python that it was built for (Jazzy: 3.12), or run make in a shell without it." >&2
+    exit 1
+fi
+if [ "$(uname -s)-$(uname -m)" != Linux-x86_64 ]; then
+    echo "rclpy has wheels for Linux x86_64 only; this is $(uname -s) $(uname -m)." >&2
+    echo "masmc simulate and masmc report work here; for the nodes source a ROS 2 Jazzy installation." >&2
+    exit 0
+fi
+exec "$python" -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+    'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
