@@ -9,12 +9,16 @@ from pathlib import Path
 import sys
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.nodes.scenario import load_scenario, strays
+from masmc_ros.report.labels import law_label
+from masmc_ros.report.metrics import measure, second_half
+from masmc_ros.report.table import text_table
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
@@ -42,9 +46,16 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             torques.append(stretch.torque)
             singular += stretch.singular
             progress.update(len(stretch.torque))
-    import numpy as np
-    e=np.concatenate(errors); t=np.concatenate(torques); n=len(e)-1; w=slice(n//2,n)
-    print(np.sqrt((e[w,:2]**2).sum(1).mean())*1e3, np.sqrt((e[w,2:]**2).sum(1).mean())*1e3, np.abs(np.diff(t[w],axis=0)).sum()/((n-n//2)*simulation.timing.period))
+    times = np.arange(ticks) * simulation.timing.period
+    reached = measure(
+        times,
+        np.concatenate(errors),
+        times,
+        np.concatenate(torques),
+        simulation.controller.estimate[None],
+        second_half(times),
+    )
+    print(text_table({law_label(values['controller']): reached}))
     if output is not None:
         print(f'log: {output}')
     if singular:

@@ -58,7 +58,7 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
         _draw(platform, tracked.times, error[:, 2:], style)
         _draw(wheels, run.torque_times - run.times[0], run.torque[:, :2], style)
         _draw(arm, run.torque_times - run.times[0], run.torque[:, 2:], style)
-    titles = ('end effector', 'platform', 'wheels', 'arm')
+    titles = ('end effector', 'platform', 'wheel torques', 'arm torques')
     quantities = ('$|e_E|$ (mm)', '$|e_F|$ (mm)', r'$|\tau|$ (N·m)', r'$|\tau|$ (N·m)')
     for axes, title, quantity in zip(panels, titles, quantities, strict=True):
         axes.set_title(title)

@@ -39,14 +39,15 @@ def law_of(run: Run) -> str | None:
 
 
 def _law_label(run: Run) -> str:
-    law = law_of(run)
-    if law is None:
+    if law_of(run) is None:
         return ''
-    controller = run_parameters(run)['controller']
-    parts = [law, *_switching(controller)]
-    if was_changed(run):
-        parts.append('changed while running')
-    return ', '.join(parts)
+    label = law_label(run_parameters(run)['controller'])
+    return f'{label}, changed while running' if was_changed(run) else label
+
+
+def law_label(controller: Mapping[str, Any]) -> str:
+    """Return a label such as 'smc, tanh δ 0.2' for a controller's parameter values."""
+    return ', '.join([controller['law'], *_switching(controller)])
 
 
 def _switching(controller: Mapping[str, Any]) -> list[str]:

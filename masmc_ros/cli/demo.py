@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc demo`: the paper's experiment on real nodes, logged and reported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import importlib.util
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from types import FrameType
+
+from tqdm import tqdm
+
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.cli.report import report
+from masmc_ros.errors import UserError
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.share import shared_file
+
+LAWS = ('smc', 'rasmc')
+NODES = ('recorder', 'trajectory', 'controller', 'plant')
+
+_START = 60.0
+"""Time in s that nodes have to compile and to find each other."""
+
+_SLOWEST = 20.0
+"""Longest time in s that a simulated second may take."""
+
+_END = 15.0
+
+
+def demo(output: str, *, composed: bool) -> int:
+    """Run the experiment under every law, report it, and say where everything lies."""
+    if importlib.util.find_spec('rclpy') is None:
+        raise UserError(
+            'rclpy cannot be imported; source a ROS 2 Jazzy installation, or install its wheels '
+            "with pip install 'masmc_ros[ros]' (Linux x86_64); masmc simulate runs without"
+        )
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UserError(f'{folder}: cannot be made ({reason}); name another folder') from error
+    parameters = shared_file('config', 'paper.yaml')
+    duration = load_scenario(str(parameters))['plant']['duration']
+    logs = []
+    signal.signal(signal.SIGTERM, _end)
+    for law in LAWS:
+        log = folder / f'{law}.mcap'
+        with private_domain() as domain:
+            _run(law, parameters, log, domain, duration, composed=composed)
+        logs.append(str(log))
+    report(logs, str(folder / 'report'))
+    print()
+    print(f'Logs: {", ".join(logs)}')
+    print('Open one in Foxglove: app.foxglove.dev or the desktop application, "Open local file".')
+    print(f'Again, without ROS: masmc simulate {parameters}')
+    return 0
+
+
+def _run(
+    law: str,
+    parameters: Path,
+    log: Path,
+    domain: Mapping[str, str],
+    duration: float,
+    *,
+    composed: bool,
+) -> None:
+    """Run all nodes in lock-step under a law, and record into `log`."""
+    arguments = ['--ros-args', '--params-file', str(parameters)]
+    for setting in (
+        f'controller:law:={law}',
+        f'plant:wait_for:=[{", ".join(n for n in NODES if n != "plant")}]',
+        f'recorder:output:={log}',
+        'recorder:overwrite:=true',
+    ):
+        arguments += ['-p', setting]
+    commands = (
+        {'composed': ['--record', *arguments]} if composed else dict.fromkeys(NODES, arguments)
+    )
+    with _processes(commands, domain, log.parent) as processes:
+        _watch(law, processes, domain, duration)
+
+
+@contextmanager
+def _processes(
+    commands: Mapping[str, Sequence[str]], domain: Mapping[str, str], folder: Path
+) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
+    """Start nodes, their output into files; end them whatever happens."""
+    processes: dict[str, subprocess.Popen[bytes]] = {}
+    try:
+        for name, arguments in commands.items():
+            with (folder / f'{name}.log').open('wb') as out:
+                processes[name] = subprocess.Popen(
+                    [sys.executable, '-m', 'masmc_ros.cli.main', 'run', name, *arguments],
+                    stdout=out,
+                    stderr=subprocess.STDOUT,
+                    stdin=subprocess.DEVNULL,
+                    env={**os.environ, **domain},
+                    start_new_session=True,
+                )
+        yield processes
+    finally:
+        for process in processes.values():
+            if process.poll() is None:
+                process.terminate()
+        for process in processes.values():
+            try:
+                process.wait(_END)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+    for name, process in processes.items():
+        if process.returncode != 0:
+            text = (folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
+            last = (text.strip().splitlines() or ['no output'])[-1]
+            raise UserError(f'{name} ended with status {process.returncode}: {last}')
+
+
+def _watch(
+    law: str,
+    processes: Mapping[str, subprocess.Popen[bytes]],
+    domain: Mapping[str, str],
+    duration: float,
+) -> None:
+    """Show progress until all nodes have ended, one has failed, or it takes too long."""
+    # Imported here: without rclpy, `demo` is to say so in one line.
+    from masmc_ros.cli.progress import RunProgress
+
+    limit = time.monotonic() + _START + _SLOWEST * duration
+    form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'
+    with (
+        RunProgress(int(domain['ROS_DOMAIN_ID'])) as progress,
+        tqdm(total=duration, desc=law.rjust(5), bar_format=form, disable=None) as bar,
+    ):
+        while any(process.poll() is None for process in processes.values()):
+            if any(process.poll() not in (None, 0) for process in processes.values()):
+                return
+            if time.monotonic() > limit:
+                raise UserError(f'{law}: no end after {_START + _SLOWEST * duration:.0f} s')
+            bar.update(min(progress.time(), duration) - bar.n)
+        bar.update(duration - bar.n)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a run on real nodes is, seen from outside: the stamps of odom."""
+
+from __future__ import annotations
+
+import os
+from types import TracebackType
+
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from masmc_ros.log.stamps import header_stamp
+
+
+class RunProgress:
+    """Listens to a run in a domain of this machine; a context manager."""
+
+    def __init__(self, domain: int) -> None:
+        """Join the domain."""
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        self._time = 0.0
+        self._context = Context()
+        rclpy.init(
+            context=self._context,
+            domain_id=domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = rclpy.create_node('progress', context=self._context, enable_rosout=False)
+        self._node.create_subscription(
+            Odometry, 'odom', self._on_odometry, QoSProfile(depth=1), raw=True
+        )
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def time(self) -> float:
+        """Return the run's time in s, after waiting a moment for news."""
+        self._executor.spin_once(timeout_sec=0.1)
+        return self._time
+
+    def _on_odometry(self, raw: bytes) -> None:
+        self._time = header_stamp(raw) * 1e-9
+
+    def __enter__(self) -> RunProgress:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the domain."""
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        self._executor.shutdown()
+        self._context.try_shutdown()

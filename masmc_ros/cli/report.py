@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc report`: metrics and figures from logged runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from masmc_ros.log.reader import read_run
+from masmc_ros.report.report import write_report
+
+
+def report(logs: Sequence[str], output: str) -> int:
+    """Read logs, write the report into a folder, print its table and what is there."""
+    runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
+    files = write_report(runs, output)
+    table = next(file for file in files if file.name == 'table.txt')
+    print(table.read_text(encoding='utf-8'))
+    print(f'report: {Path(output)}/ ({", ".join(file.name for file in files)})')
+    return 0
