@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Print all measurements."""
+
+from benchmarks import kernel, lockstep, whole_process
+
+if __name__ == '__main__':
+    kernel.main()
+    whole_process.main()
+    lockstep.main()

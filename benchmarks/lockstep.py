@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks per second of a lock-step run, against the bare ping-pong of the same messages."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+import tempfile
+
+from benchmarks.ping_pong import round_trips_per_second
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.share import shared_file
+
+NODES = ('trajectory', 'controller', 'plant')
+_PACE = re.compile(r'(\d+) ticks/s')
+
+
+def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0) -> float:
+    """Run the paper's scenario on real nodes and return the plant's ticks per second.
+
+    `everything`: telemetry at every tick and the recorder; otherwise neither.
+    """
+    nodes = (*NODES, 'recorder') if everything else NODES
+    wait_for = ', '.join(node for node in nodes if node != 'plant')
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        domain = stack.enter_context(private_domain())
+        arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+        for node in nodes:
+            arguments += ['-p', f'{node}:duration:={duration}']
+        arguments += [
+            '-p',
+            f'plant:wait_for:=[{wait_for}]',
+            '-p',
+            f'controller:telemetry_decimation:={int(everything)}',
+            '-p',
+            f'recorder:output:={folder / "run.mcap"}',
+        ]
+        record = ['--record'] if everything else []
+        commands = {'composed': record + arguments} if composed else dict.fromkeys(nodes, arguments)
+        processes = [
+            subprocess.Popen(
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *given],
+                env={**os.environ, **domain},
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+            for node, given in commands.items()
+        ]
+        try:
+            output = ''.join(process.communicate(timeout=300.0)[0] for process in processes)
+        finally:
+            for process in processes:
+                process.kill()
+                process.wait()
+    match = _PACE.search(output)
+    if match is None:
+        raise RuntimeError(f'the plant told no pace:\n{output}')
+    return float(match[1])
+
+
+def main(rounds: int = 3) -> None:
+    """Print medians over rounds in which ping-pong and lock-step alternate."""
+    for composed in (False, True):
+        bare, lean, full = [], [], []
+        for _ in range(rounds):
+            with private_domain() as domain:
+                os.environ.update(domain)
+                bare.append(round_trips_per_second(raw=False, composed=composed))
+            lean.append(ticks_per_second(composed=composed, everything=False))
+            full.append(ticks_per_second(composed=composed, everything=True))
+        middle = rounds // 2
+        ping, quick, whole = (sorted(rates)[middle] for rates in (bare, lean, full))
+        print(
+            f'{"one process" if composed else "separate processes":>20}: '
+            f'typed ping-pong {ping:6.0f}/s, '
+            f'lock-step {quick:6.0f}/s ({quick / ping:.2f} of it), '
+            f'with telemetry and recorder {whole:6.0f}/s ({whole / ping:.2f}; '
+            f'{whole / 1000.0:.1f} times real time at 1 kHz)'
+        )
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The documents' tables are generated and current, and their local links lead somewhere."""
+
+import importlib.util
+from pathlib import Path
+import re
+from types import ModuleType
+
+import pytest
+
+from masmc_ros.nodes.parameters import NODES, declared
+from masmc_ros.nodes.scenario import load_scenario
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]
+LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)')
+
+
+def _tables() -> ModuleType:
+    spec = importlib.util.spec_from_file_location('tables', ROOT / 'tools' / 'tables.py')
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_tables_are_current(path: Path) -> None:
+    text = path.read_text(encoding='utf-8')
+    assert _tables().renewed(text) == text, 'run: python tools/tables.py'
+
+
+def test_every_table_is_shown_somewhere() -> None:
+    shown = ' '.join(path.read_text(encoding='utf-8') for path in DOCUMENTS)
+    for name in _tables().tables():
+        assert f'<!-- table: {name} -->' in shown
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+def test_local_links_lead_somewhere(path: Path) -> None:
+    for target in LINK.findall(path.read_text(encoding='utf-8')):
+        assert (path.parent / target).exists(), f'{path.name} links to {target}'
+
+
+def test_paper_yaml_states_the_defaults() -> None:
+    scenario = load_scenario(str(ROOT / 'config' / 'paper.yaml'))
+    for node in NODES:
+        for parameter in declared(node):
+            stated = scenario[node][parameter.name]
+            if parameter.name != 'wait_for':
+                assert stated == parameter.default, f'{node}: {parameter.name}'

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renew the generated tables in README.md and docs/: `python tools/tables.py [--check]`.
+
+A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+import sys
+
+from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.nodes.parameters import NODES, SHARED, declared
+from masmc_ros.params.documentation import markdown_table
+
+ROOT = Path(__file__).resolve().parent.parent
+_BLOCK = re.compile(r'(<!-- table: ([a-z ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
+
+
+def tables() -> dict[str, str]:
+    """Return every table by its name, Markdown."""
+    shared = {parameter.name for parameter in SHARED}
+    own = {
+        node: tuple(p for p in declared(node) if p.name not in shared) for node in NODES
+    }
+    return {
+        'topics': _topics(),
+        'shared parameters': markdown_table(SHARED),
+        'live parameters': markdown_table(
+            tuple(p for p in own['controller'] if not p.read_only)
+        ),
+        **{f'{node} parameters': markdown_table(own[node]) for node in NODES},
+    }
+
+
+def _topics() -> str:
+    lines = ['| topic | type | from → to | content |', '|---|---|---|---|']
+    for topic in (*TOPICS, *SYSTEM_TOPICS):
+        kind = topic.type_name.replace('/msg/', '/')
+        lines.append(f'| `{topic.name}` | {kind} | {topic.direction} | {topic.content} |')
+    return '\n'.join(lines) + '\n'
+
+
+def renewed(text: str) -> str:
+    """Return a document with its tables as they should be; KeyError for an unknown one."""
+    known = tables()
+    return _BLOCK.sub(lambda match: match[1] + known[match[2]] + match[3], text)
+
+
+def documents() -> list[Path]:
+    """Return the documents that may have tables."""
+    return [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+
+
+def main() -> int:
+    """Renew all documents, or with --check tell which ones are not current."""
+    stale = []
+    for path in documents():
+        text = path.read_text(encoding='utf-8')
+        new = renewed(text)
+        if new != text:
+            stale.append(str(path.relative_to(ROOT)))
+            if '--check' not in sys.argv:
+                path.write_text(new, encoding='utf-8')
+    if stale:
+        print(('not current: ' if '--check' in sys.argv else 'renewed: ') + ', '.join(stale))
+    return 1 if stale and '--check' in sys.argv else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
