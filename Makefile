@@ -22,11 +22,11 @@ $(VENV)/.installed: $(SOURCES)
 	$$python -m venv $$site $(VENV)
 	@$(PIP) --upgrade pip setuptools wheel
 	@tools/install_ros.sh $(BIN)/python
-	@$(PIP) --no-build-isolation -e .
+	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed
-	@$(PIP) --no-build-isolation -e .[test,lint]
+	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .[test,lint]
 	@touch $@
 
 setup: $(VENV)/.installed

@@ -41,6 +41,7 @@ setup(
     install_requires=[
         'matplotlib',
         'mcap',
+        'mcap-ros2-support',
         'numba',
         'numpy',
         'PyYAML',
@@ -52,7 +53,7 @@ setup(
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
-        'test': ['hypothesis', 'mcap-ros2-support', 'mpmath', 'pytest', 'sympy'],
+        'test': ['hypothesis', 'mpmath', 'pytest', 'sympy'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[
