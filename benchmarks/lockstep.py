@@ -41,7 +41,9 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
             f'recorder:output:={folder / "run.mcap"}',
         ]
         record = ['--record'] if everything else []
-        commands = {'composed': record + arguments} if composed else dict.fromkeys(nodes, arguments)
+        commands = dict.fromkeys(nodes, arguments)
+        if composed:
+            commands = {'composed': record + arguments}
         processes = [
             subprocess.Popen(
                 [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *given],

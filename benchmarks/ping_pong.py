@@ -10,7 +10,9 @@ import time
 from typing import Any
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -42,6 +44,7 @@ class Pong:
     """Answers every state with a command."""
 
     def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+        """Create the node."""
         self.node = rclpy.create_node('pong', context=context)
         self._answer = serialize_message(_command()) if raw else None
         self._publisher = self.node.create_publisher(Float64MultiArray, 'pong', _QOS)
@@ -61,6 +64,7 @@ class Ping:
     """Sends the next state when the command is there."""
 
     def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+        """Create the node."""
         self.count = 0
         self.node = rclpy.create_node('ping', context=context)
         self._raw = serialize_message(_state()) if raw else None
@@ -113,8 +117,11 @@ def _serve(*, raw: bool) -> None:
     executor = EventsExecutor()
     pong = Pong(rclpy.get_default_context(), raw=raw)
     executor.add_node(pong.node)
-    while rclpy.ok():
-        executor.spin_once(timeout_sec=0.5)
+    try:
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.5)
+    except (ExternalShutdownException, rclpy_implementation.RCLError):
+        pass  # ended by the other side
 
 
 if __name__ == '__main__':

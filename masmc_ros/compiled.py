@@ -39,11 +39,12 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
-    previous, config.CACHE_DIR = config.CACHE_DIR, str(_cache_directory())
+    settings: Any = config  # its attributes are made when it is imported
+    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
     try:
         return njit(error_model='numpy', cache=True, **options)(function)
     finally:
-        config.CACHE_DIR = previous
+        settings.CACHE_DIR = previous
 
 
 @cache

@@ -11,7 +11,7 @@ import re
 import sys
 
 from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.nodes.parameters import NODES, SHARED, declared
+from masmc_ros.nodes.parameters import declared, NODES, SHARED
 from masmc_ros.params.documentation import markdown_table
 
 ROOT = Path(__file__).resolve().parent.parent

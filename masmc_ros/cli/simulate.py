@@ -46,7 +46,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             torques.append(stretch.torque)
             singular += stretch.singular
             progress.update(len(stretch.torque))
-    times = np.arange(ticks) * simulation.timing.period
+    times = np.arange(ticks, dtype=np.float64) * simulation.timing.period
     reached = measure(
         times,
         np.concatenate(errors),

@@ -10,7 +10,6 @@ import struct
 from typing import Any, NamedTuple
 
 from mcap.exceptions import McapError
-from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,6 +80,9 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
     Raises:
         InputError: where the log holds no ROS 2 definition.
     """
+    # Imported here: only messages that others laid out need it.
+    from mcap_ros2.decoder import DecoderFactory
+
     decoder = DecoderFactory().decoder_for(topic.encoding, topic.schema)
     if decoder is None:
         raise InputError(

@@ -24,7 +24,7 @@ from masmc_ros.log.provenance import write_provenance
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.text import string_message
-from masmc_ros.log.topics import PARAMETER_NODES, TOPICS, parameters_topic
+from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, TOPICS
 from masmc_ros.log.writer import ChannelRows, LogWriter
 from masmc_ros.loop.simulation import Simulation, Stretch
 from masmc_ros.robot.platform_motion import platform_motion

@@ -10,7 +10,7 @@ import numpy as np
 from masmc_ros.compiled import formula, kernel
 from masmc_ros.control.implicit import disturbance_estimate, implicit_reaching
 from masmc_ros.control.laws.update import updated_estimate
-from masmc_ros.control.reaching import IMPLICIT, explicit_reaching
+from masmc_ros.control.reaching import explicit_reaching, IMPLICIT
 from masmc_ros.control.surface import (
     reference_acceleration,
     reference_velocity,
@@ -20,15 +20,15 @@ from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
-    Quad,
-    Regressor,
     inertia,
     inertia_times,
+    Quad,
+    Regressor,
     regressor,
     regressor_times,
     regressor_transpose_times,
 )
-from masmc_ros.robot.geometry import Geometry, Posture, joint_torque, posture, quasi_velocity
+from masmc_ros.robot.geometry import Geometry, joint_torque, Posture, posture, quasi_velocity
 from masmc_ros.robot.kinematics import (
     is_singular,
     quasi_force_from_task,

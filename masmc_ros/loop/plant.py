@@ -11,10 +11,10 @@ from masmc_ros.loop.disturbance import sinusoid
 from masmc_ros.portable_math import sin_cos
 from masmc_ros.robot.dynamics import (
     BaseParameters,
-    Quad,
     coriolis,
     inertia,
     inertia_solve,
+    Quad,
 )
 from masmc_ros.robot.geometry import (
     Geometry,

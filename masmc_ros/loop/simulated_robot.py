@@ -17,7 +17,11 @@ from masmc_ros.robot.parameters import Robot
 
 PLANT = (
     Parameter(
-        'initial_pose', (0.0, 0.0, math.pi / 2), 'x_C, y_C, yaw at t = 0', unit='m, m, rad', length=3
+        'initial_pose',
+        (0.0, 0.0, math.pi / 2),
+        'x_C, y_C, yaw at t = 0',
+        unit='m, m, rad',
+        length=3,
     ),
     Parameter(
         'initial_joints',

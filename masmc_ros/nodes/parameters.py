@@ -52,7 +52,9 @@ _PLANT_NODE = (
         'Ticks between two messages on odom and base_twist',
         minimum=1,
     ),
-    Parameter('clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0),
+    Parameter(
+        'clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0
+    ),
 )
 
 _TRAJECTORY_NODE = (
@@ -92,7 +94,9 @@ _CONTROLLER_NODE = (
 )
 
 _RECORDER_NODE = (
-    Parameter('output', '.', 'File to record into (*.mcap), or folder for a file named by the time'),
+    Parameter(
+        'output', '.', 'File to record into (*.mcap), or folder for a file named by the time'
+    ),
     Parameter('overwrite', False, 'Replace a file that is there already'),
     Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
     Parameter('extra_topics', (), 'Further topics to record, as they turn up'),

@@ -69,6 +69,7 @@ class PlantNode(SuiteNode):
         self._dropped = 0
         self._begun = 0.0
         self._stamp = -1
+        self._watched = -1
         self._recorded: int | None = None
         self._recorded_time = 0.0
         self._anchor = (0.0, 0)
@@ -98,8 +99,8 @@ class PlantNode(SuiteNode):
         node.create_service(SetBool, '~/pause', self._on_pause)
         node.create_service(Trigger, '~/step', self._on_step)
         self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
-        # Looks again where lock-step was held up for a recorder that has fallen silent.
-        node.create_timer(1.0, self._answer, clock=self.steady)
+        if self._lockstep:
+            node.create_timer(1.0, self._watch_lockstep, clock=self.steady)
         if not self._lockstep:
             self.parameters.on_change(lambda _: self._take_anchor())
 
@@ -222,6 +223,18 @@ class PlantNode(SuiteNode):
         self.log.warning('the recorder does not answer; going on without it')
         self._recorded = None
         return False
+
+    def _watch_lockstep(self) -> None:
+        """Note what lock-step stands still for; leave a silent recorder behind."""
+        stands_still = self._robot.tick == self._watched and self._started and not self.finished
+        self._watched = self._robot.tick
+        if not stands_still or self._paused:
+            self.wait(None if self._started else self._waiting)
+        elif self._command is None:
+            self.wait("the controller's command (effort_commands)")
+        else:
+            self.wait('the recorder (recorder/progress)')
+            self._answer()
 
     def _on_recorded(self, stamp: Any) -> None:
         """Note how far the recorder is, and go on if lock-step was held up for it."""

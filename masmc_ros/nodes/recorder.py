@@ -20,9 +20,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.log.provenance import write_provenance
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.stamps import StampReader, stamp_reader
+from masmc_ros.log.stamps import stamp_reader, StampReader
 from masmc_ros.log.text import text_of
-from masmc_ros.log.topics import PARAMETER_NODES, SYSTEM_TOPICS, TOPICS, parameters_topic
+from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, SYSTEM_TOPICS, TOPICS
 from masmc_ros.log.writer import LogWriter
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
@@ -122,14 +122,16 @@ class RecorderNode(SuiteNode):
             handlers.get(topic),
         )
         # A plain function: rclpy looks at a callback's signature to see what it takes.
+
+        def take(raw: Any) -> None:
+            callback(raw)
+
         message_type = message_class(type_name)
         if is_latched:
-            subscribe_with_past(self.node, message_type, topic, lambda raw: callback(raw), DEEP)
+            subscribe_with_past(self.node, message_type, topic, take, DEEP)
         else:
             qos = subscription_qos(depth=DEEP)
-            self.node.create_subscription(
-                message_type, topic, lambda raw: callback(raw), qos, raw=True
-            )
+            self.node.create_subscription(message_type, topic, take, qos, raw=True)
 
     def _on_message(
         self,

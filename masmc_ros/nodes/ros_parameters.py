@@ -18,8 +18,8 @@ import rclpy.parameter
 
 from masmc_ros.errors import InputError
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.parameters import WITHOUT_FILE, accepted
-from masmc_ros.params.declaration import Parameter, check_all
+from masmc_ros.nodes.parameters import accepted, WITHOUT_FILE
+from masmc_ros.params.declaration import check_all, Parameter
 
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')
 _FROM_RCL_PREFIX = 'qos_overrides.'

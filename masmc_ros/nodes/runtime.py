@@ -79,10 +79,11 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
         gc.collect()
         gc.freeze()
         leading = [node for node in nodes if not node.follows] or nodes
-        while not stop.requested and not all(node.finished for node in leading):
-            executor.spin_once(timeout_sec=_POLL)
+        for node in leading:
+            while not (node.finished or stop.requested):
+                executor.spin_once(_POLL)
         for node in nodes:
-            node.close(lambda: executor.spin_once(timeout_sec=_POLL))
+            node.close(lambda: executor.spin_once(_POLL))
     finally:
         for node in nodes:
             executor.remove_node(node.node)

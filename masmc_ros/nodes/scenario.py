@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.nodes.parameters import NODES, SHARED, accepted, declared
+from masmc_ros.nodes.parameters import accepted, declared, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 

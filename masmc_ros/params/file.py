@@ -11,7 +11,7 @@ from pathlib import Path
 from masmc_ros.errors import InputError
 from masmc_ros.params import node_name
 from masmc_ros.params.blocks import BlockReader, NodeEntries
-from masmc_ros.params.values import FileValue, Variant, read_value
+from masmc_ros.params.values import FileValue, read_value, Variant
 
 
 @dataclass(frozen=True)

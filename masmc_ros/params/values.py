@@ -9,7 +9,7 @@ import yaml
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import Scalar, typed
-from masmc_ros.params.yaml_events import Place, c_string, line_of, yaml_events
+from masmc_ros.params.yaml_events import c_string, line_of, Place, yaml_events
 
 FileValue = Scalar | list[bool] | list[int] | list[float] | list[str] | None
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 import math
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,10 @@ SAMPLE = 12
 class Reference(Protocol):
     """A type of trajectory: class attribute `parameters`, made from checked values."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take checked values, names without the type's prefix."""
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 12) samples at times (n) in s: positions, velocities, accelerations."""
@@ -41,7 +44,7 @@ def _axes(name: str, default: tuple[float, ...], description: str, unit: str) ->
 class LineSine:
     """x_d(t) = offset + slope t + amplitude sin(frequency t + phase), axis by axis."""
 
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         _axes('offset', (0.3, 0.5, 0.0, 0.0), 'Position at t = 0 without the sine', 'm'),
         _axes('slope', (0.2, 0.0, 0.2, 0.0), 'Velocity without the sine', 'm/s'),
         _axes('amplitude', (0.0, 0.25, 0.0, 0.0), 'Amplitude of the sine', 'm'),
@@ -122,7 +125,7 @@ class Trajectory:
         Raises InputError where the arm cannot reach the desired end effector position from
         the desired position of its base.
         """
-        times = np.arange(first, first + count) * self._period
+        times = np.arange(first, first + count, dtype=np.float64) * self._period
         samples = np.asarray(self._reference.sample(times), dtype=np.float64)
         if samples.shape != (count, SAMPLE):
             raise InputError(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
@@ -21,7 +22,7 @@ Floats = NDArray[np.float64]
 
 _PANELS = 100.0
 _LEGEND_ROW = 4.5
-_LEGEND_WIDTH = 100
+_LEGEND_WIDTH = 120
 """Letters that fit into a row of the legend, lines counted."""
 _LINE = 8
 """Letters that a legend's line takes the room of."""
@@ -41,8 +42,9 @@ class Compared(NamedTuple):
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
     """Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time."""
     longest = max(len(each.label) for each in compared) + _LINE
-    columns = min(len(compared), max(1, _LEGEND_WIDTH // longest))
-    above = _LEGEND_ROW * -(-len(compared) // columns)
+    rows = math.ceil(len(compared) / max(1, _LEGEND_WIDTH // longest))
+    columns = math.ceil(len(compared) / rows)
+    above = _LEGEND_ROW * rows
     figure = new_figure(PAGE, above + _PANELS)
     layout = figure.add_gridspec(3, 2, height_ratios=(above, _PANELS / 2, _PANELS / 2))
     panels = [figure.add_subplot(layout[row, column]) for row in (1, 2) for column in (0, 1)]
@@ -63,8 +65,7 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     for axes, title, quantity in zip(panels, titles, quantities, strict=True):
         axes.set_title(title)
         axes.set_ylabel(quantity)
-        axes.set_yscale('log')
-        _limit(axes)
+        _scale(axes)
         time_axis(axes)
     lines = [end_effector.get_lines()[order.index(i)] for i in styles]
     _legend(figure.add_subplot(layout[0, :]), lines, [each.label for each in compared], columns)
@@ -86,8 +87,11 @@ def _legend(axes: Axes, lines: Sequence[Line2D], labels: Sequence[str], columns:
         text.set_text(plain(label))
 
 
-def _limit(axes: Axes) -> None:
-    """Begin a logarithmic axis where the smallest line has its lowest values but a few."""
+def _scale(axes: Axes) -> None:
+    """Make the axis logarithmic, from where the smallest line has its lowest values but a few.
+
+    An axis without positive values stays linear.
+    """
     lowest = []
     for line in axes.get_lines():
         values = np.asarray(line.get_ydata())
@@ -95,4 +99,5 @@ def _limit(axes: Axes) -> None:
         if len(values):
             lowest.append(float(np.percentile(values, _LOWEST)))
     if lowest:
+        axes.set_yscale('log')
         axes.set_ylim(bottom=0.7 * min(lowest))

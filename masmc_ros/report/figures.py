@@ -52,7 +52,10 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     others are named by their logs: RUN_path.png.
     """
     numbers = dict(PAPER_FIGURES)
-    taken: set[str] = set()
+    # A log may be named like one of the paper's figures.
+    taken = {
+        f'figure_{n + i}_{law}' for law, n in PAPER_FIGURES.items() for i in range(len(KINDS))
+    }
     names = []
     for run in runs:
         law = law_of(run)

@@ -18,6 +18,7 @@ _LONGEST = 40
 def labels(runs: Sequence[Run]) -> list[str]:
     """Return one label a run, such as 'smc, tanh δ 0.2', all different.
 
+    'changed' follows where parameters were changed while the robot ran.
     Runs under the same law, and those that do not tell theirs, are told apart by their files.
     """
     plain = [_law_label(run) for run in runs]
@@ -42,7 +43,7 @@ def _law_label(run: Run) -> str:
     if law_of(run) is None:
         return ''
     label = law_label(run_parameters(run)['controller'])
-    return f'{label}, changed while running' if was_changed(run) else label
+    return f'{label}, changed' if was_changed(run) else label
 
 
 def law_label(controller: Mapping[str, Any]) -> str:

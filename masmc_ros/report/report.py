@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from masmc_ros.errors import InputError
@@ -39,33 +40,45 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
     ]
     reached = [metrics(each.run, tracked=each.tracked) for each in compared]
     rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
+    directory = Path(directory)
+    _make(directory)
     files = {
         'table.txt': text_table(rows).encode(),
         'table.md': markdown_table(rows).encode(),
         'metrics.csv': csv_table(rows).encode(),
         **dict(draw_figures(compared, reached)),
     }
-    return _write(files, Path(directory))
+    return _write(files, directory)
+
+
+def _make(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refused(directory, error) from error
 
 
 def _write(files: dict[str, bytes], directory: Path) -> list[Path]:
     """Write files by name, each whole or not at all."""
     written = []
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            path = directory / name
-            part = directory / f'.{name}.part'
-            try:
-                part.write_bytes(content)
-                part.replace(path)
-            finally:
+    for name, content in files.items():
+        path = directory / name
+        part = directory / f'.{name}.part'
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        except OSError as error:
+            # As far as that goes: where nothing can be written, nothing can be removed.
+            with suppress(OSError):
                 part.unlink(missing_ok=True)
-            written.append(path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f'{directory}: the report cannot be written there ({reason}); expected a folder that'
-            ' can be written or made'
-        ) from error
+            raise _refused(path, error) from error
+        written.append(path)
     return written
+
+
+def _refused(path: Path, error: OSError) -> InputError:
+    reason = error.strerror or str(error)
+    return InputError(
+        f'{path}: cannot be written ({reason}); expected a folder for the report that can be'
+        ' made and written'
+    )

@@ -36,7 +36,7 @@ GREY = '#8C8C8C'
 
 _MILLIMETRES_PER_INCH = 25.4
 _GAP = 10.0
-"""Between a title and a legend in one line, in pixels at 100 to the inch."""
+"""Room in pixels, at 100 to the inch, after a title."""
 _NEXT_LINE = 16.0
 """Distance in points from the axes to a title above the legend."""
 _STYLE: Any = {  # the type of its keys differs between versions of matplotlib
@@ -105,14 +105,20 @@ def line_styles(count: int) -> list[dict[str, Any]]:
 
 
 def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -> None:
-    """Name the axes at their upper left and their lines at the upper right, off the data."""
+    """Name the axes at their upper left and their lines at the upper right, off the data.
+
+    A label that is too long for that goes above the lines' names, smaller if it must.
+    """
     legend = axes.legend(
         handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.02), ncols=len(handles)
     )
     title = axes.set_title(plain(label))
     figure.draw_without_rendering()
-    if title.get_window_extent().x1 > legend.get_window_extent().x0 - _GAP:
-        axes.set_title(plain(label), pad=_NEXT_LINE)
+    extent = title.get_window_extent()
+    if extent.x1 > legend.get_window_extent().x0 - _GAP:
+        room = (figure.bbox.x1 - _GAP - extent.x0) / extent.width
+        size = title.get_fontsize() * min(1.0, room)
+        axes.set_title(plain(label), pad=_NEXT_LINE, fontsize=size)
 
 
 def time_axis(axes: Axes) -> None:

@@ -19,7 +19,7 @@ _SHORTEST_ARM_BASE = 1.0e-3
 
 
 def _length(name: str, default: float, description: str, *, positive: bool = True) -> Parameter:
-    bounds = {'minimum': 0.0, 'exclusive_minimum': True} if positive else {}
+    bounds: dict[str, Any] = {'minimum': 0.0, 'exclusive_minimum': True} if positive else {}
     return Parameter(f'robot.{name}', default, description, unit='m', **bounds)
 
 
@@ -52,7 +52,11 @@ ROBOT = (
     _inertial('link_1_mass', 2.56, 'Mass m_1 of link 1', 'kg', positive=True),
     _inertial('link_2_mass', 1.07, 'Mass m_2 of link 2', 'kg', positive=True),
     _inertial(
-        'platform_inertia', 0.297, 'Yaw inertia I_c of the platform about C', 'kg·m²', positive=True
+        'platform_inertia',
+        0.297,
+        'Yaw inertia I_c of the platform about C',
+        'kg·m²',
+        positive=True,
     ),
     _inertial(
         'wheel_spin_inertia',
