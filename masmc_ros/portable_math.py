@@ -15,10 +15,11 @@ from masmc_ros.compiled import formula
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0
 _TWO_OVER_PI = 6.36619772367581382433e-01
-# pi/2 in three parts of 33 bits: n * part is exact for |n| < 2**20.
+# pi/2 in three parts of 33 bits, n * part being exact for |n| < 2**20, and the rest.
 _HALF_PI_1 = 1.57079632673412561417e00
 _HALF_PI_2 = 6.07710050630396597660e-11
 _HALF_PI_3 = 2.02226624871116645580e-21
+_HALF_PI_REST = 8.47842766036889956997e-32
 # From here on the reduction would return noise; not-a-number says so.
 _LARGEST_ANGLE = 1.0e9
 
@@ -38,7 +39,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
     """
     angle = angle if abs(angle) < _LARGEST_ANGLE else float('nan')
     n = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
-    r = ((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3
+    r = (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
     z = r * r
     tail = 8.33333333332248946124e-03 + z * (
         -1.98412698298579493134e-04

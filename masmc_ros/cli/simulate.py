@@ -52,7 +52,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
         np.concatenate(errors),
         times,
         np.concatenate(torques),
-        simulation.controller.estimate[None],
+        stretch.estimate[-1:],
         second_half(times),
     )
     print(text_table({law_label(values['controller']): reached}))

@@ -20,9 +20,11 @@ from typing import Any
 
 from masmc_ros.compiled import formula
 
-# The sweeps identify which axes slide; a handful suffices, the bound only stops not-a-number.
-_SWEEPS = 1000
+# About two steps an axis suffice; the bound only stops rounding from going in circles.
+_STEPS = 200
 _TOLERANCE = 1.0e-13
+_NO_SIDE = 2.0
+_NO_PIVOT = 1.0e300
 
 
 @formula
@@ -57,86 +59,61 @@ def implicit_reaching(
 ) -> None:
     """Solve for s+ (`following`, n, m/s) and zeta (n).
 
-    A symmetric positive definite problem with one box per axis. Projected Gauss-Seidel
-    sweeps find which axes reach the surface within the period; with that known the rest is
-    a linear system, solved exactly and checked. `work` is (n, n + 1).
+    s+ minimises the strictly convex function s+' A s+ / 2 - (H_x s)' s+ + sum T K_s2 |s+|,
+    A = H_x + T K_s1. A primal active-set method finds it exactly: axes begin on the surface;
+    the one whose box is exceeded most leaves it; with the sides known the rest is a linear
+    system, and an axis that would cross the surface on the way is put back on it. Every step
+    lessens the function, so that no set of sides comes twice. `work` is (n, n + 1).
     """
     for i in range(n):
-        zeta[i] = 0.0
         following[i] = 0.0
-    for _ in range(_SWEEPS):
-        moved = False
-        changed = False
-        still = True
-        for i in range(n):
-            rest = 0.0
-            for j in range(n):
-                coupled = s[j] if j == i else s[j] - following[j]
-                rest += inertia[i, j] * coupled
-            box = period * k_s2[i]
-            diagonal = inertia[i, i] + period * k_s1[i]
-            value = _shrink(rest, box) / diagonal
-            changed = changed | (_side(value, box) != _side(following[i], box))
-            moved = moved | (
-                abs(value - following[i]) * diagonal > _TOLERANCE * (abs(rest) + box)
-            )
-            still = still & (value == 0.0)
-            following[i] = value
-            zeta[i] = _within(rest, box)
-        if still or not moved:
-            return
-        if not changed and _solve_sides(n, inertia, period, k_s1, k_s2, s, following, zeta, work):
-            return
+        # The side on which an axis ends; one without a switching gain has no surface to
+        # stay on and no side.
+        zeta[i] = 0.0 if period * k_s2[i] > 0.0 else _NO_SIDE
+    for _ in range(_STEPS):
+        _minimise_on_sides(n, inertia, period, k_s1, k_s2, s, zeta, work)
+        if _move_on_sides(n, following, zeta, work):
+            continue
+        leaving = _exceeded_most(n, inertia, period, k_s2, s, following, zeta)
+        if leaving < 0:
+            break
+        rest = _force(n, inertia, s, following, leaving)
+        zeta[leaving] = 1.0 if rest > 0.0 else -1.0
+    for i in range(n):
+        if zeta[i] == 0.0:
+            zeta[i] = _within(_force(n, inertia, s, following, i), period * k_s2[i])
+        elif zeta[i] == _NO_SIDE:
+            zeta[i] = 0.0
 
 
 @formula
-def _shrink(value: float, box: float) -> float:
-    """Move a value towards zero by the half-width of the box, and no further than zero."""
-    return value - box if value > box else (value + box if value < -box else 0.0)
-
-
-@formula
-def _within(value: float, box: float) -> float:
-    """Return value / box limited to [-1, 1]; zero without a box."""
-    ratio = value / box if box > 0.0 else 0.0
-    return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
-
-
-@formula
-def _side(value: float, box: float) -> int:
-    """Tell on which side of the surface an axis ends; without a box it is always beside it."""
-    return 2 if box == 0.0 else (1 if value > 0.0 else (-1 if value < 0.0 else 0))
-
-
-@formula
-def _solve_sides(
+def _minimise_on_sides(
     n: int,
     inertia: Any,
     period: float,
     k_s1: Any,
     k_s2: Any,
     s: Any,
-    following: Any,
-    zeta: Any,
+    side: Any,
     work: Any,
-) -> bool:
-    """Solve exactly for the sides that `following` shows; False if they prove wrong."""
+) -> None:
+    """Write into the last column of `work` the minimiser with these sides."""
     for i in range(n):
-        box = period * k_s2[i]
-        side = _side(following[i], box)
-        slides = side == 0
+        stays = side[i] == 0.0
         right = 0.0
         for j in range(n):
             right += inertia[i, j] * s[j]
-            ends_on_surface = _side(following[j], period * k_s2[j]) == 0
-            work[i, j] = 0.0 if slides or ends_on_surface else inertia[i, j]
-        right -= box * side if abs(side) == 1 else 0.0
-        work[i, i] = 1.0 if slides else inertia[i, i] + period * k_s1[i]
-        work[i, n] = 0.0 if slides else right
-    # Elimination without pivoting: the matrix is symmetric positive definite.
+            work[i, j] = 0.0 if stays or side[j] == 0.0 else inertia[i, j]
+        right -= period * k_s2[i] * side[i] if side[i] != _NO_SIDE else 0.0
+        work[i, i] = 1.0 if stays else inertia[i, i] + period * k_s1[i]
+        work[i, n] = 0.0 if stays else right
+    # Elimination without pivoting: the matrix is symmetric positive definite. A pivot is
+    # zero only where a singular arm and no gain leave an axis without inertia: it stays.
     for i in range(n):
+        pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
+        work[i, i] = pivot
         for k in range(i + 1, n):
-            factor = work[k, i] / work[i, i]
+            factor = work[k, i] / pivot
             for j in range(i, n + 1):
                 work[k, j] -= factor * work[i, j]
     for reverse in range(n):
@@ -145,21 +122,55 @@ def _solve_sides(
         for j in range(i + 1, n):
             value -= work[i, j] * work[j, n]
         work[i, n] = value / work[i, i]
+
+
+@formula
+def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
+    """Move to the minimiser, or to where the first axis meets the surface; tell if one did."""
+    part = 1.0
+    meeting = -1
     for i in range(n):
-        box = period * k_s2[i]
-        side = _side(following[i], box)
-        if side == 0:
-            rest = 0.0
-            for j in range(n):
-                rest += inertia[i, j] * (s[j] - work[j, n])
-            if not abs(rest) <= box:
-                return False
-            work[i, i] = _within(rest, box)
-        else:
-            if abs(side) == 1 and not work[i, n] * side >= 0.0:
-                return False
-            work[i, i] = float(side) if abs(side) == 1 else 0.0
+        if abs(side[i]) == 1.0 and work[i, n] * side[i] < 0.0:
+            reach = following[i] / (following[i] - work[i, n])
+            if reach < part:
+                part = reach
+                meeting = i
     for i in range(n):
-        following[i] = work[i, n]
-        zeta[i] = work[i, i]
-    return True
+        move = part * (work[i, n] - following[i])
+        following[i] = work[i, n] if meeting < 0 else following[i] + move
+    if meeting >= 0:
+        following[meeting] = 0.0
+        side[meeting] = 0.0
+    return meeting >= 0
+
+
+@formula
+def _exceeded_most(
+    n: int, inertia: Any, period: float, k_s2: Any, s: Any, following: Any, side: Any
+) -> int:
+    """Return the axis on the surface that its box holds least; -1 where all are held."""
+    worst = 1.0 + _TOLERANCE
+    leaving = -1
+    for i in range(n):
+        if side[i] == 0.0:
+            ratio = abs(_force(n, inertia, s, following, i)) / (period * k_s2[i])
+            if ratio > worst:
+                worst = ratio
+                leaving = i
+    return leaving
+
+
+@formula
+def _force(n: int, inertia: Any, s: Any, following: Any, i: int) -> float:
+    """Return what an axis on the surface needs to stay there: entry i of H_x (s - s+)."""
+    force = 0.0
+    for j in range(n):
+        force += inertia[i, j] * (s[j] - following[j])
+    return force
+
+
+@formula
+def _within(value: float, box: float) -> float:
+    """Return value / box limited to [-1, 1]."""
+    ratio = value / box
+    return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
