@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
 import time
 
 from masmc_ros.loop.simulation import Simulation
@@ -51,10 +55,28 @@ def tick_seconds(repeats: int = 100_000) -> tuple[float, float]:
     return (middle - begin) / repeats, (end - middle) / repeats
 
 
+def c_seconds() -> float | None:
+    """Return the best time of the same run in C, -O3, in s; None without a compiler."""
+    compiler = shutil.which('cc')
+    if compiler is None:
+        return None
+    source = Path(__file__).with_name('closed_loop.c')
+    with tempfile.TemporaryDirectory() as folder:
+        program = str(Path(folder) / 'closed_loop')
+        subprocess.run([compiler, '-O3', '-o', program, str(source), '-lm'], check=True)
+        output = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    return 1e-3 * float(output.split()[0])
+
+
 def main() -> None:
     """Print the times."""
+    in_c = c_seconds()
     for name, settings in CASES.items():
-        print(f'20 s at 1 kHz, {name}: {1e3 * run_seconds(settings):.1f} ms (best of 10)')
+        taken = run_seconds(settings)
+        ratio = '' if in_c is None else f', {taken / in_c:.2f} of rasmc, tanh in C'
+        print(f'20 s at 1 kHz, {name}: {1e3 * taken:.1f} ms (best of 10){ratio}')
+    if in_c is not None:
+        print(f'rasmc, tanh in C, -O3: {1e3 * in_c:.1f} ms (best of 11)')
     control, plant = tick_seconds()
     print(f'from Python: control tick {1e6 * control:.2f} us, plant tick {1e6 * plant:.2f} us')
 

@@ -113,6 +113,8 @@ class PlantNode(SuiteNode):
     # Start.
 
     def _start_when_ready(self) -> None:
+        if self._started:
+            return  # a destroyed timer's last call may be under way already
         missing = [name for name in self._wait_for if not self._is_there(name)]
         if missing:
             self.wait(' and '.join(missing))
