@@ -34,8 +34,8 @@ _TANH_SATURATION = 20.0
 def sin_cos(angle: float) -> tuple[float, float]:
     """Return (sin, cos) of an angle in rad.
 
-    Within an ulp of the exact value up to 1.6e6 rad; beyond, no worse than a relative
-    change of the angle by one rounding. Not-a-number from 1e9 rad on.
+    Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
+    worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
     """
     angle = angle if abs(angle) < _LARGEST_ANGLE else float('nan')
     n = (angle * _TWO_OVER_PI + _ROUND) - _ROUND

@@ -14,11 +14,11 @@ import sys
 from typing import Any
 
 import numpy as np
+from scenario import axes, Run, Scenario, whole
 
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
-from scenario import Run, Scenario, axes, whole
 
 
 def scenarios(ticks: int) -> dict[str, Scenario]:
@@ -28,7 +28,7 @@ def scenarios(ticks: int) -> dict[str, Scenario]:
         for law in BUILT_IN
         for switching in SWITCHING
     }
-    runs['observer, torque limits, uneven gains'] = Scenario(
+    runs['everything on'] = Scenario(
         'rasmc',
         'implicit',
         0.5,

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from itertools import product
 import math
 
+from lagrangian import Array, Matrices, matrices, PARAMETERS
 import numpy as np
-
-from lagrangian import PARAMETERS, Array, Matrices, matrices
 from scenario import Scenario
 
 _SIDES = np.array(list(product((-1.0, 0.0, 1.0), repeat=4)))

@@ -70,8 +70,7 @@ class Matrices:
     def jacobian_rate(self) -> Array:
         """Jdot of (5) (4, 4)."""
         return (
-            self.task_jacobian_rate @ self.null_space
-            + self.task_jacobian @ self.null_space_rate
+            self.task_jacobian_rate @ self.null_space + self.task_jacobian @ self.null_space_rate
         )
 
     @property
@@ -131,8 +130,7 @@ def _derive() -> Callable[..., Any]:
         7,
         7,
         lambda i, j: sum(
-            (slopes[k][i, j] + slopes[j][i, k] - slopes[i][j, k]) * q_dot[k] / 2
-            for k in range(7)
+            (slopes[k][i, j] + slopes[j][i, k] - slopes[i][j, k]) * q_dot[k] / 2 for k in range(7)
         ),
     )
     # No slip: a wheel's centre moves along the heading as fast as the tread turns.

@@ -174,7 +174,8 @@ def assert_agree(actual: ArrayLike, expected: ArrayLike, rel: float, scale: floa
     """Hold two arrays against each other, relative to the larger of their size and `scale`."""
     found, right = np.asarray(actual), np.asarray(expected)
     assert found.shape == right.shape
-    assert np.isfinite(found).all() and np.isfinite(right).all()
+    assert np.isfinite(found).all()
+    assert np.isfinite(right).all()
     size = max(scale, float(np.abs(right).max()), np.finfo(float).tiny)
     difference = float(np.abs(found - right).max())
     assert difference <= rel * size, f'{difference / size:.2e} of {size:.3e}, limit {rel:.0e}'

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import math
 
 import numpy as np
+from robots import Array, DEFAULT, Machine
 
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
@@ -15,7 +16,6 @@ from masmc_ros.loop.control_tick import control_tick
 from masmc_ros.loop.plant import initial_state, plant_tick
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot import AXES, BASE_PARAMETERS
-from robots import DEFAULT, Array, Machine
 
 
 def axes(*values: float) -> Array:

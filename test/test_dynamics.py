@@ -11,14 +11,31 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    between,
+    columns,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    quasi_map,
+    regular_angles,
+    STEP,
+)
 
 from masmc_ros.loop.control_tick import task_inertia
-from masmc_ros.loop.plant import PlantState, derivative
+from masmc_ros.loop.plant import derivative, PlantState
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
-    Inertia,
     coriolis,
+    Inertia,
     inertia,
     inertia_solve,
     inertia_times,
@@ -28,23 +45,6 @@ from masmc_ros.robot.dynamics import (
 )
 from masmc_ros.robot.geometry import Posture, posture, quasi_velocity
 from masmc_ros.robot.kinematics import quasi_from_task, task_drift, task_force_from_quasi
-from robots import (
-    DEFAULT,
-    PROPERTY,
-    STEP,
-    Angles,
-    Array,
-    Machine,
-    Quad,
-    all_angles,
-    assert_agree,
-    between,
-    columns,
-    machines,
-    quads,
-    quasi_map,
-    regular_angles,
-)
 
 ROBOT = Machine(DEFAULT)
 
@@ -119,9 +119,7 @@ def test_task_inertia_of_the_control_tick(robot: Machine, angles: Angles) -> Non
 
 @PROPERTY
 @given(machines(), all_angles(), quads())
-def test_property_2_in_reduced_coordinates(
-    robot: Machine, angles: Angles, velocity: Quad
-) -> None:
+def test_property_2_in_reduced_coordinates(robot: Machine, angles: Angles, velocity: Quad) -> None:
     rate = np.imag(inertia_matrix(robot, angles.moving(velocity))) / STEP
     v = coriolis_matrix(robot, real(angles), velocity)
     skew = rate - 2.0 * v
@@ -201,9 +199,7 @@ def test_every_base_parameter_matters(robot: Machine, seed: int) -> None:
 
 @PROPERTY
 @given(machines(), all_angles(), quads(50.0))
-def test_inertia_solve_inverts_inertia_times(
-    robot: Machine, angles: Angles, force: Quad
-) -> None:
+def test_inertia_solve_inverts_inertia_times(robot: Machine, angles: Angles, force: Quad) -> None:
     h: Inertia = inertia(robot.theta, robot.geometry, real(angles))
     solved = inertia_solve(h, *force)
     size = np.abs(np.array(h)).max() * np.abs(solved).max() + 1e-9
@@ -266,4 +262,4 @@ def test_a_heavier_robot_needs_as_much_more_torque(
     state = plant_state(angles, rates)
     one = derivative(robot.theta, robot.geometry, state, torque)
     two = derivative(heavier.theta, heavier.geometry, state, more)
-    assert_agree(two, one, 1e-10)
+    assert_agree(two, one, 1e-10, scale=1e-3)

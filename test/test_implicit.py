@@ -10,12 +10,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robots import Array, assert_agree, between, DEFAULT, Machine, PROPERTY
 
 from masmc_ros.control.implicit import disturbance_estimate, implicit_reaching
 from masmc_ros.control.laws.update import SMC
 from masmc_ros.control.reaching import IMPLICIT
 from masmc_ros.loop.control_tick import control_tick
-from robots import DEFAULT, PROPERTY, Array, Machine, assert_agree, between
 
 MOST_AXES = 6
 
@@ -166,9 +166,7 @@ def test_the_solution_is_the_one_of_all_sides(problem: Problem) -> None:
 @PROPERTY
 @given(problems())
 def test_the_law_is_odd_to_the_bit(problem: Problem) -> None:
-    mirrored = Problem(
-        problem.inertia, problem.period, problem.k_s1, problem.k_s2, -problem.s
-    )
+    mirrored = Problem(problem.inertia, problem.period, problem.k_s1, problem.k_s2, -problem.s)
     for one, other in zip(problem.solve(), mirrored.solve(), strict=True):
         assert (one == -other).all()
 
@@ -180,7 +178,8 @@ def test_on_the_surface_it_stays_there(problem: Problem) -> None:
         problem.inertia, problem.period, problem.k_s1, problem.k_s2, np.zeros_like(problem.s)
     )
     following, zeta = still.solve()
-    assert not following.any() and not zeta.any()
+    assert not following.any()
+    assert not zeta.any()
 
 
 @PROPERTY
@@ -268,9 +267,7 @@ def test_a_constant_disturbance_is_rejected(seed: int, n: int, gain: float) -> N
 
 
 @pytest.mark.parametrize(('gain', 'predicted'), [(0.0, 0.3), (500.0, np.nan)])
-def test_the_estimate_rests_when_off_and_at_the_first_tick(
-    gain: float, predicted: float
-) -> None:
+def test_the_estimate_rests_when_off_and_at_the_first_tick(gain: float, predicted: float) -> None:
     found = np.array([1.0, 2.0, 3.0, 4.0])
     disturbance_estimate(4, np.eye(4), np.ones(4), np.full(4, predicted), gain, found)
     assert found.tolist() == [1.0, 2.0, 3.0, 4.0]

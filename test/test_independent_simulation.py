@@ -5,15 +5,15 @@ from __future__ import annotations
 
 import math
 
+from independent import base_parameters, Simulator
+from lagrangian import matrices
 import numpy as np
 import pytest
+from robots import Array, DEFAULT, Machine
+from scenario import Scenario, whole
 
-from independent import Simulator, base_parameters
-from lagrangian import matrices
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
-from robots import DEFAULT, Array, Machine
-from scenario import Scenario, whole
 
 KINDS = [
     *((law, switching, 0.0) for law in BUILT_IN for switching in SWITCHING),
@@ -133,9 +133,7 @@ HALF_A_DIGIT = {
 
 
 @pytest.mark.parametrize(('law', 'switching', 'observer_gain'), ACCURACY)
-def test_accuracy_in_the_papers_scenario(
-    law: str, switching: str, observer_gain: float
-) -> None:
+def test_accuracy_in_the_papers_scenario(law: str, switching: str, observer_gain: float) -> None:
     run = whole(Scenario(law, switching, observer_gain))
     half = slice(10_000, 20_000)
     error = 1e3 * run.error[half]

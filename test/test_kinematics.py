@@ -8,6 +8,21 @@ import math
 from hypothesis import example, given
 import numpy as np
 import pytest
+from robots import (
+    all_angles,
+    Angles,
+    assert_agree,
+    columns,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    regular_angles,
+    STEP,
+    trigonometry,
+)
 
 from masmc_ros.robot.geometry import (
     Geometry,
@@ -18,29 +33,14 @@ from masmc_ros.robot.geometry import (
     reduced_velocity,
 )
 from masmc_ros.robot.kinematics import (
-    SINGULAR_SINE,
     is_singular,
     quasi_force_from_task,
     quasi_from_task,
+    SINGULAR_SINE,
     task_drift,
     task_force_from_quasi,
     task_position,
     task_velocity,
-)
-from robots import (
-    DEFAULT,
-    PROPERTY,
-    STEP,
-    Angles,
-    Machine,
-    Quad,
-    all_angles,
-    assert_agree,
-    columns,
-    machines,
-    quads,
-    regular_angles,
-    trigonometry,
 )
 
 ROBOT = Machine(DEFAULT)
@@ -198,7 +198,8 @@ def test_the_damped_inverse_is_continuous_and_vanishes_at_the_singularity() -> N
     task = (0.3, -0.4, 0.1, 0.2)
     inside = posture(0.2, 0.5, edge * (1.0 - 1e-9))
     outside = posture(0.2, 0.5, edge * (1.0 + 1e-9))
-    assert is_singular(inside) and not is_singular(outside)
+    assert is_singular(inside)
+    assert not is_singular(outside)
     assert_agree(
         quasi_from_task(geometry, inside, *task), quasi_from_task(geometry, outside, *task), 1e-8
     )

@@ -4,10 +4,24 @@
 from __future__ import annotations
 
 from hypothesis import given
-import numpy as np
-
 from lagrangian import Matrices, matrices
-from masmc_ros.loop.plant import PlantState, derivative
+import numpy as np
+from robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    columns,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    quasi_map,
+    regular_angles,
+)
+
+from masmc_ros.loop.plant import derivative, PlantState
 from masmc_ros.robot.dynamics import (
     coriolis,
     inertia,
@@ -21,20 +35,6 @@ from masmc_ros.robot.kinematics import (
     quasi_from_task,
     task_drift,
     task_velocity,
-)
-from robots import (
-    PROPERTY,
-    Angles,
-    Array,
-    Machine,
-    Quad,
-    all_angles,
-    assert_agree,
-    columns,
-    machines,
-    quads,
-    quasi_map,
-    regular_angles,
 )
 
 TOLERANCE = 1e-11
@@ -126,9 +126,7 @@ def test_equations_of_motion_with_multipliers(
     matrix = np.block([[m.inertia, rows.T], [rows, np.zeros((3, 3))]])
     known = np.concatenate([effort - m.christoffel @ q_dot, -a_dot_q_dot])
     expected = np.linalg.solve(matrix, known)[3:7]
-    state = PlantState(
-        0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2, *rates
-    )
+    state = PlantState(0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2, *rates)
     found = derivative(robot.theta, robot.geometry, state, torque)[7:]
     assert_agree(found, expected, 1e-9, scale=1.0)
 
@@ -140,9 +138,7 @@ def test_task_jacobian(robot: Machine, angles: Angles, rates: Quad, reference: Q
     bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
     m = derived(robot, angles, rates)
     jacobian = m.jacobian
-    found = columns(
-        lambda *v: task_velocity(geometry, bend, *quasi_velocity(geometry, *v))
-    )
+    found = columns(lambda *v: task_velocity(geometry, bend, *quasi_velocity(geometry, *v)))
     assert_agree(found, jacobian, TOLERANCE)
     q = quasi_map(geometry)
     back = columns(lambda *x: quasi_from_task(geometry, bend, *x))

@@ -9,24 +9,24 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robots import (
+    Angles,
+    Array,
+    assert_agree,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+)
 
 from masmc_ros.control.laws.plug_in import TickInput
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.loop.plant import PlantState, derivative
+from masmc_ros.loop.plant import derivative, PlantState
 from masmc_ros.robot.dynamics import coriolis
 from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
 from masmc_ros.robot.kinematics import task_drift, task_position
-from robots import (
-    DEFAULT,
-    PROPERTY,
-    Angles,
-    Array,
-    Machine,
-    Quad,
-    assert_agree,
-    machines,
-    quads,
-)
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,7 @@ class Situation:
         v = quasi_velocity(geometry, *self.rates)
         along = t.inverse_jacobian @ t.surface
         along_quasi = quasi_velocity(geometry, *along.tolist())
-        own = joint_torque(
-            geometry, *coriolis(self.robot.theta, geometry, bend, v, along_quasi)
-        )
+        own = joint_torque(geometry, *coriolis(self.robot.theta, geometry, bend, v, along_quasi))
         drift = task_drift(geometry, bend, v, along_quasi)
         turning = t.inertia @ t.inverse_jacobian @ np.array(drift)
         return t.inverse_jacobian.T @ (np.array(own) - turning)
@@ -128,12 +126,7 @@ def test_18_has_the_estimation_error_with_a_minus(situation: Situation) -> None:
     t = situation.tick
     s = t.surface
     inertial = t.task_inertia @ situation.surface_rate()
-    left = (
-        inertial
-        + situation.coriolis_force()
-        + situation.k_s1 * s
-        + situation.k_s2 * np.sign(s)
-    )
+    left = inertial + situation.coriolis_force() + situation.k_s1 * s + situation.k_s2 * np.sign(s)
     wrong = np.array(situation.robot.theta) - situation.estimate
     mismatch = t.inverse_jacobian.T @ t.regressor @ wrong
     size = np.abs(inertial).max() + np.abs(left).max() + 1.0
@@ -161,9 +154,7 @@ def test_23_cancels_the_estimation_error(situation: Situation, seed: int) -> Non
     update = -(t.regressor.T @ t.inverse_jacobian @ s) / gamma
     found = lyapunov_rate(situation, update, gamma)
     expected = (
-        -s @ (situation.k_s1 * s)
-        - np.abs(s) @ situation.k_s2
-        + s @ situation.task_disturbance
+        -s @ (situation.k_s1 * s) - np.abs(s) @ situation.k_s2 + s @ situation.task_disturbance
     )
     y_x = t.inverse_jacobian.T @ t.regressor
     size = np.abs(s).max() * (

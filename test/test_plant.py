@@ -9,23 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    between,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+)
 
 from masmc_ros.loop.plant import initial_state, plant_tick
 from masmc_ros.robot.dynamics import inertia, inertia_times
 from masmc_ros.robot.geometry import posture, quasi_velocity
-from robots import (
-    DEFAULT,
-    PROPERTY,
-    Angles,
-    Array,
-    Machine,
-    Quad,
-    all_angles,
-    assert_agree,
-    between,
-    machines,
-    quads,
-)
 
 ROBOT = Machine(DEFAULT)
 STILL = np.zeros(4)
@@ -79,9 +79,7 @@ class Plant:
 
 @PROPERTY
 @given(machines(), all_angles(), quads(1.0))
-def test_undriven_the_plant_keeps_its_energy(
-    robot: Machine, angles: Angles, rates: Quad
-) -> None:
+def test_undriven_the_plant_keeps_its_energy(robot: Machine, angles: Angles, rates: Quad) -> None:
     plant = Plant(robot, angles, rates)
     start = plant.energy
     for _ in range(100):
@@ -113,9 +111,7 @@ def test_a_constant_disturbance_adds_to_the_command(
 ) -> None:
     apart, together = Plant(robot, angles, rates), Plant(robot, angles, rates)
     right_angle = np.full(4, math.pi / 2)
-    apart.tick(
-        0.001, steps, np.array(command), disturbance=(np.array(push), STILL, right_angle)
-    )
+    apart.tick(0.001, steps, np.array(command), disturbance=(np.array(push), STILL, right_angle))
     together.tick(0.001, steps, np.array(command) + push)
     assert_agree(apart.position, together.position, 1e-13, scale=1.0)
     assert_agree(apart.velocity, together.velocity, 1e-12, scale=1.0)

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import mpmath
 import numpy as np
 import pytest
+from robots import PROPERTY
 
 from masmc_ros.portable_math import sin, sin_cos, tanh
-from robots import PROPERTY
 
 MODERATE = 1.0e3
 EXACT_REDUCTION = 1.6e6

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs whose errors and torques are known, for the tests of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.reader import Run
+from masmc_ros.robot.parameters import ROBOT
+
+Floats = NDArray[np.float64]
+
+PARAMETERS: dict[str, Any] = {
+    **{parameter.name: parameter.default for parameter in ROBOT},
+    'law': 'smc',
+    'switching': 'tanh',
+    'boundary_layer': 0.2,
+    'observer_gain': 0.0,
+}
+
+
+def ticks(duration: float = 20.0, period: float = 0.01) -> Floats:
+    """Return the times of a run in s, rounded as stamps are."""
+    count = round(duration / period)
+    return np.round(np.arange(count + 1) * period * 1e9) / 1e9
+
+
+def run_of(
+    error: Floats,
+    times: Floats,
+    *,
+    torque: Floats | None = None,
+    path: str = 'run.mcap',
+    **parameters: Any,
+) -> Run:
+    """Return a run with these errors (n, 4), the paper's reference and a robot that stands."""
+    n = len(times)
+    reference = np.zeros((n, 12))
+    reference[:, 0] = 0.3 + 0.2 * times
+    reference[:, 1] = 0.5 + 0.25 * np.sin(0.2 * np.pi * times)
+    reference[:, 2] = 0.2 * times
+    return Run(
+        path=Path(path),
+        times=times,
+        position=np.tile([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2], (n, 1)),
+        velocity=np.zeros((n, 7)),
+        applied_effort=np.zeros((n, 4)),
+        torque=np.zeros((n, 4)) if torque is None else torque,
+        torque_times=times,
+        reference=reference,
+        tracking_error=error,
+        tracking_error_times=times,
+        sliding_surface=None,
+        sliding_surface_times=None,
+        parameter_estimate=None,
+        parameter_estimate_times=None,
+        topics={},
+        metadata=record({'controller': {**PARAMETERS, **parameters}}),
+        attachments={},
+    )
+
+
+def record(nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, str]]]:
+    """Return a log's metadata with these parameters by node."""
+    return {'parameters': [{node: json.dumps(values) for node, values in nodes.items()}]}
+
+
+def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any) -> Run:
+    """Return a run as the paper's: errors that decay to oscillations of some mm, scaled."""
+    t = ticks()
+    decay = np.exp(-2.0 * t)
+    error = np.stack(
+        [
+            -0.41 * decay + 0.006 * np.sin(1.5 * t),
+            0.23 * decay + 0.005 * np.cos(1.5 * t),
+            0.02 * np.sin(3.0 * t),
+            0.116 * decay + 0.015 * np.sin(1.5 * t + 0.4),
+        ],
+        axis=1,
+    )
+    torque = scale * np.tile(2.0 + np.sin(t)[:, None], (1, 4))
+    run = run_of(scale * error, t, path=path, torque=torque, **parameters)
+    # The robot follows the reference with its axle, so that it is drawn along the path.
+    position = run.position.copy()
+    assert run.reference is not None
+    position[:, :2] = run.reference[:, 2:4]
+    return replace(run, position=position)
+
+
+def without_error(run: Run) -> Run:
+    """Return a run whose log lacks the controller's own errors."""
+    return replace(run, tracking_error=None, tracking_error_times=None)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures and the folder of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import io
+from itertools import chain
+from pathlib import Path
+
+from hypothesis import given
+import matplotlib
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from report_runs import paper_like, run_of, ticks
+from robots import all_angles, Angles, Machine, machines, PROPERTY
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import Run
+from masmc_ros.report.comparison_figure import Compared, comparison_figure
+from masmc_ros.report.error_figure import end_effector_figure, platform_figure
+from masmc_ros.report.figures import draw_figures, figure_names
+from masmc_ros.report.labels import labels
+from masmc_ros.report.metrics import metrics
+from masmc_ros.report.report import write_report
+from masmc_ros.report.robot_drawing import arm_points
+from masmc_ros.report.style import paper_style, png
+from masmc_ros.report.tracking import tracking
+from masmc_ros.robot.forward_kinematics import task_positions
+
+COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
+BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
+
+
+def figures(runs: list[Run]) -> dict[str, bytes]:
+    """Draw all figures of runs."""
+    compared = [
+        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
+    ]
+    return dict(draw_figures(compared, [metrics(run) for run in runs]))
+
+
+def pixels(data: bytes) -> np.ndarray:
+    """Return the colours of a PNG file as (height, width, 3) from 0 to 255."""
+    return np.round(imread(io.BytesIO(data), format='png')[..., :3] * 255).astype(int)
+
+
+def share(image: np.ndarray, colour: tuple[int, int, int]) -> float:
+    """Return how much of an image has a colour."""
+    return float((image == colour).all(axis=-1).mean())
+
+
+@pytest.fixture(scope='module')
+def two_runs() -> list[Run]:
+    return [paper_like('a.mcap'), paper_like('b.mcap', law='rasmc', scale=0.5)]
+
+
+@pytest.fixture(scope='module')
+def two_runs_figures(two_runs: list[Run]) -> dict[str, bytes]:
+    return figures(two_runs)
+
+
+def test_the_papers_figures(two_runs_figures: dict[str, bytes]) -> None:
+    assert list(two_runs_figures) == [
+        'figure_3_smc_path.png',
+        'figure_4_smc_end_effector.png',
+        'figure_5_smc_platform.png',
+        'figure_6_rasmc_path.png',
+        'figure_7_rasmc_end_effector.png',
+        'figure_8_rasmc_platform.png',
+        'comparison.png',
+    ]
+
+
+def test_sizes_are_those_of_a_printed_page(two_runs_figures: dict[str, bytes]) -> None:
+    for name, data in two_runs_figures.items():
+        height, width, _ = pixels(data).shape
+        is_narrow = name.endswith(('end_effector.png', 'platform.png'))
+        assert width == (COLUMN_PIXELS if is_narrow else PAGE_PIXELS)
+        assert 0.25 * width < height < 1.0 * width
+
+
+def test_every_figure_shows_its_lines(two_runs_figures: dict[str, bytes]) -> None:
+    for name, data in two_runs_figures.items():
+        image = pixels(data)
+        assert share(image, BLUE) > 1e-3, name
+        assert share(image, VERMILLION) > 1e-3, name
+        assert share(image, BLACK) > 1e-3, name
+        # Nothing is cut off at the edges.
+        edges = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
+        assert (edges == 255).all(), name
+
+
+def test_different_runs_give_different_figures() -> None:
+    calm, rough = figures([paper_like()]), figures([paper_like(scale=2.0)])
+    same = {name for name in calm if calm[name] == rough[name]}
+    assert same == {'figure_3_smc_path.png'}  # drawn from the states, which are the same
+
+
+def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
+    two_runs: list[Run], two_runs_figures: dict[str, bytes]
+) -> None:
+    with matplotlib.rc_context({'font.size': 20.0, 'axes.grid': False, 'axes.facecolor': 'red'}):
+        assert figures(two_runs) == two_runs_figures
+        assert matplotlib.rcParams['font.size'] == 20.0
+
+
+@pytest.mark.parametrize(('draw', 'first'), [(end_effector_figure, 0), (platform_figure, 2)])
+def test_errors_are_drawn_in_mm_and_enlarged(draw: Callable[..., Figure], first: int) -> None:
+    run = paper_like()
+    tracked = tracking(run)
+    error = 1000.0 * tracked.error[:, first : first + 2]
+    with paper_style():
+        upper, lower = draw(tracked, metrics(run), 'run').axes
+    for axes in (upper, lower):
+        _, x, y = axes.get_lines()
+        np.testing.assert_allclose(np.stack([x.get_ydata(), y.get_ydata()], axis=1), error)
+    assert upper.get_ylim()[1] >= error.max()
+    settled = np.abs(error[tracked.times >= 10.0]).max()
+    assert settled < lower.get_ylim()[1] < 1.3 * settled
+    assert lower.get_ylim()[0] == -lower.get_ylim()[1]
+
+
+def test_further_runs_are_named_by_their_logs() -> None:
+    runs = [
+        paper_like('first.mcap'),
+        paper_like('x/my run.mcap'),
+        paper_like('y/my run.mcap'),
+        replace(paper_like('bag.mcap'), metadata={}),
+        paper_like('z.mcap', law='rasmc'),
+    ]
+    assert [names[0] for names in figure_names(runs)] == [
+        'figure_3_smc_path.png',
+        'my_run_path.png',
+        'my_run_2_path.png',
+        'bag_path.png',
+        'figure_6_rasmc_path.png',
+    ]
+
+
+def test_no_two_figures_share_a_name() -> None:
+    stems = ('q', 'a', 'A', 'a_2', 'a', 'a b', 'a_b', 'figure_3_smc')
+    runs = [paper_like(f'{stem}.mcap') for stem in stems]
+    names = list(chain.from_iterable(figure_names(runs)))
+    assert len({name.lower() for name in names}) == len(names)
+
+
+def test_log_without_positions_has_no_path() -> None:
+    bare = replace(paper_like('bag.mcap'), metadata={}, reference=None)
+    assert list(figures([bare])) == ['bag_end_effector.png', 'bag_platform.png', 'comparison.png']
+
+
+def test_any_name_of_a_file_can_be_drawn() -> None:
+    stems = ('_hidden', 'cost $x_{$', '$\\frac$', 'a' * 150, '%s {} "')
+    runs = [
+        replace(paper_like(f'{stem}.mcap', scale=2.0**i), metadata={})
+        for i, stem in enumerate(stems)
+    ]
+    compared = [
+        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
+    ]
+    with paper_style():
+        figure = comparison_figure(compared)
+        assert share(pixels(png(figure)), BLUE) > 1e-3
+        (legend,) = filter(None, (axes.get_legend() for axes in figure.axes))
+        texts = [text.get_text() for text in legend.get_texts()]
+        assert texts == ['_hidden', r'cost \$x_{\$', r'\$\frac\$', f'…{"a" * 39}', '%s {} "']
+        for label, run, tracked in compared:
+            drawn = end_effector_figure(tracked, metrics(run), label)
+            image = pixels(png(drawn))
+            assert share(image, BLUE) > 1e-3
+            assert (image[:, -1] == 255).all()  # no name is cut off
+
+
+def test_perfect_tracking_can_be_drawn() -> None:
+    t = ticks(1.0)
+    still = replace(run_of(np.zeros((len(t), 4)), t), torque=np.zeros((0, 4)))
+    still = replace(still, torque_times=np.zeros(0))
+    assert len(figures([still])) == 4
+
+
+def test_diverged_run_can_be_drawn() -> None:
+    run = paper_like()
+    assert run.tracking_error is not None
+    error = run.tracking_error.copy()
+    error[1500:1700], error[1700:] = np.inf, np.nan
+    diverged = replace(run, tracking_error=error, torque=np.full_like(run.torque, np.nan))
+    assert len(figures([diverged])) == 4
+
+
+@PROPERTY
+@given(machines(), all_angles())
+def test_arm_is_drawn_where_kinematics_has_it(machine: Machine, angles: Angles) -> None:
+    position = np.array([0.7, -1.1, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
+    base, _, end = arm_points(machine.geometry, position)
+    (task,) = task_positions(np.array(machine.geometry), position[None])
+    np.testing.assert_allclose([*end, *base], task, rtol=0, atol=1e-12)
+
+
+def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> None:
+    folder = tmp_path / 'new' / 'report'
+    written = write_report(two_runs, folder)
+    assert sorted(written) == sorted(folder.iterdir())
+    assert [path.name for path in written[:3]] == ['table.txt', 'table.md', 'metrics.csv']
+    assert 'smc, tanh δ 0.2' in written[0].read_text()
+    assert sum(path.suffix == '.png' for path in written) == 7
+
+
+def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> None:
+    (tmp_path / 'table.txt').write_text('old')
+    (tmp_path / 'notes.txt').write_text('mine')
+    write_report(two_runs, tmp_path)
+    assert 'rasmc' in (tmp_path / 'table.txt').read_text()
+    assert (tmp_path / 'notes.txt').read_text() == 'mine'
+
+
+@pytest.mark.parametrize(
+    ('place', 'named'),
+    [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/table.txt')],
+)
+def test_folder_that_cannot_be_written(
+    two_runs: list[Run], tmp_path: Path, place: str, named: str
+) -> None:
+    (tmp_path / 'file').write_text('mine')
+    (tmp_path / 'folder' / 'table.txt').mkdir(parents=True)
+    with pytest.raises(InputError) as caught:
+        write_report(two_runs[:1], tmp_path / place)
+    assert str(caught.value).startswith(f'{tmp_path / named}: cannot be written (')
+    assert '\n' not in str(caught.value)
+    assert (tmp_path / 'file').read_text() == 'mine'
+    assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['table.txt']
+
+
+def test_one_bad_run_leaves_no_folder(two_runs: list[Run], tmp_path: Path) -> None:
+    bad = run_of(np.zeros((1, 4)), np.zeros(1), path='short.mcap')
+    with pytest.raises(InputError, match=r'^short\.mcap: '):
+        write_report([*two_runs, bad], tmp_path / 'report')
+    assert not (tmp_path / 'report').exists()
+
+
+def test_report_of_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'^no runs to report; expected at least one log$'):
+        write_report([], tmp_path)

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metrics of runs with known answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+import numpy as np
+import pytest
+from report_runs import paper_like, PARAMETERS, record, run_of, ticks, without_error
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import read_run, Run
+from masmc_ros.log.simulated import SimulationLog
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.report.metrics import metrics, total_variation
+from masmc_ros.report.tracking import tracking
+
+PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
+
+
+@given(st.floats(1e-6, 10.0), st.floats(1e-6, 10.0))
+def test_points_on_circles_have_their_radii(radius_e: float, radius_f: float) -> None:
+    t = ticks()
+    error = np.stack(
+        [
+            radius_e * np.cos(3 * t),
+            radius_e * np.sin(3 * t),
+            radius_f * np.cos(t),
+            -radius_f * np.sin(t),
+        ],
+        axis=1,
+    )
+    found = metrics(run_of(error, t))
+    assert found.end_effector_rms == pytest.approx(radius_e)
+    assert found.end_effector_max == pytest.approx(radius_e)
+    assert found.platform_rms == pytest.approx(radius_f)
+    assert found.platform_max == pytest.approx(radius_f)
+
+
+def test_whole_periods_of_a_sine() -> None:
+    t = ticks()
+    error = np.zeros((len(t), 4))
+    error[:, 1] = 0.03 * np.sin(2 * np.pi * t)
+    error[:, 2] = 0.05
+    found = metrics(run_of(error, t))
+    assert found.end_effector_rms == pytest.approx(0.03 / np.sqrt(2))
+    assert found.end_effector_max == pytest.approx(0.03)
+    assert found.platform_rms == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ('time', 'counts'), [(9.99, False), (10.0, True), (19.99, True), (20.0, False)]
+)
+def test_window_is_the_second_half_without_the_last_tick(time: float, counts: bool) -> None:
+    t = ticks()
+    error = np.zeros((len(t), 4))
+    error[round(time / 0.01), 0] = 1.0
+    found = metrics(run_of(error, t))
+    assert (found.begin, found.end) == (10.0, 20.0)
+    assert found.end_effector_max == float(counts)
+
+
+def test_window_of_choice() -> None:
+    t = ticks()
+    error = np.zeros((len(t), 4))
+    error[t < 1.0] = 0.5
+    assert metrics(run_of(error, t), window=(0.0, 1.0)).platform_rms == pytest.approx(np.sqrt(0.5))
+    assert metrics(run_of(error, t), window=(1.0, 20.0)).platform_rms == 0.0
+
+
+def test_stamps_of_the_wall_clock_change_nothing() -> None:
+    run = paper_like()
+    late = 1.7e9
+    shifted = replace(
+        run,
+        times=run.times + late,
+        tracking_error_times=run.times + late,
+        torque_times=run.torque_times + late,
+    )
+    found, right = metrics(shifted), metrics(run)
+    assert found.end_effector_rms == pytest.approx(right.end_effector_rms, rel=1e-3)
+    assert found.torque_variation == pytest.approx(right.torque_variation, rel=1e-3)
+    assert found.end == pytest.approx(20.0, abs=1e-6)
+
+
+def test_torque_that_chatters() -> None:
+    t = ticks()
+    sign = np.where(np.arange(len(t)) % 2, 1.0, -1.0)
+    torque = sign[:, None] * [1.0, 2.0, 3.0, 4.0]
+    found = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
+    samples = 1000
+    assert found.torque_rms == pytest.approx(np.sqrt(1 + 4 + 9 + 16))
+    assert found.torque_variation == pytest.approx((samples - 1) * 2 * 10 / 10.0)
+
+
+def test_steady_torque_varies_by_nothing() -> None:
+    t = ticks()
+    torque = np.full((len(t), 4), 3.0)
+    torque[t < 10.0] = 50.0
+    found = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
+    assert found.torque_variation == 0.0
+    assert found.torque_rms == pytest.approx(6.0)
+
+
+@given(hnp.arrays(float, st.tuples(st.integers(2, 20), st.just(4)), elements=st.floats(-9, 9)))
+def test_variation_is_at_least_the_way_from_first_to_last(samples: np.ndarray) -> None:
+    way = np.abs(samples[-1] - samples[0]).sum()
+    assert total_variation(samples) >= way - 1e-9
+    assert total_variation(samples[::-1]) == pytest.approx(total_variation(samples))
+    # It is the way itself for samples in order.
+    ordered = np.sort(samples, axis=0)
+    assert total_variation(ordered) == pytest.approx((ordered[-1] - ordered[0]).sum())
+
+
+def test_log_without_commands_and_estimates() -> None:
+    run = replace(paper_like(), torque=np.zeros((0, 4)), torque_times=np.zeros(0))
+    found = metrics(run)
+    assert found.torque_rms is None
+    assert found.torque_variation is None
+    assert found.estimate_norm is None
+
+
+def test_norm_of_the_last_estimate() -> None:
+    estimate = np.array([[9.0] * 7, [3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 12.0]])
+    run = replace(
+        paper_like(), parameter_estimate=estimate, parameter_estimate_times=np.array([0.0, 1.0])
+    )
+    assert metrics(run).estimate_norm == pytest.approx(13.0)
+
+
+def test_run_of_one_state_is_refused() -> None:
+    run = run_of(np.zeros((1, 4)), np.zeros(1), path='short.mcap')
+    with pytest.raises(InputError, match=r'^short\.mcap: no tracking error in 0 s <= t < 0 s; '):
+        metrics(run)
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return a second of the paper's experiment, with a robot other than the default."""
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    values = load_scenario(str(PAPER), ['duration=1.0', 'robot.link_2_length=0.4'])
+    simulation = Simulation(values)
+    with SimulationLog(path, simulation, values, PAPER) as log:
+        for stretch in simulation.run():
+            log.write(stretch)
+    return read_run(path)
+
+
+def test_error_from_the_states_is_the_controllers_own(simulated: Run) -> None:
+    told, computed = tracking(simulated), tracking(without_error(simulated))
+    np.testing.assert_array_equal(told.times, computed.times)
+    np.testing.assert_allclose(computed.error, told.error, rtol=0, atol=1e-13)
+    # The robot did move, so that there is something to agree on.
+    assert np.ptp(told.error, axis=0).min() > 1e-3
+
+
+@pytest.mark.parametrize('missing', ['reference', 'parameters'])
+def test_positions_follow_from_error_and_the_other(simulated: Run, missing: str) -> None:
+    whole = tracking(simulated)
+    assert whole.actual is not None
+    assert whole.desired is not None
+    lacking = (
+        replace(simulated, reference=None)
+        if missing == 'reference'
+        else replace(simulated, metadata={})
+    )
+    found = tracking(lacking)
+    assert found.actual is not None
+    assert found.desired is not None
+    np.testing.assert_allclose(found.actual, whole.actual, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.desired, whole.desired, rtol=0, atol=1e-13)
+
+
+def test_states_before_the_reference_do_not_count() -> None:
+    run = without_error(paper_like())
+    assert run.reference is not None
+    reference = run.reference.copy()
+    reference[:300] = np.nan
+    found = tracking(replace(run, reference=reference))
+    assert found.times[0] == 3.0
+    assert np.isfinite(found.error).all()
+
+
+@pytest.mark.parametrize(
+    ('change', 'what'),
+    [({'reference': None}, 'no reference'), ({'metadata': {}}, "no record of the robot's")],
+)
+def test_log_that_does_not_tell_the_error(change: dict[str, Any], what: str) -> None:
+    with pytest.raises(InputError) as caught:
+        tracking(replace(without_error(paper_like()), **change))
+    assert str(caught.value).startswith('run.mcap: no controller/tracking_error and ')
+    assert what in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_parameters_that_are_no_object_are_refused() -> None:
+    run = replace(paper_like(), metadata={'parameters': [{'plant': '[1, 2'}]})
+    with pytest.raises(InputError, match=r"^run\.mcap: metadata 'parameters' of plant: expected"):
+        metrics(run)
+
+
+def test_a_simulated_plant_knows_the_real_lengths() -> None:
+    run = without_error(paper_like())
+    believed = {**PARAMETERS, 'robot.link_2_length': 0.1}
+    nodes = {'/left/controller': believed, '/left/plant': PARAMETERS}
+    both, one = replace(run, metadata=record(nodes)), run
+    np.testing.assert_array_equal(tracking(both).error, tracking(one).error)

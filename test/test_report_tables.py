@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Labels and tables of runs."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import astuple, replace
+import io
+import json
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+from report_runs import paper_like
+
+from masmc_ros.report.labels import labels
+from masmc_ros.report.metrics import Metrics, metrics
+from masmc_ros.report.table import csv_table, markdown_table, number, text_table
+
+KNOWN = Metrics(10.0, 20.0, 0.020688, 0.0752, 0.0395656, 0.0601855, 3.4239, 236554.4, None)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'label'),
+    [
+        ({}, 'smc, tanh δ 0.2'),
+        ({'law': 'rasmc', 'boundary_layer': 0.05}, 'rasmc, tanh δ 0.05'),
+        ({'switching': 'sign'}, 'smc, sign'),
+        ({'switching': 'implicit', 'observer_gain': 0.5}, 'smc, implicit, β 0.5'),
+        ({'switching': 'implicit'}, 'smc, implicit, β 0'),
+        ({'law': 'mine', 'switching': None}, 'mine'),
+    ],
+)
+def test_label_tells_the_law(parameters: dict[str, Any], label: str) -> None:
+    assert labels([paper_like(**parameters)]) == [label]
+
+
+def test_label_tells_that_parameters_were_changed() -> None:
+    run = paper_like()
+    change = {'000000': json.dumps({'node': 'controller', 'tick': 5, 'parameters': {}})}
+    changed = replace(run, metadata={**run.metadata, 'parameter_changes': [change]})
+    assert labels([changed]) == ['smc, tanh δ 0.2, changed']
+
+
+def test_runs_under_one_law_are_told_apart_by_file() -> None:
+    runs = [paper_like('a.mcap'), paper_like('b.mcap'), paper_like('c.mcap', law='rasmc')]
+    assert labels(runs) == ['smc, tanh δ 0.2 (a)', 'smc, tanh δ 0.2 (b)', 'rasmc, tanh δ 0.2']
+
+
+def test_log_of_another_recorder_goes_by_its_file() -> None:
+    assert labels([replace(paper_like('bags/lab.mcap'), metadata={})]) == ['lab']
+
+
+@given(st.lists(st.sampled_from(['a', 'x/a', 'y/a', 'b', 'q' * 60, 'x/' + 'q' * 60]), min_size=1))
+def test_labels_differ(paths: list[str]) -> None:
+    found = labels([paper_like(f'{path}.mcap') for path in paths])
+    assert len(set(found)) == len(paths)
+    assert max(map(len, found)) < 80
+
+
+@given(st.floats(-1e12, 1e12))
+def test_number_keeps_five_digits(value: float) -> None:
+    assert float(number(value)) == pytest.approx(value, rel=5.1e-5, abs=0.0)
+    assert len(number(value)) <= 12
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [(24.2834, '24.283'), (0.774, '0.77400'), (236554.4, '236550'), (0.0218352, '0.021835')],
+)
+def test_number_reads_plainly(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_text_table_is_aligned() -> None:
+    text = text_table({'smc, sign': KNOWN, 'a much longer label of a run': metrics(paper_like())})
+    head, units, rule, first, second = text.splitlines()[:5]
+    ends = [len(head.rstrip()), len(units), len(rule), len(first), len(second)]
+    assert len(set(ends)) == 1
+    assert first.split() == [
+        'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '3.4239', '236550', '-',
+    ]  # fmt: skip
+    # Every column ends where its rule ends.
+    edges = [
+        i for i, letter in enumerate(rule) if letter == '-' and rule[i + 1 : i + 2] in (' ', '')
+    ]
+    for line in (first, second):
+        assert all(line[i] != ' ' for i in edges[1:])
+
+
+def test_markdown_table_has_a_cell_for_every_head() -> None:
+    lines = markdown_table({'a|b': KNOWN}).splitlines()
+    assert len(lines) == 3
+    assert {line.replace(r'\|', '').count('|') for line in lines} == {10}
+    assert '| 75.200 |' in lines[2]
+
+
+@given(st.floats(0.0, 1e6), st.floats(0.0, 1e6) | st.none())
+def test_csv_keeps_every_bit(rms: float, variation: float | None) -> None:
+    row = replace(KNOWN, platform_rms=rms, torque_variation=variation)
+    (read,) = csv.DictReader(io.StringIO(csv_table({'smc, "x"': row})))
+    assert read.pop('run') == 'smc, "x"'
+    assert [float(text) if text else None for text in read.values()] == list(astuple(row))
+    assert list(read)[4] == 'platform_rms (m)'

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bounds of docs/control_law.md: where sampled laws begin to chatter."""
+
+from __future__ import annotations
+
+from lagrangian import matrices
+import numpy as np
+import pytest
+from robots import DEFAULT
+from scenario import Run, Scenario, whole
+
+SMOOTH = 20.0
+CHATTERING = 10_000.0
+
+
+def variation(scenario: Scenario) -> float:
+    """Return the torques' total variation in N m/s over the second half of a run."""
+    torque = whole(scenario).torque[scenario.ticks // 2 :]
+    duration = (len(torque) - 1) * scenario.period
+    return float(np.abs(np.diff(torque, axis=0)).sum() / duration)
+
+
+def least_inertia(run: Run) -> float:
+    """Return the smallest eigenvalue of H_x along a run, in kg."""
+    least = np.inf
+    for q, v in zip(run.position[:-1:200], run.velocity[:-1:200, 3:], strict=True):
+        m = matrices(DEFAULT, q, v)
+        inverse = np.linalg.inv(m.jacobian)
+        least = min(least, np.linalg.eigvalsh(inverse.T @ m.reduced_inertia @ inverse)[0])
+    return float(least)
+
+
+@pytest.mark.parametrize(('period', 'below', 'above'), [(1e-3, 0.080, 0.083), (2e-3, 0.17, 0.185)])
+def test_a_layer_thinner_than_its_bound_chatters(
+    period: float, below: float, above: float
+) -> None:
+    def thin(layer: float) -> Scenario:
+        return Scenario(
+            'smc',
+            boundary_layer=layer,
+            period=period,
+            steps=round(period / 0.0005),
+            ticks=round(20.0 / period) + 1,
+        )
+
+    least = least_inertia(whole(Scenario('smc', 'implicit', 0.5)))
+    bound = 100.0 / (2.0 * least / period - 100.0)
+    assert below < bound < above
+    assert variation(thin(below)) > CHATTERING
+    assert variation(thin(above)) < SMOOTH
+
+
+@pytest.mark.parametrize('gain', [0.25, 0.5, 1.0])
+def test_a_model_heavier_than_its_bound_chatters(gain: float) -> None:
+    bound = 4.0 / (2.0 + gain)
+    light, heavy = (
+        Scenario('smc', 'implicit', gain, model_scale=factor * bound) for factor in (0.97, 1.03)
+    )
+    assert variation(light) < SMOOTH
+    # Beyond the bound it chatters, or diverges and ends in not-a-number.
+    assert not variation(heavy) < CHATTERING
