@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import subprocess
 import sys
 import time
 from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.experimental.events_executor import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
@@ -113,15 +113,16 @@ def round_trips_per_second(*, raw: bool, composed: bool, seconds: float = 3.0) -
 
 
 def _serve(*, raw: bool) -> None:
-    rclpy.init()
-    executor = EventsExecutor()
-    pong = Pong(rclpy.get_default_context(), raw=raw)
-    executor.add_node(pong.node)
-    try:
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.5)
-    except (ExternalShutdownException, rclpy_implementation.RCLError):
-        pass  # ended by the other side
+    """Answer until SIGTERM."""
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    context = rclpy.Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    executor = EventsExecutor(context=context)
+    executor.add_node(Pong(context, raw=raw).node)
+    while not stopped:
+        executor.spin_once(timeout_sec=0.1)
+    context.try_shutdown()
 
 
 if __name__ == '__main__':
