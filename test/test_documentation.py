@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from masmc_ros.nodes.parameters import NODES, declared
+from masmc_ros.nodes.parameters import declared, NODES
 from masmc_ros.nodes.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import pytest
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.declaration import Parameter, check_all
+from masmc_ros.params.declaration import check_all, Parameter
 
 GAIN = Parameter('k_s1', 100.0, 'Gain', length=4, broadcast=True, minimum=0.0, read_only=False)
 PERIOD = Parameter(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from masmc_ros.errors import InputError, UserError, suggestion
+from masmc_ros.errors import InputError, suggestion, UserError
 
 
 @given(st.text())

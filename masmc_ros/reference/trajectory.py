@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 import math
 from typing import Any, ClassVar, Protocol
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from masmc_ros.compiled import kernel
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.line_sine import line_sine
 from masmc_ros.robot.parameters import Robot
 
@@ -82,20 +82,15 @@ BUILT_IN: dict[str, type[Reference]] = {'line_sine': LineSine}
 
 def types() -> tuple[str, ...]:
     """Names of all types of trajectory, built in and plugged in."""
-    return (*BUILT_IN, *sorted(point.name for point in entry_points(group=ENTRY_POINTS)))
+    return (*BUILT_IN, *plugged_in(ENTRY_POINTS))
 
 
 def load(name: str) -> type[Reference]:
     """Return the class of a type of trajectory; InputError where it cannot be loaded."""
     if name in BUILT_IN:
         return BUILT_IN[name]
-    for point in entry_points(group=ENTRY_POINTS, name=name):
-        try:
-            found: type[Reference] = point.load()
-        except Exception as error:
-            raise InputError(f'type = {name}: {point.value} cannot be loaded: {error}') from error
-        return found
-    raise InputError(f'type = {name}: expected one of {", ".join(types())}')
+    reference: type[Reference] = load_plug_in(ENTRY_POINTS, 'type', name)
+    return reference
 
 
 def parameters() -> tuple[Parameter, ...]:
