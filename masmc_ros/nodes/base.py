@@ -21,7 +21,7 @@ from masmc_ros.nodes.parameters import declared
 from masmc_ros.nodes.qos import publisher_qos
 from masmc_ros.nodes.ros_parameters import RosParameters
 
-_DELIVERY = Duration(seconds=5)
+_DELIVERY = 5.0
 _PATIENCE = 3.0
 _REMINDER = 5.0
 
@@ -83,9 +83,14 @@ class SuiteNode:
         self._waiting = reason
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Deliver what was published to everybody who is listening."""
+        """Deliver what was published to everybody who is listening.
+
+        A listener that was killed counts as there for a while yet, so that the time is bounded.
+        """
+        limit = time.monotonic() + _DELIVERY
         for publisher in self._publishers:
-            publisher.wait_for_all_acked(_DELIVERY)
+            left = max(0.0, limit - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
 
     def _remind(self) -> None:
         now = time.monotonic()

@@ -37,6 +37,9 @@ _PROGRESS = 100
 _QUIET = 0.3
 """Time in s without a message after which nothing more is under way."""
 
+_LONG_QUIET = 3.0
+"""Time in s without a message after which a run that has reached its end is over."""
+
 _LONGEST_DRAIN = 10.0
 
 _CORE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC)
@@ -211,7 +214,9 @@ class RecorderNode(SuiteNode):
             self.wait(None)
             self._report()
         is_over = self._last is not None and self._answered >= self._last
-        if is_over and not any(here):
+        # A sender that was killed counts as there for a while yet.
+        is_quiet = time.monotonic() - self._last_arrival > _LONG_QUIET
+        if is_over and (is_quiet or not any(here)):
             self.finished = True
 
 

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Four processes in lock-step give the bits of the simulation, whatever happens on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from live_nodes import NODES, PAPER, messages, nodes, observer, ros_arguments, watch_time
+
+from masmc_ros.cli.main import main
+
+OTHER = """
+/**:
+  ros__parameters:
+    control_period: 0.002
+    duration: 1.0
+    robot: {wheel_radius: 0.07, half_track: 0.2, com_offset: 0.03, arm_offset: 0.15, link_1_length: 0.45,
+            link_2_length: 0.4, platform_mass: 22.0, link_2_mass: 1.6}
+/**/plant:
+  ros__parameters:
+    wait_for: [controller, trajectory]
+    initial_pose: [0.1, -0.05, 1.2]
+    initial_velocity: [0.5, -0.3, 0.1, 0.2]
+    torque_limit: [6.0, 6.0, 15.0, 8.0]
+    disturbance: {amplitude: [1.0, 0.5, 2.0, 1.0], frequency: [2.0, 5.0, 1.0, 3.0]}
+/**/controller:
+  ros__parameters: {law: smc, switching: implicit, observer_gain: 0.5, model_scale: 0.8,
+                    k_s1: [80.0, 90.0, 70.0, 100.0]}
+"""
+
+TICK_TOPICS = (
+    'joint_states',
+    'effort_commands',
+    'controller/tracking_error',
+    'controller/sliding_surface',
+    'controller/parameter_estimate',
+)
+
+
+def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
+    """Return the messages of the simulation of a file."""
+    options = [word for setting in settings for word in ('--set', setting)]
+    assert main(['simulate', str(file), '--output', str(log), *options]) == 0
+    return messages(log)
+
+
+def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -> None:
+    """Hold every message of every topic with a message at each tick against the other's."""
+    for topic in (*TICK_TOPICS, 'odom', 'base_twist', 'clock'):
+        assert len(live[topic]) == len(computed[topic]), topic
+        assert live[topic] == computed[topic], topic
+
+
+@pytest.fixture(scope='module')
+def paper(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[bytes]]:
+    log = tmp_path_factory.mktemp('simulated') / 'run.mcap'
+    return simulated(PAPER, log, 'duration=1.5')
+
+
+@pytest.mark.parametrize('namespace', ['', '/left'])
+def test_separate_processes(
+    paper: dict[str, list[bytes]], tmp_path: Path, namespace: str
+) -> None:
+    log = tmp_path / 'live.mcap'
+    with nodes(tmp_path) as started:
+        arguments = ros_arguments(
+            PAPER,
+            **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+            plant__wait_for='[controller, trajectory, recorder]',
+            recorder__output=log,
+        )
+        remap = ['-r', f'__ns:={namespace}'] if namespace else []
+        for node in (*NODES, 'recorder'):
+            started.start(node, *arguments, *remap)
+        assert set(started.wait().values()) == {0}, started.output()
+    check_same(messages(log), paper)
+
+
+def test_another_robot_law_and_period(tmp_path: Path) -> None:
+    file = tmp_path / 'other.yaml'
+    file.write_text(OTHER)
+    log = tmp_path / 'live.mcap'
+    with nodes(tmp_path) as started:
+        arguments = ros_arguments(
+            file, plant__wait_for='[controller, trajectory, recorder]', recorder__output=log
+        )
+        for node in (*NODES, 'recorder'):
+            started.start(node, *arguments)
+        assert set(started.wait().values()) == {0}, started.output()
+    check_same(messages(log), simulated(file, tmp_path / 'simulated.mcap'))
+
+
+def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
+    log = tmp_path / 'live.mcap'
+    with nodes(tmp_path) as started:
+        arguments = ros_arguments(
+            PAPER,
+            **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+            plant__wait_for='[controller, trajectory, recorder]',
+            recorder__output=log,
+        )
+        started.start('composed', '--record', *arguments)
+        assert started.wait() == {'composed': 0}, started.output()
+    check_same(messages(log), paper)
+
+
+def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
+    """Under smc nothing is lost with the controller: its successor takes up the run."""
+    log = tmp_path / 'live.mcap'
+    with nodes(tmp_path) as started:
+        arguments = ros_arguments(
+            PAPER,
+            **{f'{node}__duration': 6.0 for node in (*NODES, 'recorder')},
+            # Discovery can take seconds; a run begins when its observer is known as well.
+            plant__wait_for='[controller, trajectory, recorder, observer]',
+            recorder__output=log,
+            controller__law='smc',
+        )
+        with observer(started.domain) as (node, spin_until):
+            stamps = watch_time(node)
+            processes = {name: started.start(name, *arguments) for name in (*NODES, 'recorder')}
+            spin_until(lambda: stamps[-1] >= 1_000_000_000)
+            processes['controller'].send_signal(signal.SIGKILL)
+            processes['controller'].wait()
+            assert stamps[-1] < 6_000_000_000, 'killed too late to show anything'
+            started.start('controller', *arguments)
+            assert set(started.wait().values()) == {0}, started.output()
+    live = messages(log)
+    computed = simulated(
+        PAPER, tmp_path / 'simulated.mcap', 'duration=6.0', 'controller.law=smc'
+    )
+    assert live['joint_states'] == computed['joint_states']
+    # States of the recent past are answered again by the successor, with the same torques.
+    assert set(live['effort_commands']) == set(computed['effort_commands'])
+
+
+def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
+    with nodes(tmp_path) as started:
+        for robot in ('left', 'right'):
+            arguments = ros_arguments(
+                PAPER,
+                **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+                plant__wait_for='[controller, trajectory, recorder]',
+                recorder__output=tmp_path / f'{robot}.mcap',
+            )
+            started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
+        assert set(started.wait().values()) == {0}, started.output()
+    assert messages(tmp_path / 'left.mcap')['joint_states'] == paper['joint_states']
+    right = messages(tmp_path / 'right.mcap')
+    assert right['right/joint_states'] == paper['joint_states']
