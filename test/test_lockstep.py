@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from live_nodes import NODES, PAPER, messages, nodes, observer, ros_arguments, watch_time
+from live_nodes import messages, NODES, nodes, observer, PAPER, ros_arguments, watch_time
 
 from masmc_ros.cli.main import main
 

@@ -34,7 +34,8 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
         description=f'{parameter.description}{unit}',
         additional_constraints=parameter.expected,
         read_only=parameter.read_only,
-        dynamic_typing=parameter.broadcast,
+        # What changes while running is typed dynamically: a refusal is then ours to word.
+        dynamic_typing=parameter.broadcast or not parameter.read_only,
     )
     low, high = parameter.minimum, parameter.maximum
     if parameter.kind == 'double' and (low is not None or high is not None):
@@ -113,8 +114,16 @@ class RosParameters:
         try:
             self._check({**self.values, **self._checked(changes)})
         except InputError as error:
+            self._restore_types(changes)
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _restore_types(self, changes: list[Any]) -> None:
+        """Undo what rclpy has noted as the types of refused values."""
+        for change in changes:
+            if self._node.has_parameter(change.name):
+                in_force = self._node.get_parameter(change.name)
+                self._node.describe_parameter(change.name).type = in_force.type_.value
 
     def _commit(self, changes: list[Any]) -> None:
         new = self._checked(changes)

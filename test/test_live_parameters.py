@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains change while a run goes on: checked, applied between two ticks, told with the tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from live_nodes import messages, NODES, Nodes, nodes, observer, PAPER, ros_arguments, watch_time
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.text import text_of
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.nodes.parameters import declared
+from masmc_ros.nodes.scenario import load_scenario
+
+Call = Callable[[Any, str, Any], Any]
+
+
+@pytest.fixture(scope='module')
+def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Call]:
+    """Yield how to call services of a controller that runs alone."""
+    with nodes(tmp_path_factory.mktemp('nodes')) as started:
+        started.start('controller', '--ros-args', '-p', 'k_s1:=120.0')
+        with observer(started.domain) as (node, spin_until):
+            clients = {
+                kind: node.create_client(kind, f'controller/{name}')
+                for kind, name in (
+                    (SetParametersAtomically, 'set_parameters_atomically'),
+                    (GetParameters, 'get_parameters'),
+                    (DescribeParameters, 'describe_parameters'),
+                )
+            }
+            spin_until(lambda: all(c.service_is_ready() for c in clients.values()))
+
+            def call(kind: Any, field: str, value: Any) -> Any:
+                request = kind.Request()
+                setattr(request, field, value)
+                future = clients[kind].call_async(request)
+                spin_until(future.done)
+                return future.result()
+
+            yield call
+
+
+def change(call: Call, **values: Any) -> Any:
+    changes = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    return call(SetParametersAtomically, 'parameters', changes).result
+
+
+def read(call: Call, name: str) -> Any:
+    value = call(GetParameters, 'names', [name]).values[0]
+    if value.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
+        return list(value.double_array_value)
+    if value.type == ParameterType.PARAMETER_DOUBLE:
+        return value.double_value
+    return value.string_value
+
+
+def test_the_command_line_is_in_force(controller: Call) -> None:
+    assert read(controller, 'k_s1') == 120.0
+
+
+@pytest.mark.parametrize(
+    ('value', 'stored'),
+    [
+        (150, 150.0),
+        (150.5, 150.5),
+        ([150.0, 150.0, 80.0, 80.0], [150.0, 150.0, 80.0, 80.0]),
+        ([150, 150, 80, 80], [150.0, 150.0, 80.0, 80.0]),
+    ],
+)
+def test_a_gain_is_a_number_or_an_array(controller: Call, value: Any, stored: Any) -> None:
+    assert change(controller, k_s1=value).successful
+    assert read(controller, 'k_s1') == stored
+
+
+def test_an_integer_is_a_double_everywhere(controller: Call) -> None:
+    assert change(controller, observer_gain=1).successful
+    assert read(controller, 'observer_gain') == 1.0
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'expected'),
+    [
+        ('k_s1', -1.0, ('k_s1', '-1.0', '>= 0')),
+        ('k_s2', [1.0, 2.0], ('k_s2', '[1.0, 2.0]', '4 numbers')),
+        ('sigma', float('nan'), ('sigma', '.nan', 'number')),
+        ('gamma', 0.0, ('gamma', '0.0', '> 0')),
+        ('law', 'pid', ('law', 'pid', 'smc, rasmc')),
+        ('switching', 'soft', ('switching', 'soft', 'implicit')),
+        ('boundary_layer', 'thin', ('boundary_layer', 'thin', '> 0')),
+        ('k_s1', 'strong', ('k_s1', 'strong', '4 numbers')),
+        ('observer_gain', 2.0, ('observer_gain', '2.0', '1.0')),
+        ('control_period', 0.01, ('control_period', 'read-only')),
+    ],
+)
+def test_a_refused_change_says_why_and_changes_nothing(
+    controller: Call, name: str, value: Any, expected: tuple[str, ...]
+) -> None:
+    before = read(controller, name)
+    result = change(controller, **{name: value})
+    assert not result.successful
+    for part in expected:
+        assert part in result.reason
+    assert read(controller, name) == before
+    described = controller(DescribeParameters, 'names', [name]).descriptors[0].type
+    assert described == controller(GetParameters, 'names', [name]).values[0].type
+
+
+def test_a_change_is_taken_as_a_whole(controller: Call) -> None:
+    before = read(controller, 'k_s1'), read(controller, 'sigma')
+    assert not change(controller, k_s1=77.0, sigma=-1.0).successful
+    assert (read(controller, 'k_s1'), read(controller, 'sigma')) == before
+    assert change(controller, k_s1=77.0, sigma=3.0).successful
+    assert (read(controller, 'k_s1'), read(controller, 'sigma')) == (77.0, 3.0)
+
+
+def test_every_parameter_is_described(controller: Call) -> None:
+    parameters = declared('controller')
+    names = [parameter.name for parameter in parameters]
+    found = controller(DescribeParameters, 'names', names).descriptors
+    for parameter, descriptor in zip(parameters, found, strict=True):
+        assert parameter.description in descriptor.description
+        assert parameter.unit in descriptor.description
+        assert descriptor.additional_constraints == parameter.expected
+        assert descriptor.read_only == parameter.read_only
+
+
+def _paused_run(started: Nodes, node: Any, spin_until: Any, log: Path) -> None:
+    """Run in lock-step, change gains at ticks that the plant's pause decides, and end."""
+    stamps = watch_time(node)
+    pause = node.create_client(SetBool, 'plant/pause')
+    step = node.create_client(Trigger, 'plant/step')
+    set_ = node.create_client(SetParametersAtomically, 'controller/set_parameters_atomically')
+    arguments = ros_arguments(
+        PAPER,
+        **{f'{name}__duration': 1.0 for name in (*NODES, 'recorder')},
+        plant__wait_for='[controller, trajectory, recorder, observer]',
+        recorder__output=log,
+    )
+    for name in (*NODES, 'recorder'):
+        started.start(name, *arguments)
+
+    def call(client: Any, request: Any) -> Any:
+        future = client.call_async(request)
+        spin_until(future.done)
+        return future.result()
+
+    spin_until(lambda: all(c.service_is_ready() for c in (pause, step, set_)))
+    assert call(pause, SetBool.Request(data=True)).success
+    for values in (
+        {'k_s1': 150.0, 'sigma': [2.0, 3.0, 2.0, 3.0]},
+        {'switching': 'implicit', 'observer_gain': 0.5},
+        {'law': 'smc'},
+    ):
+        request = SetParametersAtomically.Request(
+            parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        )
+        assert call(set_, request).result.successful
+        # Commands of the paused plant are under way: several steps give several ticks.
+        for _ in range(25):
+            assert call(step, Trigger.Request()).success
+    assert stamps
+    assert call(pause, SetBool.Request(data=False)).success
+    assert set(started.wait().values()) == {0}, started.output()
+
+
+def test_a_run_with_changes_can_be_computed_again(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    with nodes(tmp_path) as started, observer(started.domain) as (node, spin_until):
+        _paused_run(started, node, spin_until, log)
+    recorded = messages(log)
+    records = [json.loads(text_of(raw)) for raw in recorded['controller/parameters']]
+    changes = {record['tick']: record['parameters'] for record in records[1:]}
+    assert len(changes) == 3
+
+    simulation = Simulation(load_scenario(str(PAPER), ['duration=1.0']))
+    plant, law = simulation.plant, simulation.controller
+    reference = simulation.trajectory.sample(0, 1001)
+    command = EffortCdr()
+    for tick, raw in enumerate(recorded['effort_commands']):
+        if tick in changes:
+            law.change({n: tuple(v) if isinstance(v, list) else v for n, v in changes[tick].items()})
+        law.tick(plant.position, plant.velocity, reference[tick])
+        assert command.load(raw)
+        assert np.array_equal(command.data, law.torque), tick
+        plant.advance(law.torque)
