@@ -56,8 +56,7 @@ class Nodes:
     def output(self) -> str:
         """Return what all processes have printed so far."""
         return '\n'.join(
-            f'--- {name}\n{path.read_text(errors="replace")}'
-            for name, _, path in self._processes
+            f'--- {name}\n{path.read_text(errors="replace")}' for name, _, path in self._processes
         )
 
     def wait(self) -> dict[str, int]:
@@ -95,7 +94,9 @@ def nodes(folder: Path) -> Iterator[Nodes]:
 
 
 @contextmanager
-def observer(domain: dict[str, str]) -> Iterator[tuple[Node, Callable[[Callable[[], bool]], None]]]:
+def observer(
+    domain: dict[str, str],
+) -> Iterator[tuple[Node, Callable[[Callable[[], bool]], None]]]:
     """Yield a node of this process and a function that spins until something holds."""
     previous = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -157,5 +158,7 @@ def messages(log: Path) -> dict[str, list[bytes]]:
     found: dict[str, list[bytes]] = {}
     with log.open('rb') as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
-            found.setdefault(channel.topic.removeprefix('/left').lstrip('/'), []).append(message.data)
+            found.setdefault(channel.topic.removeprefix('/left').lstrip('/'), []).append(
+                message.data
+            )
     return found

@@ -78,9 +78,7 @@ def test_nodes_refuse_files(case: str, tmp_path: Path) -> None:
         (['-p', 'k_s1:=-1.0'], 'k_s1 = -1.0: expected a number or 4 numbers, each >= 0'),
     ],
 )
-def test_nodes_refuse_command_lines(
-    arguments: list[str], expected: str, tmp_path: Path
-) -> None:
+def test_nodes_refuse_command_lines(arguments: list[str], expected: str, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     with nodes(tmp_path) as started:
         process = started.start('controller', '--ros-args', *arguments)
@@ -133,9 +131,7 @@ def test_simulate_refuses_missing_files_and_places(
     assert (tmp_path / 'run.mcap').read_text() == 'mine'
 
 
-def test_report_refuses_what_is_no_log(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_report_refuses_what_is_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['report', str(PAPER), '--output', str(tmp_path / 'report')]) == 2
     one_line(capsys.readouterr().err, 'paper.yaml')
     assert not (tmp_path / 'report').exists()

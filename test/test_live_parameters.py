@@ -192,7 +192,9 @@ def test_a_run_with_changes_can_be_computed_again(tmp_path: Path) -> None:
     command = EffortCdr()
     for tick, raw in enumerate(recorded['effort_commands']):
         if tick in changes:
-            law.change({n: tuple(v) if isinstance(v, list) else v for n, v in changes[tick].items()})
+            law.change(
+                {n: tuple(v) if isinstance(v, list) else v for n, v in changes[tick].items()}
+            )
         law.tick(plant.position, plant.velocity, reference[tick])
         assert command.load(raw)
         assert np.array_equal(command.data, law.torque), tick

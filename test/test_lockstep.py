@@ -19,8 +19,8 @@ OTHER = """
   ros__parameters:
     control_period: 0.002
     duration: 1.0
-    robot: {wheel_radius: 0.07, half_track: 0.2, com_offset: 0.03, arm_offset: 0.15, link_1_length: 0.45,
-            link_2_length: 0.4, platform_mass: 22.0, link_2_mass: 1.6}
+    robot: {wheel_radius: 0.07, half_track: 0.2, com_offset: 0.03, arm_offset: 0.15,
+            link_1_length: 0.45, link_2_length: 0.4, platform_mass: 22.0, link_2_mass: 1.6}
 /**/plant:
   ros__parameters:
     wait_for: [controller, trajectory]
@@ -63,9 +63,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[bytes]]:
 
 
 @pytest.mark.parametrize('namespace', ['', '/left'])
-def test_separate_processes(
-    paper: dict[str, list[bytes]], tmp_path: Path, namespace: str
-) -> None:
+def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, namespace: str) -> None:
     log = tmp_path / 'live.mcap'
     with nodes(tmp_path) as started:
         arguments = ros_arguments(
@@ -131,9 +129,7 @@ def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
             started.start('controller', *arguments)
             assert set(started.wait().values()) == {0}, started.output()
     live = messages(log)
-    computed = simulated(
-        PAPER, tmp_path / 'simulated.mcap', 'duration=6.0', 'controller.law=smc'
-    )
+    computed = simulated(PAPER, tmp_path / 'simulated.mcap', 'duration=6.0', 'controller.law=smc')
     assert live['joint_states'] == computed['joint_states']
     # States of the recent past are answered again by the successor, with the same torques.
     assert set(live['effort_commands']) == set(computed['effort_commands'])

@@ -113,7 +113,9 @@ def test_the_plant_takes_only_the_command_that_it_waits_for(tmp_path: Path) -> N
     states: list[bytes] = []
     with nodes(tmp_path) as started, observer(started.domain) as (node, spin_until):
         subscribe_with_past(node, JointState, 'joint_states', states.append, depth=100)
-        commands = node.create_publisher(Float64MultiArray, 'effort_commands', QoSProfile(depth=10))
+        commands = node.create_publisher(
+            Float64MultiArray, 'effort_commands', QoSProfile(depth=10)
+        )
         started.start('plant', *ros_arguments(PAPER, plant__wait_for='[observer]'))
         spin_until(lambda: len(states) == 1 and commands.get_subscription_count() == 1)
         command = EffortCdr()
