@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the recorder writes: every message, once, in a file that every reader opens."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import signal
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from log_contents import LogContents, read_log
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import Odometry
+import numpy as np
+from processes import NODES, Peer, peer, processes, Processes, ros_arguments, shortened
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.log.reader import read_run
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.nodes.scenario import load_scenario
+
+LAST = 700
+"""Last tick of the recorded runs; on no grid of a decimated topic."""
+
+
+@pytest.fixture(scope='module')
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('file')
+    return shortened(folder, LAST * 1e-3, wait_for='[controller, trajectory, recorder]')
+
+
+@pytest.fixture(scope='module')
+def recorded(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of a run of four processes, telemetry decimated by 3."""
+    folder = tmp_path_factory.mktemp('recorded')
+    log = folder / 'run.mcap'
+    with processes(folder) as started:
+        started.start_all(
+            *ros_arguments(
+                file,
+                recorder__output=log,
+                controller__telemetry_decimation=3,
+                plant__odom_decimation=11,
+                plant__clock_decimation=13,
+                trajectory__window=0.2,
+                trajectory__horizon=0.3,
+            )
+        )
+        assert started.wait() == dict.fromkeys(NODES, 0), started.output()
+    return log
+
+
+@pytest.fixture(scope='module')
+def contents(recorded: Path) -> LogContents:
+    return read_log(recorded)
+
+
+def test_every_message_is_there_once(contents: LogContents) -> None:
+    ticks = np.arange(LAST + 1)
+
+    def decimated(by: int) -> list[int]:
+        return ticks[(ticks % by == 0) | (ticks == LAST)].tolist()
+
+    assert contents.stamps('joint_states') == [tick * 10**6 for tick in ticks.tolist()]
+    assert contents.stamps('effort_commands') == [tick * 10**6 for tick in ticks.tolist()]
+    assert contents.stamps('odom') == [tick * 10**6 for tick in decimated(11)]
+    assert contents.stamps('clock') == [tick * 10**6 for tick in decimated(13)]
+    assert len(contents.messages['base_twist']) == len(decimated(11))
+    for label in ('tracking_error', 'sliding_surface', 'parameter_estimate'):
+        expected = ticks[ticks % 3 == 0].tolist()
+        assert contents.stamps(f'controller/{label}') == [tick * 10**6 for tick in expected]
+    assert len(contents.messages['reference']) == 4
+    for node in ('plant', 'trajectory', 'controller'):
+        assert len(contents.messages[f'{node}/parameters']) == 1
+
+
+def test_log_times_are_the_stamps(contents: LogContents) -> None:
+    for topic in ('joint_states', 'effort_commands', 'odom', 'controller/tracking_error'):
+        assert contents.log_times[topic] == contents.stamps(topic), topic
+    everything = [time for times in contents.log_times.values() for time in times]
+    assert min(everything) == 0
+    assert max(everything) == LAST * 10**6
+
+
+def test_statistics_indexes_and_channels(contents: LogContents) -> None:
+    summary = contents.summary
+    assert summary.statistics is not None
+    total = sum(len(messages) for messages in contents.messages.values())
+    assert summary.statistics.message_count == total
+    assert summary.chunk_indexes
+    for channel in summary.channels.values():
+        assert channel.message_encoding == 'cdr'
+        assert channel.metadata['offered_qos_profiles'], channel.topic
+        assert channel.metadata['topic_type_hash'].startswith('RIHS01_'), channel.topic
+
+
+def test_parameters_in_force_and_the_file_are_in_the_log(
+    contents: LogContents, file: Path
+) -> None:
+    settings = ['controller.telemetry_decimation=3', 'plant.odom_decimation=11']
+    settings += ['plant.clock_decimation=13', 'trajectory.window=0.2', 'trajectory.horizon=0.3']
+    expected = load_scenario(str(file), settings)
+    (record,) = contents.metadata['parameters']
+    assert set(record) == {'plant', 'trajectory', 'controller'}
+    for node, text in record.items():
+        assert json.loads(text) == json.loads(json.dumps(expected[node])), node
+    assert contents.attachments == {file.name: file.read_bytes()}
+    assert 'parameter_changes' not in contents.metadata
+
+
+def test_foreign_readers_decode_every_message(recorded: Path, contents: LogContents) -> None:
+    with recorded.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        states = [
+            message
+            for _, channel, _, message in reader.iter_decoded_messages()
+            if channel.topic == '/joint_states'
+        ]
+    assert [s.header.stamp.sec * 10**9 + s.header.stamp.nanosec for s in states] == (
+        contents.stamps('joint_states')
+    )
+    run = read_run(recorded)
+    assert [list(state.position) for state in states] == run.position.tolist()
+    counts: dict[str, int] = {}
+    # rosbags takes the definitions from the file.
+    with AnyReader([recorded]) as bag:
+        for connection, _, raw in bag.messages():
+            bag.deserialize(raw, connection.msgtype)
+            topic = connection.topic.lstrip('/')
+            counts[topic] = counts.get(topic, 0) + 1
+    assert counts == {topic: len(found) for topic, found in contents.messages.items() if found}
+
+
+def test_a_volatile_sender_does_not_make_messages_come_twice(file: Path, tmp_path: Path) -> None:
+    """A transient-local subscription does not serve it; a second one must not double the rest."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        sender = tester.publisher(Float64MultiArray, 'controller/tracking_error')
+        arguments = ros_arguments(file, recorder__output=log)
+        started.start('recorder', *arguments)
+        tester.wait_for_subscribers(sender)
+        started.start_all(*arguments, nodes=('trajectory', 'controller', 'plant'))
+        sender.publish(Float64MultiArray(data=[1.0, 2.0]))
+        assert set(started.wait().values()) == {0}, started.output()
+    found = read_log(log).messages['controller/tracking_error']
+    assert len(found) == LAST + 1 + 1
+    assert len(set(found)) == LAST + 1 + 1
+
+
+def run_until(tester: Peer, stamp_ns: int) -> None:
+    """Wait until the robot's time has come so far."""
+    raw = tester.collect(Odometry, 'odom', raw=True)
+    tester.until(lambda: raw and header_stamp(raw[-1]) >= stamp_ns, f'{stamp_ns} ns on odom')
+
+
+def realtime(started: Processes, log: Path) -> dict[str, Any]:
+    """Start four endless nodes that go by the wall clock."""
+    wait_for = '[controller, trajectory, recorder, peer]'
+    settings = {'pacing': 'realtime', 'wait_for': wait_for}
+    return started.start_all(
+        *ros_arguments(
+            recorder__output=log,
+            duration=0.0,
+            **{f'plant__{name}': value for name, value in settings.items()},
+        )
+    )
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_everything_with_a_complete_log(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        with peer(started.domain) as tester:
+            nodes = realtime(started, log)
+            run_until(tester, 500_000_000)
+        for node in nodes.values():
+            node.signal(number)
+        assert started.wait() == dict.fromkeys(NODES, 0), started.output()
+        assert 'Traceback' not in started.output()
+    contents = read_log(log)
+    assert contents.summary.statistics is not None
+    stamps = contents.stamps('joint_states')
+    assert stamps == [tick * 10**6 for tick in range(len(stamps))]
+    assert len(stamps) > 500
+    assert contents.stamps('odom') == stamps[::20]
+    assert set(contents.metadata['parameters'][0]) == {'plant', 'trajectory', 'controller'}
+    # What read_run refuses is no complete log.
+    assert len(read_run(log).times) == len(stamps)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_waits_for_others_ends_on_a_signal(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    """All are asked once the recorder's file is there: compiled, connected, and alone."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        recorder = started.start('recorder', *ros_arguments(recorder__output=log))
+        with peer(started.domain) as tester:
+            tester.until(lambda: recorder.logged('INFO', 'recording into'), 'the recorder')
+        recorder.signal(number)
+        assert started.wait() == {'recorder': 0}, started.output()
+    assert read_log(log).messages['joint_states'] == []
