@@ -1,146 +1,334 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bad input: one clear line, status 2, nothing left behind; offline and in the nodes alike."""
+"""Bad input ends with one line that says what, where and what is right, and leaves nothing.
+
+The same files are given to the simulation and to the node that they are for.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+import os
 from pathlib import Path
+import subprocess
+import sys
 
-from live_nodes import nodes, PAPER
 import pytest
 
 from masmc_ros.cli.main import main
 
-CONTROLLER = '/**/controller:\n  ros__parameters:\n    '
-PLANT = '/**/plant:\n  ros__parameters:\n    '
-TRAJECTORY = '/**/trajectory:\n  ros__parameters:\n    '
-ALL = '/**:\n  ros__parameters:\n    '
+ROOT = Path(__file__).resolve().parent.parent
+PAPER = str(ROOT / 'config' / 'paper.yaml')
+PATIENCE = 60.0
 
-FILES = {
-    'unknown key': (CONTROLLER + 'k_s3: 1.0\n', 'controller', "unknown parameter 'k_s3'"),
-    'wrong type': (CONTROLLER + 'k_s1: fast\n', 'controller', 'k_s1 = fast: expected a number'),
-    'wrong length': (CONTROLLER + 'k_s1: [1.0, 2.0]\n', 'controller', 'a number or 4 numbers'),
-    'short array': (PLANT + 'initial_pose: [0.0, 0.0]\n', 'plant', '3 numbers'),
-    'negative mass': (ALL + 'robot.link_2_mass: -1.0\n', 'plant', 'a number > 0'),
-    'not a number': (CONTROLLER + 'sigma: .nan\n', 'controller', 'sigma = .nan'),
-    'integer for a double': (ALL + 'control_period: 1\n', 'plant', 'write 1.0'),
-    'mixed array': (CONTROLLER + 'k_s1: [1, 2.0, 3, 4]\n', 'controller', 'k_s1'),
-    'broken YAML': (CONTROLLER + 'k_s1: [1.0,\n', 'controller', 'bad.yaml:'),
-    'unknown law': (CONTROLLER + 'law: pid\n', 'controller', 'smc, rasmc'),
-    'unknown trajectory': (TRAJECTORY + 'type: circle\n', 'trajectory', 'line_sine'),
-    'out of reach': (
-        TRAJECTORY + 'line_sine.offset: [1.5, 0.5, 0.0, 0.0]\n',
-        'trajectory',
-        'outside its reach',
+
+@dataclass(frozen=True)
+class BadFile:
+    """A parameter file that is not right.
+
+    Attributes:
+        node: the node that refuses it.
+        block: what stands in the node's own block, or the whole file where `is_whole`.
+        words: what the message names.
+        line: the line of the file that is to blame; None where no line is.
+    """
+
+    node: str
+    block: str
+    words: tuple[str, ...]
+    line: int | None = 3
+    is_whole: bool = False
+
+    def text(self) -> str:
+        return self.block if self.is_whole else f'/**/{self.node}:\n{_block(self.block)}'
+
+
+def _block(values: str) -> str:
+    lines = ''.join(f'    {line}\n' for line in values.splitlines())
+    return f'  ros__parameters:\n{lines}'
+
+
+def _shared(values: str) -> str:
+    return f'/**:\n{_block(values)}'
+
+
+BAD_FILES = {
+    'unknown name': BadFile('controller', 'k_s3: 1.0', ('k_s3', 'k_s1')),
+    'unknown shared name': BadFile(
+        'plant', _shared('robot.weel_radius: 0.1'), ('weel_radius', 'wheel_radius'), is_whole=True
     ),
-    'arm on the axle': (ALL + 'robot.arm_offset: 0.0\n', 'plant', 'robot.arm_offset'),
+    'name of another node': BadFile('plant', 'law: smc', ('law',)),
+    'wrong type': BadFile('controller', 'law: 3', ('law', '3', 'smc, rasmc')),
+    'string for a number': BadFile('controller', 'k_s1: much', ('k_s1', 'much', '4 numbers')),
+    'boolean for a number': BadFile('plant', 'integrator_step: true', ('integrator_step', 'true')),
+    'double for an integer': BadFile(
+        'plant', 'odom_decimation: 20.0', ('odom_decimation', '20.0', 'integer')
+    ),
+    'integer for a double': BadFile(
+        'trajectory', _shared('duration: 2'), ('duration', '2', '2.0'), is_whole=True
+    ),
+    'integers for doubles': BadFile(
+        'plant', 'initial_pose: [0, 0, 1]', ('initial_pose', '[0, 0, 1]', '[0.0, 0.0, 1.0]')
+    ),
+    'wrong length': BadFile(
+        'plant', 'initial_velocity: [0.0, 0.0, 0.0]', ('initial_velocity', '4 numbers')
+    ),
+    'wrong length of gains': BadFile('controller', 'gamma: [1.0, 2.0]', ('gamma', '7 numbers')),
+    'number for an array': BadFile('plant', 'torque_limit: 5.0', ('torque_limit', '4 numbers')),
+    'negative mass': BadFile(
+        'plant',
+        _shared('robot:\n  link_2_mass: -1.0'),
+        ('robot.link_2_mass', '-1.0', '> 0'),
+        line=4,
+        is_whole=True,
+    ),
+    'negative gain': BadFile(
+        'controller', 'k_s2: [1.0, 1.0, -1.0, 1.0]', ('k_s2', '-1.0', '>= 0')
+    ),
+    'zero period': BadFile(
+        'controller', _shared('control_period: 0.0'), ('control_period', '(0, 1]'), is_whole=True
+    ),
+    'not a number': BadFile('controller', 'k_s1: .nan', ('k_s1', '.nan')),
+    'infinity': BadFile('plant', 'initial_pose: [0.0, .inf, 0.0]', ('initial_pose', '.inf')),
+    'unknown law': BadFile('controller', 'law: pid', ('law', 'pid', 'smc, rasmc')),
+    'unknown switching': BadFile('controller', 'switching: tan', ('switching', 'tan', 'tanh')),
+    'unknown pacing': BadFile('plant', 'pacing: fast', ('pacing', 'lockstep, realtime')),
+    'unknown trajectory': BadFile('trajectory', 'type: circle', ('type', 'circle', 'line_sine')),
+    'out of reach': BadFile(
+        'trajectory',
+        'line_sine.offset: [3.0, 0.5, 0.0, 0.0]',
+        ('t = 0 s', '3.041 m', '0.152 to 0.876 m'),
+        line=None,
+    ),
+    'out of reach later': BadFile(
+        'trajectory', 'line_sine.slope: [0.3, 0.0, 0.2, 0.0]', ('t = ', '0.876 m'), line=None
+    ),
+    'arm on the axle': BadFile(
+        'plant', _shared('robot.arm_offset: 0.0'), ('arm_offset', '0:'), line=None, is_whole=True
+    ),
+    'unknown compression': BadFile('recorder', 'compression: gzip', ('compression', 'zstd')),
+    'mixed array': BadFile(
+        'controller', 'k_s1: [1, 2.0, 3.0, 4.0]', ('2.0', 'as one type'), line=3
+    ),
+    'broken YAML': BadFile('plant', '/**: {plant: ', ('not YAML',), line=None, is_whole=True),
+    'tabs': BadFile('plant', '/**:\n\tros__parameters:\n', ('not YAML',), line=2, is_whole=True),
+    'no node': BadFile(
+        'controller', 'law: smc\n', ('smc', 'ros__parameters'), line=1, is_whole=True
+    ),
+    'alias': BadFile('controller', 'k_s1: &gain 1.0\nk_s2: *gain', ('*gain',), line=4),
+}
+
+each_bad_file = pytest.mark.parametrize('bad', BAD_FILES.values(), ids=BAD_FILES.keys())
+
+
+def masmc(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own."""
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    return subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
+        cwd=folder,
+        env={
+            **os.environ,
+            'PYTHONPATH': path,
+            'ROS_DOMAIN_ID': '99',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+def the_line(status: int, out: str, err: str) -> str:
+    """Return the one line in which bad input was refused."""
+    # Shared memory that killed processes left behind makes the middleware complain.
+    lines = [line for line in err.splitlines() if 'RTPS' not in line]
+    assert status == 2, (status, out, err)
+    assert len(lines) == 1, err
+    assert 'Traceback' not in err
+    assert out == ''
+    return lines[0]
+
+
+def check_message(message: str, bad: BadFile, path: Path) -> None:
+    for word in bad.words:
+        assert word in message, f'{word!r} is not in: {message}'
+    if bad.line is not None:
+        assert f'{path}:{bad.line}: ' in message
+
+
+@each_bad_file
+def test_simulate_refuses_a_bad_file(
+    bad: BadFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, log = tmp_path / 'bad.yaml', tmp_path / 'run.mcap'
+    path.write_text(bad.text(), encoding='utf-8')
+    status = main(['simulate', str(path), '--output', str(log)])
+    captured = capsys.readouterr()
+    check_message(the_line(status, captured.out, captured.err), bad, path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@each_bad_file
+def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    path = tmp_path / 'bad.yaml'
+    path.write_text(bad.text(), encoding='utf-8')
+    result = masmc('run', bad.node, '--ros-args', '--params-file', str(path), folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    for word in bad.words:
+        assert word in message, f'{word!r} is not in: {message}'
+    # A recorder that refuses its parameters has not begun a file either.
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
+)
+@pytest.mark.parametrize('name', ['missing.yaml', 'missing/bad.yaml', '.'])
+def test_a_file_that_is_none(command: tuple[str, ...], name: str, tmp_path: Path) -> None:
+    if command[0] == 'run':
+        pytest.importorskip('rclpy')
+    result = masmc(*command, name, folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert f'{name}: ' in message
+    assert 'give the path of a parameter file' in message
+
+
+SIMULATE = {
+    'no value': (('--set', 'controller.k_s1'), 'NAME=VALUE'),
+    'empty value': (('--set', 'controller.k_s1='), 'no value'),
+    'unknown name': (('--set', 'controller.k_s3=1'), 'k_s1'),
+    'unknown node': (('--set', 'controler.k_s1=1'), 'controller.k_s1'),
+    'no node': (('--set', 'k_s1=1'), 'NODE.parameter'),
+    'nothing like it': (('--set', 'xyzzy=1'), 'NODE.parameter'),
+    'unknown shared name': (('--set', 'robot.weel_radius=0.1'), 'robot.wheel_radius'),
+    'wrong type': (('--set', 'controller.law=3'), 'smc, rasmc'),
+    'not YAML': (('--set', 'controller.k_s1=[1.0,'), 'not YAML'),
+    'wrong length': (('--set', 'controller.k_s1=[1.0, 2.0]'), '4 numbers'),
+    'negative mass': (('--set', 'robot.link_2_mass=-1'), '> 0'),
+    'not a number': (('--set', 'plant.integrator_step=.nan'), 'integrator_step'),
+    'endless': (('--set', 'duration=0'), 'duration'),
+    'out of reach at the end': (
+        ('--set', 'trajectory.line_sine.slope=[0.25, 0.0, 0.2, 0.0]'),
+        '0.876',
+    ),
+    'diverges': (
+        ('--set', 'control_period=0.01', '--set', 'controller.k_s1=100000', '--set', 'duration=5'),
+        'diverged at t = ',
+    ),
+    'missing folder': (('--output', 'missing/run.mcap'), 'missing'),
+    'folder as output': (('--output', '.'), 'folder'),
+    'output that is none': (('--output', '/proc/run.mcap'), 'cannot be written'),
+    'unknown option': (('--outptu', 'run.mcap'), '--help'),
 }
 
 
-def one_line(text: str, expected: str) -> None:
-    lines = [line for line in text.splitlines() if line.strip()]
-    assert len(lines) == 1, text
-    assert expected in lines[0]
-
-
-@pytest.mark.parametrize('case', FILES)
-def test_simulate_refuses_files(
-    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(('options', 'word'), SIMULATE.values(), ids=SIMULATE.keys())
+def test_bad_options_of_simulate(
+    options: tuple[str, ...],
+    word: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text, _, expected = FILES[case]
-    file = tmp_path / 'bad.yaml'
-    file.write_text(text)
-    log = tmp_path / 'run.mcap'
-    assert main(['simulate', str(file), '--set', 'duration=0.1', '--output', str(log)]) == 2
+    monkeypatch.chdir(tmp_path)
+    log = () if '--output' in options else ('--output', 'run.mcap')
+    try:
+        status = main(['simulate', PAPER, *log, *options])
+    except SystemExit as exit_:  # argparse's way
+        status = int(exit_.code or 0)
     captured = capsys.readouterr()
-    one_line(captured.err, expected)
-    assert captured.out == ''
-    assert [path.name for path in tmp_path.iterdir()] == ['bad.yaml']
+    message = the_line(status, captured.out, captured.err)
+    assert word in message
+    assert message.startswith('masmc')
+    assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize('case', FILES)
-def test_nodes_refuse_files(case: str, tmp_path: Path) -> None:
-    pytest.importorskip('rclpy')
-    text, node, expected = FILES[case]
-    file = tmp_path / 'bad.yaml'
-    file.write_text(text)
-    with nodes(tmp_path) as started:
-        process = started.start(node, '--ros-args', '--params-file', str(file))
-        assert process.wait(60.0) == 2
-        one_line(started.output().split('\n', 1)[1], expected)
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'expected'),
-    [
-        (['--params-file', '/does/not/exist.yaml'], 'no such file'),
-        (['-p', 'k_s1'], 'NAME:=VALUE'),
-        (['-p', 'k_s9:=1.0'], "unknown parameter 'k_s9'"),
-        (['-p', 'k_s1:=-1.0'], 'k_s1 = -1.0: expected a number or 4 numbers, each >= 0'),
-    ],
-)
-def test_nodes_refuse_command_lines(arguments: list[str], expected: str, tmp_path: Path) -> None:
-    pytest.importorskip('rclpy')
-    with nodes(tmp_path) as started:
-        process = started.start('controller', '--ros-args', *arguments)
-        assert process.wait(60.0) == 2
-        one_line(started.output().split('\n', 1)[1], expected)
-
-
-def test_the_recorder_refuses_a_place_that_cannot_be_written(tmp_path: Path) -> None:
-    pytest.importorskip('rclpy')
-    with nodes(tmp_path) as started:
-        process = started.start(
-            'recorder', '--ros-args', '-p', f'output:={tmp_path}/missing/run.mcap'
-        )
-        assert process.wait(60.0) == 2
-        one_line(started.output().split('\n', 1)[1], 'does not exist')
+NODE_ARGUMENTS = {
+    'no value': ('controller', ('-p', 'k_s1'), 'NAME:=VALUE'),
+    'empty value': ('controller', ('-p', 'k_s1:='), 'no value'),
+    'unknown name': ('controller', ('-p', 'k_s3:=1.0'), 'k_s1'),
+    'wrong type': ('controller', ('-p', 'law:=3'), 'smc, rasmc'),
+    'not YAML': ('controller', ('-p', 'k_s1:=[1.0,'), 'not YAML'),
+    'wrong length': ('controller', ('-p', 'k_s1:=[1.0, 2.0]'), '4 numbers'),
+    'negative mass': ('plant', ('-p', 'robot.link_2_mass:=-1.0'), '> 0'),
+    'integer for a double': ('plant', ('-p', 'duration:=2'), '2.0'),
+    'not a number': ('plant', ('-p', 'integrator_step:=.nan'), 'integrator_step'),
+    'of a node': ('composed', ('-p', 'plant:pacing:=fast'), 'lockstep, realtime'),
+    'second file': ('plant', ('--params-file', PAPER, '--params-file', 'no.yaml'), 'no.yaml'),
+    'missing folder': ('recorder', ('-p', 'output:=missing/run.mcap'), 'missing'),
+    'missing folder for a folder': ('recorder', ('-p', 'output:=missing'), 'missing'),
+    'output that is none': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
+    'unknown ROS argument': ('plant', ('--bogus',), '--bogus'),
+    'bad namespace': ('plant', ('-r', '__ns:=/left//arm'), '/left//arm'),
+}
 
 
 @pytest.mark.parametrize(
-    ('settings', 'expected'),
-    [
-        (['controller.k_s1'], 'expected NAME=VALUE'),
-        (['controler.k_s1=1'], 'did you mean controller.k_s1'),
-        (['controller.k_s9=1'], 'controller has no parameter'),
-        (['controller.k_s1=[1.0'], '--set controller.k_s1=[1.0'),
-        (['duration=0'], 'expected a length > 0 s'),
-        (['controller.k_s1=1e9', 'controller.switching=sign'], 'diverged at t ='),
-    ],
+    ('node', 'arguments', 'word'), NODE_ARGUMENTS.values(), ids=NODE_ARGUMENTS.keys()
 )
-def test_simulate_refuses_settings(
-    settings: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_bad_arguments_of_nodes(
+    node: str, arguments: tuple[str, ...], word: str, tmp_path: Path
 ) -> None:
-    options = [word for setting in settings for word in ('--set', setting)]
+    pytest.importorskip('rclpy')
+    result = masmc('run', node, '--ros-args', *arguments, folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert word in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_is_there_is_kept(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
     log = tmp_path / 'run.mcap'
-    assert main(['simulate', str(PAPER), *options, '--output', str(log)]) == 2
-    one_line(capsys.readouterr().err, expected)
-    assert not list(tmp_path.iterdir())
+    log.write_bytes(b'precious')
+    result = masmc('run', 'recorder', '--ros-args', '-p', f'output:={log}', folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert 'run.mcap' in message
+    assert 'overwrite' in message
+    assert log.read_bytes() == b'precious'
 
 
-def test_simulate_refuses_missing_files_and_places(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(['simulate', str(tmp_path / 'none.yaml')]) == 2
-    one_line(capsys.readouterr().err, 'no such file')
-    log = tmp_path / 'missing' / 'run.mcap'
-    assert main(['simulate', str(PAPER), '--output', str(log)]) == 2
-    one_line(capsys.readouterr().err, 'does not exist')
-    (tmp_path / 'run.mcap').write_text('mine')
-    assert main(['simulate', str(PAPER), '--output', str(tmp_path / 'run.mcap')]) == 2
-    one_line(capsys.readouterr().err, 'is there already')
-    assert (tmp_path / 'run.mcap').read_text() == 'mine'
+@pytest.mark.parametrize(
+    ('arguments', 'word'),
+    [
+        (('run', 'plantt'), 'did you mean plant?'),
+        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, composed'),
+        (('simulat', PAPER), 'simulate'),
+        ((), '--help'),
+        (('simulate',), '--help'),
+        (('run',), '--help'),
+        (('report', 'missing.mcap'), 'missing.mcap'),
+    ],
+)
+def test_commands_that_are_none(arguments: tuple[str, ...], word: str, tmp_path: Path) -> None:
+    result = masmc(*arguments, folder=tmp_path)
+    assert word in the_line(result.returncode, result.stdout, result.stderr)
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_report_refuses_what_is_no_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(['report', str(PAPER), '--output', str(tmp_path / 'report')]) == 2
-    one_line(capsys.readouterr().err, 'paper.yaml')
-    assert not (tmp_path / 'report').exists()
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ('composed', '--recrod'),
+        ('plant', 'k_s1:=150.0'),
+        ('plant', '-p', 'duration:=1.0'),
+        ('plant', '--ros-args', '-p', 'duration:=1.0', '--', '--recrod'),
+    ],
+)
+def test_what_a_node_does_not_understand(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    """Else a run goes by its defaults, or unrecorded, and nobody is told."""
+    pytest.importorskip('rclpy')
+    result = masmc('run', *arguments, folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert next(a for a in reversed(arguments) if a.strip('-')) in message or '-p' in message
+    assert '--ros-args' in message
 
 
-def test_unknown_commands_and_nodes(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(['simulat'])
-    assert ended.value.code == 2
-    one_line(capsys.readouterr().err, 'simulate')
-    assert main(['run', 'plnt']) == 2
-    one_line(capsys.readouterr().err, 'did you mean plant')
+def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nodes accept what rcl declares by itself; so does the simulation."""
+    path = tmp_path / 'good.yaml'
+    path.write_text(_shared('use_sim_time: false\nduration: 0.01'), encoding='utf-8')
+    assert main(['simulate', str(path)]) == 0
+    assert capsys.readouterr().err == ''

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
 import numpy as np
-from processes import NODES, Peer, peer, processes, Processes, ros_arguments, shortened
+from processes import NODES, Peer, peer, Processes, processes, ros_arguments, shortened
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 

@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.simulated import SimulationLog
+from masmc_ros.log.writer import check_log_path
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.nodes.scenario import load_scenario, strays
 from masmc_ros.report.labels import law_label
@@ -32,6 +33,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     simulation = Simulation(values)
     log: AbstractContextManager[Any] = nullcontext()
     if output is not None:
+        check_log_path(Path(output))
         if Path(output).exists() and not overwrite:
             raise InputError(f'{output}: is there already; add --overwrite to replace it')
         log = SimulationLog(Path(output), simulation, values, Path(file))

@@ -38,7 +38,11 @@ class CommandLine:
 
 
 def parse(arguments: Sequence[str]) -> CommandLine:
-    """Read a command line; InputError for a file or a setting that cannot be read."""
+    """Read a command line.
+
+    Raises InputError for a file or a setting that cannot be read, and for arguments that are
+    none of ROS: nodes take no others.
+    """
     files: list[str] = []
     settings: list[Setting] = []
     in_ros = False
@@ -46,13 +50,20 @@ def parse(arguments: Sequence[str]) -> CommandLine:
     for argument in iterator:
         if argument == '--ros-args':
             in_ros = True
-        elif argument == '--':
+        elif argument == '--' and in_ros:
             in_ros = False
-        elif in_ros and argument == '--params-file':
+        elif not in_ros:
+            raise InputError(
+                f"argument '{argument}' is unknown; parameters and remappings follow --ros-args, "
+                'as in --ros-args --params-file FILE -p NAME:=VALUE'
+            )
+        elif argument == '--params-file':
             files.append(next(iterator, ''))
-        elif in_ros and argument in ('-p', '--param'):
+        elif argument in ('-p', '--param'):
             settings.append(_setting(next(iterator, '')))
     for path in files:
+        if not path:
+            raise InputError('--params-file: no file; give the path of a parameter file')
         read(path)
     return CommandLine(tuple(files), tuple(settings))
 

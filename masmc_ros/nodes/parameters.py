@@ -103,6 +103,9 @@ _RECORDER_NODE = (
     Parameter('flush_period', 0.5, 'Time between two flushes to disk', unit='s', minimum=0.01),
 )
 
+_FROM_RCL = ('use_sim_time', 'start_type_description_service')
+_FROM_RCL_PREFIX = 'qos_overrides.'
+
 NODES = ('plant', 'trajectory', 'controller', 'recorder')
 
 
@@ -120,3 +123,8 @@ def declared(node: str) -> tuple[Parameter, ...]:
 def accepted(node: str) -> frozenset[str]:
     """Names that a node accepts without declaring them: shared ones that it does not need."""
     return frozenset(p.name for p in SHARED) - {p.name for p in declared(node)}
+
+
+def is_from_rcl(name: str) -> bool:
+    """Tell whether every ROS 2 node has a parameter of this name by itself."""
+    return name in _FROM_RCL or name.startswith(_FROM_RCL_PREFIX)

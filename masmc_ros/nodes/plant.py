@@ -14,6 +14,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.context import Context
 from rclpy.serialization import deserialize_message
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -73,6 +74,7 @@ class PlantNode(SuiteNode):
         self._recorded: int | None = None
         self._recorded_time = 0.0
         self._anchor = (0.0, 0)
+        self._pacer: Timer | None = None
 
     def connect(self) -> None:
         """Create topics, services and timers; the first state follows once all are there."""
@@ -102,7 +104,7 @@ class PlantNode(SuiteNode):
         if self._lockstep:
             node.create_timer(1.0, self._watch_lockstep, clock=self.steady)
         if not self._lockstep:
-            self.parameters.on_change(lambda _: self._take_anchor())
+            self.parameters.on_change(lambda _: self._pace())
 
     def _compile(self) -> None:
         """Advance the robot to no consequence, so that the first real tick is not late."""
@@ -127,9 +129,7 @@ class PlantNode(SuiteNode):
         if not self._lockstep:
             # Where a controller is waited for, time begins with its first command.
             self._runs = not self._wait_for
-            self._take_anchor()
-            period = self._timing.period / max(1.0, self.values['real_time_factor'])
-            self.node.create_timer(period, self._on_wall_clock, clock=self.steady)
+            self._pace()
 
     def _is_there(self, name: str) -> bool:
         """Tell whether a node of this namespace has found its topics."""
@@ -247,6 +247,16 @@ class PlantNode(SuiteNode):
 
     # Wall clock.
 
+    def _pace(self) -> None:
+        """Let a timer run at the factor in force."""
+        self._take_anchor()
+        if not self._started:
+            return
+        if self._pacer is not None:
+            self.node.destroy_timer(self._pacer)
+        period = self._timing.period / max(1.0, self.values['real_time_factor'])
+        self._pacer = self.node.create_timer(period, self._on_wall_clock, clock=self.steady)
+
     def _take_anchor(self) -> None:
         """Let simulated time run on from now at the factor in force."""
         self._anchor = (time.monotonic(), self._robot.tick)
@@ -268,8 +278,12 @@ class PlantNode(SuiteNode):
             self._advance(self._held_command(now))
 
     def _held_command(self, now: float) -> np.ndarray:
-        """Return the last command, or no torque where it is too old."""
-        if self._command is not None and now - self._command_time > self.values['command_timeout']:
+        """Return the last command, or no torque where it is too old.
+
+        A command does not grow old while the robot's time stands still.
+        """
+        age = 0.0 if self._paused else now - self._command_time
+        if self._command is not None and age > self.values['command_timeout']:
             self.log.warning(
                 f'no command for {self.values["command_timeout"]:g} s; torque is zero until '
                 'one comes',
@@ -320,6 +334,7 @@ class PlantNode(SuiteNode):
     def _on_pause(self, request: Any, response: Any) -> Any:
         self._paused = request.data
         self._take_anchor()
+        self._command_time = time.monotonic()
         response.success = True
         response.message = 'paused' if self._paused else 'running'
         if not self._paused and self._lockstep:
@@ -330,7 +345,9 @@ class PlantNode(SuiteNode):
         """Advance by one control period while paused."""
         response.success = self._paused and self._started
         if not response.success:
-            response.message = 'not paused; call pause with data true first'
+            needed = 'pause with data true first' if self._started else 'again when it has'
+            state = 'not paused' if self._started else 'the run has not begun'
+            response.message = f'{state}; call {needed}'
             return response
         if self._lockstep:
             self._single_steps += 1

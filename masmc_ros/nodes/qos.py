@@ -45,22 +45,62 @@ def subscribe_with_past(
     """Subscribe raw to a topic, with what was sent before where its publishers offer that.
 
     A transient-local subscription does not match a volatile publisher. When one turns up, a
-    second, volatile subscription serves it.
+    second, volatile subscription serves it; what then comes to both is passed on once.
     """
     volatile: list[Any] = []
+    once = _Once(callback, 2 * DEEP)
+
+    def take_past(raw: Any) -> None:
+        if volatile:
+            once.take(raw, once.by_past, once.by_volatile)
+        else:
+            callback(raw)
+
+    def take_volatile(raw: Any) -> None:
+        once.take(raw, once.by_volatile, once.by_past)
 
     def serve_volatile(_: Any) -> None:
         if not volatile:
             qos = subscription_qos(depth=depth)
-            volatile.append(node.create_subscription(message_type, topic, callback, qos, raw=True))
+            volatile.append(
+                node.create_subscription(message_type, topic, take_volatile, qos, raw=True)
+            )
 
     node.create_subscription(
         message_type,
         topic,
-        callback,
+        take_past,
         subscription_qos(depth=depth, past=True),
         raw=True,
         event_callbacks=SubscriptionEventCallbacks(
             incompatible_qos=serve_volatile, use_default_callbacks=False
         ),
     )
+
+
+class _Once:
+    """Passes on what two subscriptions to one topic receive, every message once.
+
+    Messages of latched publishers come to both, in any order; those of volatile publishers
+    come to the volatile one alone. A copy is known by its bytes: as many of the same are
+    passed on as the one that received more of them has received.
+    """
+
+    def __init__(self, callback: Callable[..., None], most: int) -> None:
+        self._callback = callback
+        self._most = most
+        self.by_past: dict[bytes, int] = {}
+        """Number of messages of which only the first copy has come, from that subscription."""
+        self.by_volatile: dict[bytes, int] = {}
+
+    def take(self, raw: bytes, mine: dict[bytes, int], others: dict[bytes, int]) -> None:
+        """Pass a message on unless the other subscription has brought it already."""
+        count = others.pop(raw, 0)
+        if count:
+            if count > 1:
+                others[raw] = count - 1
+            return
+        mine[raw] = mine.get(raw, 0) + 1
+        if len(mine) > self._most:
+            del mine[next(iter(mine))]
+        self._callback(raw)

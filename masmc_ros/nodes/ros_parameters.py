@@ -18,11 +18,9 @@ import rclpy.parameter
 
 from masmc_ros.errors import InputError
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.parameters import accepted, WITHOUT_FILE
+from masmc_ros.nodes.parameters import accepted, is_from_rcl, WITHOUT_FILE
 from masmc_ros.params.declaration import check_all, Parameter
 
-_FROM_RCL = ('use_sim_time', 'start_type_description_service')
-_FROM_RCL_PREFIX = 'qos_overrides.'
 _LARGEST = sys.float_info.max
 
 
@@ -78,7 +76,7 @@ class RosParameters:
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
         name = node.get_name()
         given = {**_given(node), **command_line.for_node(name)}
-        given = {n: v for n, v in given.items() if not _is_from_rcl(n)}
+        given = {n: v for n, v in given.items() if not is_from_rcl(n)}
         for shared in accepted(name) & given.keys():
             del given[shared]
         defaults = {} if command_line.files else WITHOUT_FILE
@@ -145,11 +143,6 @@ def _given(node: Node) -> dict[str, Any]:
     # rclpy has no public way to see overrides that nobody declares, and passes them silently.
     overrides = node._parameter_overrides
     return {name: _plain(parameter.value) for name, parameter in overrides.items()}
-
-
-def _is_from_rcl(name: str) -> bool:
-    """Tell whether every ROS 2 node has a parameter of this name."""
-    return name in _FROM_RCL or name.startswith(_FROM_RCL_PREFIX)
 
 
 def _plain(value: Any) -> Any:

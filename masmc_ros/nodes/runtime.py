@@ -17,6 +17,7 @@ from typing import Protocol
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -60,12 +61,16 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
     command_line = parse(arguments)
     stop = _StopSignals()
     context = Context()
+    # What is wrong with the arguments is told once, below.
+    set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         rclpy.init(
             args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
         )
     except Exception as error:
-        raise InputError(f'--ros-args: {one_line(error)}') from error
+        raise InputError(f'not understood among --ros-args: {one_line(error)}') from error
+    if get_logger_level('rcl') == LoggingSeverity.FATAL:
+        set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
     nodes: list[RunningNode] = []
     try:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.nodes.parameters import accepted, declared, NODES, SHARED
+from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 
@@ -25,7 +25,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     extra = _settings(settings)
     scenario = {}
     for node in NODES:
-        given = file.for_node(node)
+        given = {n: v for n, v in file.for_node(node).items() if not is_from_rcl(n)}
         places = file.places(node)
         for name in accepted(node) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.

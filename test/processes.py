@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real nodes in processes of their own, and a node of the test beside them.
+
+Every test has a ROS domain of its own on this machine. Nothing here waits without a bound,
+and no process outlives its test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+import fcntl
+import itertools
+import os
+from pathlib import Path
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+
+ROOT = Path(__file__).resolve().parent.parent
+PAPER = ROOT / 'config' / 'paper.yaml'
+NODES = ('trajectory', 'controller', 'plant', 'recorder')
+
+PATIENCE = 60.0
+"""Longest time in s that anything may take; machines may be slow and busy."""
+
+_DOMAINS = range(60, 100)
+_turn = itertools.count(random.randrange(len(_DOMAINS)))
+
+_MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file')
+"""Lines about shared memory that killed processes left behind."""
+
+
+class NodeProcess:
+    """A process and what it printed; its standard output and error are files."""
+
+    def __init__(self, name: str, process: subprocess.Popen[bytes], out: Path, err: Path) -> None:
+        self.name = name
+        self.process = process
+        self._out, self._err = out, err
+
+    def stdout(self) -> str:
+        """Return what it printed so far."""
+        return self._out.read_text(encoding='utf-8', errors='replace')
+
+    def stderr(self) -> list[str]:
+        """Return the complete lines of its standard error so far, without the middleware's."""
+        text = self._err.read_text(encoding='utf-8', errors='replace')
+        complete = text[: text.rfind('\n') + 1]
+        return [line for line in complete.splitlines() if line and not _MIDDLEWARE.search(line)]
+
+    def logged(self, severity: str, part: str = '') -> list[str]:
+        """Return lines that its logger wrote with a severity and with `part` in them."""
+        return [
+            line for line in self.stderr() if line.startswith(f'[{severity}]') and part in line
+        ]
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self.process.send_signal(number)
+
+    def wait(self, limit: float | None = None) -> int:
+        """Wait for its end, until a time of the monotonic clock; return its exit status."""
+        left = PATIENCE if limit is None else max(0.1, limit - time.monotonic())
+        return self.process.wait(left)
+
+
+class Processes:
+    """All processes of a domain."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain = domain
+        self._folder = folder
+        self._started: list[NodeProcess] = []
+
+    def start(
+        self, name: str, *arguments: str, environment: Mapping[str, str] | None = None
+    ) -> NodeProcess:
+        """Start `masmc run NAME ARGUMENTS`; with its output in the folder of the test."""
+        stem = f'{len(self._started)}_{name}'
+        out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
+        with out.open('wb') as to_out, err.open('wb') as to_err:
+            process = subprocess.Popen(
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', name, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=to_out,
+                stderr=to_err,
+                env={**surroundings(), **domain_variables(self.domain), **(environment or {})},
+            )
+        self._started.append(NodeProcess(name, process, out, err))
+        return self._started[-1]
+
+    def start_all(
+        self,
+        *arguments: str,
+        nodes: tuple[str, ...] = NODES,
+        environment: Mapping[str, str] | None = None,
+    ) -> dict[str, NodeProcess]:
+        """Start nodes with the same arguments, each in a process of its own."""
+        return {name: self.start(name, *arguments, environment=environment) for name in nodes}
+
+    def wait(self) -> dict[str, int]:
+        """Wait for all processes; return the exit status of the last one of each name."""
+        limit = time.monotonic() + PATIENCE
+        for each in self._started:
+            try:
+                each.wait(limit)
+            except subprocess.TimeoutExpired:
+                raise AssertionError(f'{each.name} does not end\n{self.output()}') from None
+        return {each.name: each.process.returncode for each in self._started}
+
+    def output(self) -> str:
+        """Return everything that all processes printed."""
+        return '\n'.join(
+            '\n'.join((f'--- {each.name}', each.stdout(), *each.stderr()))
+            for each in self._started
+        )
+
+    def end(self) -> None:
+        """End whatever still runs."""
+        for each in self._started:
+            if each.process.poll() is None:
+                each.process.kill()
+            each.process.wait()
+
+
+class Peer:
+    """A node of the test's own process; its executor turns only while the test waits."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self.node = node
+        self._executor = executor
+
+    def until(self, holds: Callable[[], Any], what: str = 'what the test waits for') -> Any:
+        """Spin until something is true and return it; AssertionError where it never is."""
+        limit = time.monotonic() + PATIENCE
+        while not (found := holds()):
+            assert time.monotonic() < limit, f'it never came: {what}'
+            self._executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def wait_for_subscribers(self, publisher: Any, count: int = 1) -> None:
+        """Wait until so many subscriptions are matched with a publisher."""
+        topic = publisher.topic_name
+        self.until(lambda: publisher.get_subscription_count() >= count, f'listeners on {topic}')
+
+    def collect(
+        self, message_type: Any, topic: str, *, raw: bool = False, past: bool = True
+    ) -> list[Any]:
+        """Return a list that grows by every message of a topic."""
+        found: list[Any] = []
+        self.subscribe(message_type, topic, found.append, raw=raw, past=past)
+        return found
+
+    def subscribe(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        past: bool = True,
+    ) -> Subscription:
+        """Subscribe reliably and deep, to what was sent before as well with `past`."""
+        return self.node.create_subscription(
+            message_type, topic, callback, _qos(latched=past), raw=raw
+        )
+
+    def publisher(self, message_type: Any, topic: str, *, latched: bool = False) -> Any:
+        """Create a reliable publisher, volatile as rclpy's default is or latched."""
+        return self.node.create_publisher(message_type, topic, _qos(latched=latched))
+
+    def call(self, service_type: Any, name: str, request: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.node.create_client(service_type, name)
+        try:
+            self.until(client.service_is_ready, f'service {name}')
+            future = client.call_async(request)
+            self.until(future.done, f'response of {name}')
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+
+def _qos(*, latched: bool) -> QoSProfile:
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+def surroundings() -> dict[str, str]:
+    """Return environment variables with which a child imports what this process imports."""
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    return {**os.environ, 'PYTHONPATH': path, 'RCUTILS_COLORIZED_OUTPUT': '0'}
+
+
+def domain_variables(domain: int) -> dict[str, str]:
+    """Return environment variables of a domain that does not leave this machine."""
+    return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+@contextmanager
+def processes(folder: Path) -> Iterator[Processes]:
+    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
+    with _domain() as domain:
+        started = Processes(domain, folder)
+        try:
+            yield started
+        finally:
+            started.end()
+
+
+@contextmanager
+def _domain() -> Iterator[int]:
+    """Yield the next domain that is free, locked as `masmc demo` locks its own."""
+    for _ in _DOMAINS:
+        domain = _DOMAINS[next(_turn) % len(_DOMAINS)]
+        path = Path(tempfile.gettempdir()) / f'masmc_ros_domain_{domain}.lock'
+        with path.open('w') as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                continue
+            yield domain
+            return
+    raise AssertionError('no free ROS domain')
+
+
+@contextmanager
+def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer]:
+    """Yield a node of this process in a domain."""
+    variable = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+    before = os.environ.get(variable)
+    os.environ[variable] = 'LOCALHOST'
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor(context=context)
+    node = Node(name, context=context, namespace=namespace)
+    executor.add_node(node)
+    try:
+        yield Peer(node, executor)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+        if before is None:
+            del os.environ[variable]
+        else:
+            os.environ[variable] = before
+
+
+def ros_arguments(file: Path | None = PAPER, **settings: object) -> list[str]:
+    """Return ROS arguments: a parameter file, and settings NAME=value or NODE__name=value."""
+    arguments = ['--ros-args']
+    if file is not None:
+        arguments += ['--params-file', str(file)]
+    for name, value in settings.items():
+        arguments += ['-p', f'{name.replace("__", ":")}:={value}']
+    return arguments
+
+
+def shortened(folder: Path, duration: float, source: Path = PAPER, **values: str) -> Path:
+    """Write a copy of a parameter file with another duration and other plain values."""
+    text = source.read_text(encoding='utf-8')
+    for name, value in {'duration': str(float(duration)), **values}.items():
+        text, count = re.subn(rf'(?m)^(\s*{name}:).*$', lambda m, v=value: f'{m[1]} {v}', text)
+        assert count == 1, name
+    file = folder / f'{source.stem}_shortened.yaml'
+    file.write_text(text, encoding='utf-8')
+    return file

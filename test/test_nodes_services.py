@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant's services pause, step and reset, in lock-step and by the wall clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import time
+from typing import Any, NamedTuple
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from log_contents import read_log
+from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from masmc_ros.cli.main import main
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.log.stamps import header_stamp
+
+PERIOD = 1_000_000
+
+
+class Robot(NamedTuple):
+    """A plant and what it publishes; the test itself is its controller."""
+
+    tester: Peer
+    commands: Any
+    states: list[bytes]
+
+    def call(self, name: str, request: Any) -> Any:
+        kind = Trigger if isinstance(request, Trigger.Request) else SetBool
+        return self.tester.call(kind, f'/plant/{name}', request)
+
+    def pause(self) -> None:
+        assert self.call('pause', SetBool.Request(data=True)).success
+
+    def go_on(self) -> None:
+        assert self.call('pause', SetBool.Request(data=False)).success
+
+    def step(self) -> Any:
+        return self.call('step', Trigger.Request())
+
+    def stamps(self) -> list[int]:
+        return [header_stamp(raw) for raw in self.states]
+
+    def wait_for_state(self, tick: int) -> JointStateCdr:
+        """Return the last state once it is that of a tick."""
+        self.tester.until(
+            lambda: self.states and header_stamp(self.states[-1]) == tick * PERIOD,
+            f'state {tick}',
+        )
+        state = JointStateCdr()
+        assert state.load(self.states[-1])
+        return state
+
+    def send(self, tick: int, *torque: float) -> None:
+        """Send the command that answers the state of a tick."""
+        command = EffortCdr()
+        command.data[:] = torque
+        command.set_stamp(tick * PERIOD)
+        self.commands.publish(command.to_bytes())
+
+
+@contextmanager
+def robot(folder: Path, pacing: str, **settings: object) -> Iterator[tuple[Processes, Robot]]:
+    """Yield a plant alone that has begun, at tick 0 in lock-step."""
+    with processes(folder) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        arguments = {'pacing': pacing, 'wait_for': '[peer]', **settings}
+        started.start('plant', *ros_arguments(PAPER, duration=0.0, **arguments))
+        tester.wait_for_subscribers(commands)
+        tester.until(lambda: states, 'the first state')
+        yield started, Robot(tester, commands, states)
+
+
+def test_lockstep_goes_by_steps_while_it_is_paused(tmp_path: Path) -> None:
+    with robot(tmp_path, 'lockstep') as (_, plant):
+        assert not plant.step().success
+        plant.wait_for_state(0)
+        plant.pause()
+        plant.send(0, 1.0, 2.0, 3.0, 4.0)
+        assert plant.step().success
+        assert plant.wait_for_state(1).effort.tolist()[3:] == [1.0, 2.0, 3.0, 4.0]
+        # A step that comes before its command waits for it.
+        assert plant.step().success
+        plant.send(1, 5.0, 6.0, 7.0, 8.0)
+        assert plant.wait_for_state(2).effort.tolist()[3:] == [5.0, 6.0, 7.0, 8.0]
+        plant.send(2, 1.0, 1.0, 1.0, 1.0)
+        # What the plant did with that command shows in what it answers afterwards.
+        plant.pause()
+        plant.go_on()
+        plant.wait_for_state(3)
+        plant.send(3, 0.0, 0.0, 0.0, 0.0)
+        plant.wait_for_state(4)
+        assert plant.stamps() == [tick * PERIOD for tick in range(5)]
+
+
+def test_reset_sets_lockstep_back_to_its_beginning(tmp_path: Path) -> None:
+    with robot(tmp_path, 'lockstep', initial_velocity='[0.5, 0.1, 0.2, 0.3]') as (_, plant):
+        for tick in range(3):
+            plant.wait_for_state(tick)
+            plant.send(tick, 1.0, -1.0, 0.5, 0.25)
+        plant.wait_for_state(3)
+        assert plant.call('reset', Trigger.Request()).success
+        plant.wait_for_state(0)
+        plant.send(3, 9.0, 9.0, 9.0, 9.0)  # the answer to a state before the reset
+        for tick in range(3):
+            plant.wait_for_state(tick)
+            plant.send(tick, 1.0, -1.0, 0.5, 0.25)
+        plant.wait_for_state(3)
+        assert plant.states[:4] == plant.states[4:]
+
+
+def test_a_reset_run_has_the_bits_of_a_new_one(tmp_path: Path) -> None:
+    """Controller and trajectory follow the plant back to t = 0."""
+    file = shortened(tmp_path, 2.0, wait_for='[controller, trajectory, recorder, peer]')
+    log, computed = tmp_path / 'run.mcap', tmp_path / 'computed.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        started.start_all(*ros_arguments(file, recorder__output=log))
+        tester.until(lambda: states and header_stamp(states[-1]) >= 300 * PERIOD, 'tick 300')
+        assert tester.call(Trigger, '/plant/reset', Trigger.Request()).success
+        assert set(started.wait().values()) == {0}, started.output()
+    assert main(['simulate', str(file), '--output', str(computed)]) == 0
+    live, expected = read_log(log), read_log(computed)
+    for topic in ('joint_states', 'effort_commands', 'controller/parameter_estimate'):
+        beginnings = [i for i, stamp in enumerate(live.stamps(topic)) if stamp == 0]
+        assert len(beginnings) == 2, topic
+        assert live.messages[topic][beginnings[1] :] == expected.messages[topic], topic
+
+
+def test_by_the_wall_clock_nothing_moves_while_it_is_paused(tmp_path: Path) -> None:
+    with robot(tmp_path, 'realtime') as (_, plant):
+        plant.send(0, 0.0, 0.0, 0.0, 0.0)
+        plant.tester.until(lambda: len(plant.states) > 20, 'motion')
+        plant.pause()
+        # What was sent before the answer arrives before another answer.
+        plant.pause()
+        count = len(plant.states)
+        begin = time.monotonic()
+        plant.tester.until(lambda: time.monotonic() > begin + 0.15)
+        assert len(plant.states) <= count + 1
+        plant.go_on()
+        plant.tester.until(lambda: len(plant.states) > count + 50, 'motion again')
+        stamps = plant.stamps()
+        assert stamps == [tick * PERIOD for tick in range(len(stamps))]
+        assert plant.call('reset', Trigger.Request()).success
+        plant.tester.until(lambda: plant.states and len(plant.stamps()) > stamps.count(0))
+        plant.tester.until(lambda: plant.stamps().count(0) == 2, 'the state at t = 0')
+
+
+def test_by_the_wall_clock_a_step_holds_the_last_command(tmp_path: Path) -> None:
+    """A command does not grow old while the robot's time stands still."""
+    timeout = 0.05
+    with robot(tmp_path, 'realtime', command_timeout=timeout) as (_, plant):
+        plant.send(0, 0.0, 0.0, 0.0, 0.0)
+        plant.tester.until(lambda: len(plant.states) > 5, 'motion')
+        plant.pause()
+        plant.send(0, 0.5, 0.25, 1.0, -1.0)
+        begin = time.monotonic()
+        plant.tester.until(lambda: time.monotonic() > begin + 3 * timeout)
+        before = len(plant.states)
+        for _ in range(3):
+            assert plant.step().success
+        plant.tester.until(lambda: len(plant.states) >= before + 3, 'three states')
+        stepped = plant.states[-3:]
+        state = JointStateCdr()
+        for raw in stepped:
+            assert state.load(raw)
+            assert state.effort.tolist()[3:] == [0.5, 0.25, 1.0, -1.0]
+        plant.go_on()
+        plant.tester.until(lambda: len(plant.states) > before + 3, 'motion again')
+        assert state.load(plant.states[before + 3])
+        assert state.effort.tolist()[3:] == [0.5, 0.25, 1.0, -1.0]
+
+
+def test_by_the_wall_clock_old_commands_give_way_to_no_torque(tmp_path: Path) -> None:
+    with robot(tmp_path, 'realtime', command_timeout=0.05) as (started, plant):
+        plant.send(0, 0.5, 0.25, 1.0, -1.0)
+
+        def applied() -> list[float]:
+            state = JointStateCdr()
+            assert state.load(plant.states[-1])
+            return list(state.effort.tolist()[3:])
+
+        plant.tester.until(lambda: applied() == [0.5, 0.25, 1.0, -1.0], 'torque')
+        plant.tester.until(lambda: applied() == [0.0] * 4, 'no torque')
+        assert len([line for line in started.output().splitlines() if 'no command' in line]) == 1
