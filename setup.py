@@ -16,8 +16,9 @@ WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
 # `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by
 # setup.cfg. pip puts them in bin/, where names such as `plant` would be in everybody's way:
-# a wheel has `masmc` there, and shims that call it where `ros2 run` looks.
-is_wheel = 'bdist_wheel' in sys.argv or 'editable_wheel' in sys.argv
+# a wheel has `masmc` there, and shims that call it where `ros2 run` looks. A wheel takes its
+# entry points from `dist_info`, which runs first and on its own.
+is_wheel = not {'dist_info', 'bdist_wheel', 'editable_wheel'}.isdisjoint(sys.argv)
 scripts = ['masmc = masmc_ros.cli.main:main']
 shims = []
 if is_wheel:
