@@ -210,13 +210,14 @@ def test_log_without_chunks(tmp_path: Path) -> None:
 def test_refused_files(tmp_path: Path) -> None:
     (tmp_path / 'text.mcap').write_text('not an MCAP file\n' * 10)
     (tmp_path / 'empty.mcap').write_text('')
+    (tmp_path / 'folder').mkdir()
     os.mkfifo(tmp_path / 'pipe.mcap')
     for name, expected in [
         ('none.mcap', 'none.mcap: cannot be read: No such file'),
         ('text.mcap', 'text.mcap: is not .* MCAP file'),
         ('empty.mcap', 'empty.mcap'),
         ('pipe.mcap', 'is not a file; name a .mcap file'),
-        ('', 'is a folder; name the .mcap file in it'),
+        ('folder', r'folder: has no \.mcap file; name the folder of a recording'),
     ]:
         with pytest.raises(InputError, match=expected):
             read_run(tmp_path / name)

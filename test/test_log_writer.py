@@ -204,7 +204,7 @@ def test_computed_run_appears_when_it_is_complete(tmp_path: Path) -> None:
     path.write_bytes(b'an older one')
     with LogWriter(path) as log:
         write_numbers(log, numbers(10), window=5, everything=True)
-        log.flush()
+        log.commit()
         assert path.read_bytes() == b'an older one'
     assert len(read_run(path).times) == 10
     assert [each.name for each in tmp_path.iterdir()] == ['log.mcap']
@@ -264,7 +264,7 @@ def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
         'channel = log.channel("/text", "std_msgs/msg/String")\n'
         'for number in range(100):\n'
         '    log.write(channel, number, number, b"message")\n'
-        'log.flush()\n'
+        'log.commit()\n'
         'print("flushed", flush=True)\n'
         'time.sleep(60)\n'
     )

@@ -147,7 +147,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
     values = load_scenario(str(PAPER), ['duration=1.0', 'robot.link_2_length=0.4'])
     simulation = Simulation(values)
-    with SimulationLog(path, simulation, values, PAPER) as log:
+    with SimulationLog(path, simulation, values, {PAPER.name: PAPER.read_bytes()}) as log:
         for stretch in simulation.run():
             log.write(stretch)
     return read_run(path)

@@ -53,6 +53,10 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.report import report
 
         return report(options.logs, options.output)
+    if options.command == 'recover':
+        from masmc_ros.cli.recover import recover
+
+        return recover(options.logs)
     from masmc_ros.cli.demo import demo
 
     return demo(options.output, composed=options.composed)
@@ -88,9 +92,10 @@ def _parser() -> argparse.ArgumentParser:
     simulate = commands.add_parser(
         'simulate',
         help='compute a run without ROS',
-        description='Compute the closed loop of a parameter file: the same bits as the nodes.',
+        description='Compute the closed loop of a parameter file: the same bits as the nodes. '
+        'Or compute the run of a log again, and compare.',
     )
-    simulate.add_argument('file', help='ROS 2 parameter file')
+    simulate.add_argument('file', help='ROS 2 parameter file, or the log of a run')
     simulate.add_argument(
         '--set',
         action='append',
@@ -102,6 +107,14 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         '--overwrite', action='store_true', help='replace the output file if it is there'
     )
+
+    recover = commands.add_parser(
+        'recover',
+        help='complete logs whose recorder was cut off',
+        description='Complete, in their places, logs whose recorder was cut off. What is whole '
+        'stays as it is; a log that is complete is not touched.',
+    )
+    recover.add_argument('logs', nargs='+', metavar='RUN.mcap', help='log to complete')
 
     report = commands.add_parser(
         'report',

@@ -1,63 +1,72 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc simulate`: the closed loop of a parameter file, computed without ROS."""
+"""`masmc simulate`: the closed loop of a parameter file or of a log, computed without ROS."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.reader import read_run, Run
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.log.writer import check_log_path
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario, strays
+from masmc_ros.loop.simulation import Change, Simulation, Stretch
+from masmc_ros.nodes.scenario import load_scenario, logged_scenario, strays
 from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half
+from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
 
 
+class _Source(NamedTuple):
+    """What is to be computed; the run of a log, to compare with, where it is that."""
+
+    values: Mapping[str, Any]
+    changes: Sequence[Change]
+    files: Mapping[str, bytes]
+    run: Run | None
+
+
 def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrite: bool) -> int:
-    """Compute a run, log it if asked to, and print what it reached."""
-    values = load_scenario(file, settings)
-    for line in strays(file):
-        print(line, file=sys.stderr)
-    simulation = Simulation(values)
+    """Compute a run, log it if asked to, and print what it reached.
+
+    The run of a log is computed again, with the changes of gains that were made on its way,
+    and compared with what the log says.
+    """
+    source = _source(file, settings)
+    simulation = Simulation(source.values, source.changes)
     log: AbstractContextManager[Any] = nullcontext()
     if output is not None:
         check_log_path(Path(output))
         if Path(output).exists() and not overwrite:
             raise InputError(f'{output}: is there already; add --overwrite to replace it')
-        log = SimulationLog(Path(output), simulation, values, Path(file))
+        log = SimulationLog(Path(output), simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
+    again = Recomputed(source.run) if source.run is not None else None
     errors, torques, singular = [], [], 0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
         for stretch in simulation.run():
             if writer is not None:
                 writer.write(stretch)
+            if again is not None:
+                again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
             torques.append(stretch.torque)
             singular += stretch.singular
             progress.update(len(stretch.torque))
-    times = np.arange(ticks, dtype=np.float64) * simulation.timing.period
-    reached = measure(
-        times,
-        np.concatenate(errors),
-        times,
-        np.concatenate(torques),
-        stretch.estimate[-1:],
-        second_half(times),
-    )
-    print(text_table({law_label(values['controller']): reached}))
+    _print_table(source, simulation, errors, torques, stretch)
+    if again is not None:
+        print(again.verdict(set_anew=bool(settings)))
     if output is not None:
         print(f'log: {output}')
     if singular:
@@ -67,3 +76,35 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             file=sys.stderr,
         )
     return 0
+
+
+def _source(file: str, settings: Sequence[str]) -> _Source:
+    if file.endswith('.mcap') or Path(file).is_dir():
+        run = read_run(file)
+        values, changes = logged_scenario(run, settings)
+        return _Source(values, changes, run.attachments, run)
+    values = load_scenario(file, settings)
+    for line in strays(file):
+        print(line, file=sys.stderr)
+    return _Source(values, (), {file: Path(file).read_bytes()}, None)
+
+
+def _print_table(
+    source: _Source,
+    simulation: Simulation,
+    errors: Sequence[Any],
+    torques: Sequence[Any],
+    last: Stretch,
+) -> None:
+    error = np.concatenate(errors)
+    times = np.arange(len(error), dtype=np.float64) * simulation.timing.period
+    reached = measure(
+        times,
+        error,
+        times,
+        np.concatenate(torques),
+        last.estimate[-1:],
+        second_half(times),
+    )
+    label = law_label(source.values['controller'])
+    print(text_table({f'{label}, changed' if source.changes else label: reached}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
+from masmc_ros.log.parameter_history import parameter_history
+from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
 
@@ -61,6 +64,9 @@ class Run:
         sliding_surface_times: (K) of these; None likewise.
         parameter_estimate: (K, 7) base inertial parameters used; None where the log has none.
         parameter_estimate_times: (K) of these; None likewise.
+        parameters: with which every node began.
+        changes: of parameters while the robot ran, in the order of the log.
+        restarted: nodes that were started again while the robot ran.
         topics: number of messages of every topic of the log.
         metadata: records of each name, in the order of the log.
         attachments: files by name.
@@ -80,6 +86,9 @@ class Run:
     sliding_surface_times: Floats | None
     parameter_estimate: Floats | None
     parameter_estimate_times: Floats | None
+    parameters: dict[str, dict[str, Any]]
+    changes: tuple[ParameterRecord, ...]
+    restarted: tuple[str, ...]
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
@@ -89,7 +98,8 @@ def read_run(path: str | Path) -> Run:
     """Read the log of one robot, in whatever namespace it ran.
 
     Args:
-        path: an MCAP file that this package, `ros2 bag record` or another tool wrote.
+        path: an MCAP file that this package, `ros2 bag record` or another tool wrote, or the
+            folder of a recording in several.
 
     Raises:
         InputError: for a file that is missing, no MCAP file, damaged, incomplete, or without
@@ -111,7 +121,9 @@ def _run(path: Path, records: Records) -> Run:
         topic = _topic(records, namespace + name, _ARRAY_TYPE)
         return None if topic is None else _last_pass(decode(topic, how))
 
-    states = _last_pass(decode(states_topic, joint_states()))
+    every_state = decode(states_topic, joint_states())
+    states = _last_pass(every_state)
+    history = parameter_history(records, namespace, _begun(states_topic, every_state))
     position, velocity, effort = np.hsplit(states.values, 3)
     torques = series(COMMAND_TOPIC, commands())
     if torques is None:
@@ -142,6 +154,9 @@ def _run(path: Path, records: Records) -> Run:
         sliding_surface_times=times['sliding_surface'],
         parameter_estimate=values['parameter_estimate'],
         parameter_estimate_times=times['parameter_estimate'],
+        parameters=history.start,
+        changes=history.changes,
+        restarted=history.restarted,
         topics={topic.name: len(topic.messages) for topic in records.topics.values()},
         metadata=records.metadata,
         attachments=records.attachments,
@@ -182,6 +197,12 @@ def _topic(records: Records, name: str, type_name: str) -> Topic | None:
 def _last_pass(series: Series) -> Series:
     kept = last_pass(series.stamps)
     return Series(series.stamps[kept], series.values[kept])
+
+
+def _begun(topic: Topic, states: Series) -> int:
+    """Return the position in the log at which the last pass began; 0 for the only one."""
+    back = np.flatnonzero(np.diff(states.stamps) < 0)
+    return topic.orders[back[-1] + 1] if len(back) else 0
 
 
 def _seconds(series: Series) -> Floats:

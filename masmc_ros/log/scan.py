@@ -18,6 +18,8 @@ from mcap.stream_reader import CRCValidationError, get_chunk_data_stream, Stream
 from zstandard import ZstdError
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.bag import part_names
+from masmc_ros.log.recover import MAGIC
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
@@ -33,6 +35,7 @@ class Topic:
         schema: the definition of the messages; None for a log without.
         log_times: of each message, ns.
         messages: each as it was received.
+        orders: position of each among all messages of the log.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Topic:
     schema: Schema | None
     log_times: list[int] = field(default_factory=list)
     messages: list[bytes] = field(default_factory=list)
+    orders: list[int] = field(default_factory=list)
 
 
 @dataclass
@@ -61,40 +65,61 @@ def scan(path: Path) -> Records:
     """Read a whole log.
 
     Args:
-        path: the file.
+        path: the file, or the folder of a recording in parts.
 
     Raises:
-        InputError: for a file that is missing, no MCAP file, damaged or incomplete.
+        InputError: for a file that is missing, no MCAP file, damaged or incomplete, and for a
+            folder that is no recording.
     """
-    if os.path.isdir(path):
-        raise InputError(f'{path}: is a folder; name the .mcap file in it')
+    records = Records()
+    if not os.path.isdir(path):
+        _scan_file(path, records)
+        return records
+    for name in part_names(path):
+        _scan_file(path / name, records)
+    return records
+
+
+def _scan_file(path: Path, records: Records) -> None:
+    """Add what a file holds."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f'{path}: is not a file; name a .mcap file')
     try:
         with path.open('rb') as stream:
-            return _Collector().collect(StreamReader(stream, emit_chunks=True).records)
+            _Collector(records).collect(StreamReader(stream, emit_chunks=True).records)
     except OSError as error:
         raise InputError(f'{path}: cannot be read: {error.strerror}') from error
     except InvalidMagic as error:
-        raise InputError(f'{path}: is not a complete MCAP file') from error
+        raise InputError(f'{path}: is not a complete MCAP file{_hint(path)}') from error
     except (EndOfFile, struct.error) as error:
         raise InputError(
-            f'{path}: the log ends before its end, its recorder was cut off;'
-            ' `mcap recover` makes a complete one of what is there'
+            f'{path}: the log ends before its end, its recorder was cut off{_hint(path)}'
         ) from error
     except (McapError, CRCValidationError, ZstdError, ValueError, KeyError) as error:
         raise InputError(f'{path}: the log is damaged: {error}') from error
 
 
+def _hint(path: Path) -> str:
+    """Say how a file that was cut off becomes a log."""
+    with path.open('rb') as stream:
+        begins = stream.read(len(MAGIC))
+    return f'; `masmc recover {path}` makes a complete one of it' if begins == MAGIC else ''
+
+
 class _Collector:
     """Sorts records by topic."""
 
-    def __init__(self) -> None:
-        self._records = Records()
+    def __init__(self, records: Records) -> None:
+        self._records = records
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, Topic] = {}
+        self._number = sum(len(topic.messages) for topic in records.topics.values())
+        # A later part begins with messages that are still valid: these are there already.
+        self._repeated = {
+            topic.name: topic.messages[-1] for topic in records.topics.values() if topic.messages
+        }
 
-    def collect(self, records: Iterator[McapRecord]) -> Records:
+    def collect(self, records: Iterator[McapRecord]) -> None:
         for record in records:
             if isinstance(record, Chunk):
                 stream, size = get_chunk_data_stream(record, validate_crc=True)
@@ -109,7 +134,6 @@ class _Collector:
                 self._records.metadata.setdefault(record.name, []).append(record.metadata)
             elif isinstance(record, Attachment):
                 self._records.attachments[record.name] = record.data
-        return self._records
 
     def _split(self, chunk: bytes) -> None:
         """Take the records out of a chunk.
@@ -139,6 +163,10 @@ class _Collector:
 
     def _add(self, channel: int, log_time: int, data: bytes) -> None:
         topic = self._topics[channel]
+        if self._repeated and self._repeated.pop(topic.name, None) == data:
+            return
+        topic.orders.append(self._number)
+        self._number += 1
         topic.log_times.append(log_time)
         topic.messages.append(data)
 

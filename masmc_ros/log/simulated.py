@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-import json
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,14 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.provenance import write_provenance
+from masmc_ros.log.parameter_record import ParameterRecord
+from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.text import string_message
 from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, TOPICS
 from masmc_ros.log.writer import ChannelRows, LogWriter
-from masmc_ros.loop.simulation import Simulation, Stretch
+from masmc_ros.loop.simulation import Change, Simulation, Stretch
 from masmc_ros.robot.platform_motion import platform_motion
 
 Values = Mapping[str, Any]
@@ -39,12 +39,17 @@ class SimulationLog:
     """
 
     def __init__(
-        self, path: Path, simulation: Simulation, values: Mapping[str, Values], file: Path
+        self,
+        path: Path,
+        simulation: Simulation,
+        values: Mapping[str, Values],
+        files: Mapping[str, bytes],
     ) -> None:
-        """Start a log at `path` of a run with these values by node, read from `file`."""
+        """Start a log at `path` of a run with these values by node, read from `files`."""
         self._simulation = simulation
         self._values = values
-        self._file = file
+        self._files = files
+        self._changes: list[ParameterRecord] = []
         recorder = values['recorder']
         self._writer = LogWriter(path, compression=recorder['compression'])
         self._channels = {
@@ -57,18 +62,16 @@ class SimulationLog:
     def __enter__(self) -> SimulationLog:
         """Write what is known before the first tick."""
         self._writer.__enter__()
+        write_origin(self._writer, self._files)
         for node in PARAMETER_NODES:
-            record = {'node': f'/{node}', 'tick': 0, 'stamp': 0, 'parameters': self._values[node]}
-            channel = self._channels[parameters_topic(node)]
-            self._writer.write(channel, 0, 0, string_message(json.dumps(record)))
+            self._tell(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
         return self
 
     def __exit__(self, *exception: Any) -> None:
         """Complete the file, or leave none."""
         if exception[0] is None:
             parameters = {node: self._values[node] for node in PARAMETER_NODES}
-            files = {str(self._file): self._file.read_bytes()}
-            write_provenance(self._writer, parameters, [], files)
+            write_parameters(self._writer, parameters, self._changes)
         self._writer.__exit__(*exception)
 
     def write(self, stretch: Stretch) -> None:
@@ -76,6 +79,8 @@ class SimulationLog:
         ticks = np.arange(stretch.first, stretch.first + len(stretch.torque))
         timing = self._simulation.timing
         stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
+        for change in stretch.changes:
+            self._change(change)
         self._writer.write_rows(
             [
                 *self._reference(stretch, stamps),
@@ -86,6 +91,24 @@ class SimulationLog:
                 *self._telemetry(stretch, ticks, stamps),
             ]
         )
+
+    def _change(self, change: Change) -> None:
+        """Write a change of the controller's parameters at its first tick."""
+        before = self._changes[-1].parameters if self._changes else self._values['controller']
+        record = ParameterRecord(
+            '/controller',
+            change.tick,
+            self._simulation.timing.stamp(change.tick),
+            {**before, **change.values},
+            tuple(change.values),
+        )
+        self._changes.append(record)
+        self._tell(record)
+
+    def _tell(self, record: ParameterRecord) -> None:
+        channel = self._channels[parameters_topic(record.node.lstrip('/'))]
+        message = string_message(record.to_text())
+        self._writer.write(channel, record.stamp, record.stamp, message)
 
     def _rows(
         self, topic: str, stamps: NDArray[np.int64], data: NDArray[np.uint8]

@@ -26,6 +26,8 @@ class Topic(NamedTuple):
     content: str
     is_latched: bool = True
     """Whether late subscribers are given what was sent before."""
+    holds: bool = False
+    """Whether a message is valid until the next one, however long that takes."""
 
 
 def parameters_topic(node: str) -> str:
@@ -73,7 +75,8 @@ TOPICS = (
             parameters_topic(node),
             'std_msgs/msg/String',
             f'{node} →',
-            'parameters in force as JSON, and every change with its first tick',
+            'parameters in force as JSON, at the start and at every change with its first tick',
+            holds=True,
         )
         for node in PARAMETER_NODES
     ),

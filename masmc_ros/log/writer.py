@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
+from typing import cast, IO, NamedTuple
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from masmc_ros import __version__
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.definitions import definition
+from masmc_ros.log.definitions import Definition, definition
 from masmc_ros.log.qos import Qos
+from masmc_ros.log.sink import RecordSink
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of messages that are compressed together."""
@@ -48,8 +49,8 @@ class LogWriter:
 
     A computed run is written beside its place, as `NAME.part`, and takes its name when it is
     complete; where an exception ends it, nothing is left of it and an older file of that name
-    is untouched. A live recording has its own name from the start, and an exception closes
-    it properly: what was recorded can be read.
+    is untouched. A live recording has its own name from the start and always ends on a whole
+    record; an exception closes it properly: what was recorded can be read.
     """
 
     def __init__(self, path: str | Path, compression: str = 'zstd', *, live: bool = False) -> None:
@@ -72,30 +73,37 @@ class LogWriter:
         self._written = self.path if live else self.path.with_name(f'{self.path.name}.part')
         check_log_path(self.path)
         try:
-            self._stream = self._written.open('wb')
+            self._stream = RecordSink(self._written) if live else self._written.open('wb')
+        except BlockingIOError as error:
+            raise InputError(f'{path}: another recorder writes it; name another file') from error
         except OSError as error:
             raise InputError(f'{self._written}: cannot be written: {error.strerror}') from error
         self._writer = Writer(
-            self._stream, chunk_size=CHUNK_SIZE, compression=COMPRESSIONS[compression]
+            cast(IO[bytes], self._stream),
+            chunk_size=CHUNK_SIZE,
+            compression=COMPRESSIONS[compression],
         )
         self._writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
         self._schemas: dict[str, int] = {}
 
-    def channel(self, topic: str, type_name: str, *qos: Qos) -> int:
+    def channel(
+        self, topic: str, type_name: str, *qos: Qos, defined: Definition | None = None
+    ) -> int:
         """Add a topic.
 
         Args:
             topic: its full name.
             type_name: such as `sensor_msgs/msg/JointState`.
             qos: what each of its publishers offers.
+            defined: the type's definition, for one that is none of ROS 2 Jazzy's own.
 
         Returns:
             The number by which messages name it.
 
         Raises:
-            InputError: for a type that is none of ROS 2 Jazzy's own.
+            InputError: for a type that is none of ROS 2 Jazzy's own, without a definition.
         """
-        text, type_hash = definition(type_name)
+        text, type_hash = defined or definition(type_name)
         if type_name not in self._schemas:
             self._schemas[type_name] = self._writer.register_schema(
                 type_name, SchemaEncoding.ROS2, text.encode()
@@ -145,27 +153,58 @@ class LogWriter:
         """Add a record of names and texts; several may have the same `name`."""
         self._writer.add_metadata(name, dict(values))
 
-    def flush(self) -> None:
+    def commit(self, *, whole: bool = True, durable: bool = False) -> None:
         """Hand over to the operating system what was written so far.
 
-        What a killed recording has flushed can be recovered.
+        What a killed recording has committed can be recovered.
+
+        Args:
+            whole: the chunk under way too; else complete chunks only.
+            durable: wait until a power cut can no longer harm it.
+
+        Raises:
+            OSError: where the disk does not take it; nothing is lost, and the next commit
+                tries again.
         """
-        self._writer.flush()
+        if whole:
+            self._writer.flush()
+        if isinstance(self._stream, RecordSink):
+            self._stream.commit(durable=durable)
+
+    @property
+    def size(self) -> int:
+        """Bytes written, those of the chunk under way not counted."""
+        return self._stream.tell()
+
+    @property
+    def pending(self) -> int:
+        """Bytes that the disk has not taken."""
+        return self._stream.pending if isinstance(self._stream, RecordSink) else 0
+
+    def finish(self) -> None:
+        """Write the indexes and the end; what remains is to commit and to close."""
+        self._writer.finish()
 
     def close(self) -> None:
         """Complete the file and give it its name."""
         if self._stream.closed:
             return
         try:
-            self._writer.finish()
-            self._stream.close()
+            self.finish()
+            self.commit(whole=False, durable=True)
+            self.close_file()
             if not self._live:
                 os.replace(self._written, self.path)
         except BaseException:
-            self._discard()
+            self.discard()
             raise
 
-    def _discard(self) -> None:
+    def close_file(self) -> None:
+        """Close the file with what is in it."""
+        self._stream.close()
+
+    def discard(self) -> None:
+        """Close the file as it is; nothing is left of a computed run."""
         self._stream.close()
         if not self._live:
             self._written.unlink(missing_ok=True)
@@ -184,7 +223,7 @@ class LogWriter:
         if kind is None or self._live:
             self.close()
         else:
-            self._discard()
+            self.discard()
 
 
 def check_log_path(path: Path) -> None:

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,14 @@ Values = Mapping[str, Any]
 
 BLOCK = 20_000
 """Ticks held in memory at a time."""
+
+
+class Change(NamedTuple):
+    """Checked values of some of the controller's parameters, new at a tick."""
+
+    tick: int
+    """The first tick that is computed with them."""
+    values: Values
 
 
 @dataclass(frozen=True)
@@ -50,17 +59,22 @@ class Stretch:
     """(n, 7) theta_hat used in the tick's torque."""
     singular: int
     """Number of ticks at which the arm was close to singular."""
+    changes: tuple[Change, ...] = ()
+    """Of the controller's parameters, at ticks of the stretch."""
 
 
 class Simulation:
     """The closed loop of one robot, trajectory and controller."""
 
-    def __init__(self, values: Mapping[str, Values]) -> None:
+    def __init__(self, values: Mapping[str, Values], changes: Sequence[Change] = ()) -> None:
         """Take the checked parameter values of every node, by node name.
 
+        `changes` of the controller's parameters are made on the way, in order of their ticks.
         Raises InputError where they do not fit together.
         """
         plant, control = values['plant'], values['controller']
+        self._start = control
+        self._changes = tuple(changes)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
         self.plant = SimulatedRobot(robot, self.timing.period, plant)
@@ -77,15 +91,30 @@ class Simulation:
         if self.timing.last is None:
             raise InputError('duration = 0.0: expected a length > 0 s for a simulation')
         self.plant.reset()
+        self.controller.change(self._start)
         self.controller.reset()
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
             reference = self.trajectory.sample(first, count)
-            advance = self._compiled if self.controller.is_compiled else self._interpreted
-            stretch = advance(first, reference, final=first + count == ticks)
+            stretch = self._stretch(first, reference, final=first + count == ticks)
             self._check_finite(stretch)
             yield stretch
+
+    def _stretch(self, first: int, reference: Array, *, final: bool) -> Stretch:
+        """Run ticks, with the changes among them."""
+        end = first + len(reference)
+        changes = tuple(change for change in self._changes if first <= change.tick < end)
+        edges = sorted({first, end, *(change.tick for change in changes)})
+        parts = []
+        for start, stop in pairwise(edges):
+            for change in changes:
+                if change.tick == start:
+                    self.controller.change(change.values)
+            advance = self._compiled if self.controller.is_compiled else self._interpreted
+            samples = reference[start - first : stop - first]
+            parts.append(advance(start, samples, final=final and stop == end))
+        return parts[0] if not changes else _joined(parts, changes)
 
     def _check_finite(self, stretch: Stretch) -> None:
         finite = (
@@ -179,6 +208,16 @@ class Simulation:
             if not (final and k == n - 1):
                 plant.advance(controller.torque)
         return Stretch(first=first, reference=reference, singular=singular, **rows)
+
+
+def _joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:
+    rows = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in fields(Stretch)
+        if isinstance(getattr(parts[0], field.name), np.ndarray)
+    }
+    singular = sum(part.singular for part in parts)
+    return Stretch(first=parts[0].first, singular=singular, changes=changes, **rows)
 
 
 def robot_of(values: Values) -> Robot:

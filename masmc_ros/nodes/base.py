@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-import json
+from collections.abc import Callable, Iterable, Mapping
 import time
 from typing import Any
 
@@ -16,6 +15,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
+from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.parameters import declared
 from masmc_ros.nodes.qos import publisher_qos
@@ -63,18 +63,17 @@ class SuiteNode:
     def connect(self) -> None:
         """Publish the parameters in force, and watch what the node waits for."""
         self._record = self.publisher(String, '~/parameters')
-        self.record_parameters(0, 0, self.values)
+        self.record_parameters(0, 0)
         self.node.create_timer(1.0, self._remind, clock=self.steady)
 
-    def record_parameters(self, tick: int, stamp: int, values: Mapping[str, Any]) -> None:
-        """Publish parameter values, and the first tick that was computed with them."""
-        record = {
-            'node': self.node.get_fully_qualified_name(),
-            'tick': tick,
-            'stamp': stamp,
-            'parameters': values,
-        }
-        self._record.publish(String(data=json.dumps(record)))
+    def record_parameters(self, tick: int, stamp: int, changed: Iterable[str] = ()) -> None:
+        """Publish the parameters in force, and the first tick that is computed with them.
+
+        `changed` names those that are new.
+        """
+        node = self.node.get_fully_qualified_name()
+        record = ParameterRecord(node, tick, stamp, self.values, tuple(changed))
+        self._record.publish(String(data=record.to_text()))
 
     def wait(self, reason: str | None) -> None:
         """Note what the node waits for (None: nothing); it says so when that takes long."""

@@ -100,7 +100,34 @@ _RECORDER_NODE = (
     Parameter('overwrite', False, 'Replace a file that is there already'),
     Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
     Parameter('extra_topics', (), 'Further topics to record, as they turn up'),
-    Parameter('flush_period', 0.5, 'Time between two flushes to disk', unit='s', minimum=0.01),
+    Parameter(
+        'flush_period',
+        0.25,
+        'Time after which what came is on the disk, whatever happens to the recorder',
+        unit='s',
+        minimum=0.01,
+    ),
+    Parameter(
+        'max_size',
+        0.0,
+        'Size at which a new part of the recording begins, in a folder; 0 is one file',
+        unit='MB',
+        minimum=0.0,
+    ),
+    Parameter(
+        'max_duration',
+        0.0,
+        'Time on the log at which a new part of the recording begins; 0 is one file',
+        unit='s',
+        minimum=0.0,
+    ),
+    Parameter(
+        'queue_size',
+        64.0,
+        'Messages that wait for a slow or full disk; what comes on top is counted and lost',
+        unit='MB',
+        minimum=1.0,
+    ),
 )
 
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from functools import partial
-import json
 from pathlib import Path
 import sys
+from threading import Thread
 import time
 from typing import Any
 
@@ -17,9 +18,14 @@ from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.definitions import Definition, definition
+from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
-from masmc_ros.log.provenance import write_provenance
+from masmc_ros.log.parameter_record import ParameterRecord, read_record
+from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
+from masmc_ros.log.recording import clear_recording, Options, Recording
+from masmc_ros.log.recover import recover_all
 from masmc_ros.log.stamps import stamp_reader, StampReader
 from masmc_ros.log.text import text_of
 from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, SYSTEM_TOPICS, TOPICS
@@ -27,9 +33,10 @@ from masmc_ros.log.writer import LogWriter
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.messages import message_class
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.raw_types import raw_class
 from masmc_ros.nodes.runtime import run
+from masmc_ros.nodes.type_description import DefinitionRequest
 
 _PROGRESS = 100
 """Answered states between two reports of progress."""
@@ -41,6 +48,11 @@ _LONG_QUIET = 3.0
 """Time in s without a message after which a run that has reached its end is over."""
 
 _LONGEST_DRAIN = 10.0
+
+_WATCH = 0.2
+"""Time in s between two looks at how the disk does."""
+
+_MEGABYTE = 1_000_000
 
 _CORE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC)
 """Topics whose senders must be found before the recorder calls itself ready."""
@@ -58,12 +70,7 @@ class RecorderNode(SuiteNode):
         self._last = self._last_stamp()
         self._files = {path: Path(path).read_bytes() for path in command_line.files}
         self._extra = {name for name in self.values['extra_topics'] if name}
-        path = log_path(Path(self.values['output']))
-        if path.exists() and not self.values['overwrite']:
-            raise InputError(
-                f'output = {path}: is there already; name another file, or set overwrite to true'
-            )
-        self._writer = LogWriter(path, compression=self.values['compression'], live=True)
+        self._recording = self._open(log_path(Path(self.values['output'])))
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
         self._answered = -1
@@ -72,7 +79,10 @@ class RecorderNode(SuiteNode):
         self._last_arrival = time.monotonic()
         self._core: list[str] = []
         self._parameters: dict[str, Any] = {}
-        self._changes: list[dict[str, Any]] = []
+        self._changes: list[ParameterRecord] = []
+        self._requests: dict[str, DefinitionRequest] = {}
+        self._told_trouble: str | None = None
+        self._told_lost = 0
         self.counts: dict[str, int] = {}
 
     def connect(self) -> None:
@@ -80,12 +90,13 @@ class RecorderNode(SuiteNode):
         super().connect()
         self._progress = self.publisher(Time, 'recorder/progress', 1)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
-            self._record_topic(topic.name, topic.type_name, is_latched=topic.is_latched)
+            self._record_topic(
+                topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
+            )
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
-        self.node.create_timer(
-            self.values['flush_period'], self._writer.flush, clock=self.steady
-        )
-        self.log.info(f'recording into {self._writer.path}')
+        self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
+        self.log.info(f'recording into {self._recording.path}')
+        self._recover_earlier()
         self.wait(f'the senders of {", ".join(_CORE)}')
 
     def close(self, spin: Callable[[], None]) -> None:
@@ -95,20 +106,97 @@ class RecorderNode(SuiteNode):
         while time.monotonic() < min(limit, self._last_arrival + _QUIET):
             spin()
         self._release_early(self._latest or 0)
-        write_provenance(self._writer, self._parameters, self._changes, self._files)
-        self._writer.close()
-        messages = sum(self.counts.values())
-        self.log.info(f'{messages} messages in {self._writer.path}')
+        self._recording.close()
+        self._watch_disk()
+        lost = sum(self._recording.lost.values())
+        messages = sum(self.counts.values()) - lost
+        told = f', {lost} lost' if lost else ''
+        self.log.info(f'{messages} messages in {self._recording.path}{told}')
+
+    def _open(self, path: Path) -> Recording:
+        """Start the recording; InputError where its place is taken or cannot be written."""
+        values = self.values
+        options = Options(
+            compression=values['compression'],
+            flush_period=values['flush_period'],
+            max_size=round(values['max_size'] * _MEGABYTE),
+            max_duration=round(values['max_duration'] * NANOSECONDS),
+            queue_size=round(values['queue_size'] * _MEGABYTE),
+        )
+        place = path.with_suffix('') if options.is_split else path
+        if place.exists():
+            if not values['overwrite']:
+                raise InputError(
+                    f'output = {place}: is there already; name another, or set overwrite to true'
+                )
+            if options.is_split:
+                clear_recording(place)
+        return Recording(path, options, self._write_opening, self._write_closing)
+
+    def _write_opening(self, log: LogWriter) -> None:
+        write_origin(log, self._files)
+
+    def _write_closing(self, log: LogWriter) -> None:
+        write_parameters(log, dict(self._parameters), tuple(self._changes))
+
+    def _recover_earlier(self) -> None:
+        """Complete, beside the recording, what an earlier one in this folder left."""
+        folder = self._recording.path.parent
+        recovery = Thread(target=self._recover_in, args=(folder,), name='recovery', daemon=True)
+        recovery.start()
+
+    def _recover_in(self, folder: Path) -> None:
+        for path, recovered in recover_all(folder):
+            self.log.warning(
+                f'{path}: its recorder was cut off; completed with {recovered.messages} messages'
+            )
+
+    def _watch_disk(self) -> None:
+        """Say when the disk takes nothing, when messages are lost, and when that is over."""
+        recording = self._recording
+        if recording.failure is not None:
+            self.finished = True
+        trouble = recording.trouble
+        if trouble != self._told_trouble:
+            self._told_trouble = trouble
+            if trouble is not None:
+                self.log.error(
+                    f'{recording.path}: {trouble}; up to {self.values["queue_size"]:g} MB of'
+                    ' messages are kept until there is space again'
+                )
+            else:
+                self.log.info(f'{recording.path}: the disk takes messages again')
+        lost = sum(recording.lost.values())
+        if lost > self._told_lost:
+            self._told_lost = lost
+            self.log.error(
+                f'{lost} messages lost so far: the disk does not keep up with them',
+                throttle_duration_sec=1.0,
+            )
 
     def _last_stamp(self) -> int | None:
         """Return the stamp of the run's last state; None for an endless run."""
         timing = Timing.from_values(self.values)
         return None if timing.last is None else timing.stamp(timing.last)
 
-    def _record_topic(self, topic: str, type_name: str, *, is_latched: bool) -> None:
+    def _record_topic(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        is_latched: bool,
+        holds: bool,
+        defined: Definition | None = None,
+    ) -> None:
         resolved = self.node.resolve_topic_name(topic)
         durability = 'transient_local' if is_latched else 'volatile'
-        channel = self._writer.channel(resolved, type_name, Qos(durability=durability))
+        channel = self._recording.channel(
+            resolved,
+            type_name,
+            Qos(durability=durability),
+            defined=defined,
+            holds=holds,
+        )
         self.counts[resolved] = 0
         if topic in _CORE:
             self._core.append(resolved)
@@ -129,7 +217,7 @@ class RecorderNode(SuiteNode):
         def take(raw: Any) -> None:
             callback(raw)
 
-        message_type = message_class(type_name)
+        message_type = raw_class(type_name, (defined or definition(type_name)).hash)
         if is_latched:
             subscribe_with_past(self.node, message_type, topic, take, DEEP)
         else:
@@ -153,7 +241,7 @@ class RecorderNode(SuiteNode):
         if time_ns is None:
             self._early.append((channel, raw))
         else:
-            self._writer.write(channel, time_ns, time_ns, raw)
+            self._recording.write(channel, time_ns, raw)
 
     def _on_state(self, raw: bytes, stamp: int | None) -> None:
         if stamp is not None and self._latest is None:
@@ -166,22 +254,26 @@ class RecorderNode(SuiteNode):
             return
         self._answered = stamp
         self._unreported += 1
-        if self._unreported >= _PROGRESS:
+        if self._unreported >= _PROGRESS and not self._recording.is_congested:
             self._report()
         if self._last is not None and stamp >= self._last:
             self.wait(None)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        record = json.loads(text_of(raw))
+        try:
+            record = read_record(text_of(raw))
+        except (InputError, UnicodeDecodeError) as error:
+            self.log.error(f'{parameters_topic(node)}: {error}', once=True)
+            return
         if node in self._parameters:
-            self._changes.append({**record, 'node': node})
+            self._changes.append(record)
         else:
-            self._parameters[node] = record['parameters']
+            self._parameters[node] = record.parameters
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
         for channel, raw in self._early:
-            self._writer.write(channel, stamp, stamp, raw)
+            self._recording.write(channel, stamp, raw)
         self._early.clear()
 
     def _report(self) -> None:
@@ -195,14 +287,41 @@ class RecorderNode(SuiteNode):
         senders = self.node.get_publishers_info_by_topic(resolved)
         if not senders:
             return
-        self._extra.discard(topic)
         is_latched = all(
             sender.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for sender in senders
         )
         try:
-            self._record_topic(topic, senders[0].topic_type, is_latched=is_latched)
+            defined = self._definition(topic, senders[0])
+            if defined is None:
+                return
+            self._record_topic(
+                topic,
+                senders[0].topic_type,
+                is_latched=is_latched,
+                holds=is_latched,
+                defined=defined,
+            )
         except InputError as error:
             self.log.error(f'{resolved} is not recorded: {error}')
+        self._extra.discard(topic)
+        request = self._requests.pop(topic, None)
+        if request is not None:
+            request.close()
+
+    def _definition(self, topic: str, sender: Any) -> Definition | None:
+        """Return what a topic's messages are, None while its sender is asked.
+
+        Jazzy's own types need no question, unless the sender has another version of them.
+        """
+        told = str(sender.topic_type_hash)
+        with suppress(InputError):
+            known = definition(sender.topic_type)
+            if told in (known.hash, ''):
+                return known
+        if topic not in self._requests:
+            name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
+            self._requests[topic] = DefinitionRequest(self.node, name, sender.topic_type, told)
+        return self._requests[topic].answer()
 
     def _look_around(self) -> None:
         """Tell the plant when all senders are found; end when they have gone."""

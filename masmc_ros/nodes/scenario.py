@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.log.reader import Run
+from masmc_ros.log.topics import PARAMETER_NODES
+from masmc_ros.loop.simulation import Change
 from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
@@ -36,6 +39,61 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
             values[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = values
     return scenario
+
+
+def logged_scenario(
+    run: Run, settings: Iterable[str] = ()
+) -> tuple[dict[str, Values], list[Change]]:
+    """Return a run's parameters and changes, so that it can be computed again.
+
+    It is as long as its log. `settings` as in `load_scenario`; a parameter of the controller
+    that is set there is not changed on the way.
+
+    Raises:
+        InputError: where the log does not tell them, or tells what this version does not know.
+    """
+    for node in PARAMETER_NODES:
+        if node not in run.parameters:
+            raise InputError(
+                f'{run.path}: no parameters of the {node} in it; expected {node}/parameters, as'
+                ' the nodes of this package publish them, or the metadata of their recorder'
+            )
+    if run.restarted:
+        raise InputError(
+            f'{run.path}: {" and ".join(run.restarted)} ended and began again while the robot'
+            ' moved; only a run without a restart can be computed again'
+        )
+    extra = _settings(settings)
+    scenario = {}
+    for node in NODES:
+        given = {**run.parameters.get(node, {})}
+        if 'duration' in given and 'duration' not in extra[node]:
+            given['duration'] = _length(run)
+        names = {parameter.name: parameter for parameter in declared(node)}
+        for name, value in extra[node].items():
+            given[name] = names[name].check(value, integers_for_doubles=True)
+        scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
+    return scenario, _controller_changes(run, without=extra['controller'])
+
+
+def _controller_changes(run: Run, without: Values) -> list[Change]:
+    """Return the changes of the controller, checked, those of some parameters left out."""
+    known = {parameter.name: parameter for parameter in declared('controller')}
+    changes = []
+    for change in run.changes:
+        if change.node.rpartition('/')[2] != 'controller':
+            continue
+        new = {n: known[n].check(v) for n, v in change.changes.items() if n not in without}
+        if new:
+            changes.append(Change(change.tick, new))
+    return changes
+
+
+def _length(run: Run) -> float:
+    """Return the time in s from tick 0 to the last state."""
+    if len(run.times) < 2:
+        raise InputError(f'{run.path}: {len(run.times)} states in it; expected a run')
+    return float(run.times[-1])
 
 
 def strays(path: str) -> list[str]:

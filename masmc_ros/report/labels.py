@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from masmc_ros.log.reader import Run
-from masmc_ros.report.parameters import run_parameters, was_changed
 
 _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
 
@@ -35,15 +34,15 @@ def labels(runs: Sequence[Run]) -> list[str]:
 
 def law_of(run: Run) -> str | None:
     """Return the law that a run started with, None where the log does not tell."""
-    law = run_parameters(run).get('controller', {}).get('law')
+    law = run.parameters.get('controller', {}).get('law')
     return law if isinstance(law, str) else None
 
 
 def _law_label(run: Run) -> str:
     if law_of(run) is None:
         return ''
-    label = law_label(run_parameters(run)['controller'])
-    return f'{label}, changed' if was_changed(run) else label
+    label = law_label(run.parameters['controller'])
+    return f'{label}, changed' if run.changes else label
 
 
 def law_label(controller: Mapping[str, Any]) -> str:

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc recover`: completes logs whose recorder was cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.layout import NANOSECONDS
+from masmc_ros.log.recover import recover as recover_file
+
+
+def recover(logs: Sequence[str]) -> int:
+    """Complete each log in its place and say what is in it; status 2 where one cannot be."""
+    status = 0
+    for log in logs:
+        try:
+            found = recover_file(Path(log))
+        except InputError as error:
+            print(f'masmc recover: {error}', file=sys.stderr)
+            status = error.exit_status
+            continue
+        if found is None:
+            print(f'{log}: is complete')
+            continue
+        length = (found.end - found.begin) / NANOSECONDS
+        print(
+            f'{log}: completed with {found.messages} messages over {length:.3f} s;'
+            f' {found.dropped} bytes at its end were no whole record'
+        )
+    return status

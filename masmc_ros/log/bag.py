@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`metadata.yaml`: by it ROS 2 knows the files of a folder for the parts of one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.definitions import Definition, definition
+from masmc_ros.log.qos import Qos
+
+METADATA_FILE = 'metadata.yaml'
+
+_VERSION = 9
+"""Of the form that rosbag2 of Jazzy writes."""
+
+
+class Part(NamedTuple):
+    """A file of a recording: name, first and last log time in ns, number of messages."""
+
+    name: str
+    first: int
+    last: int
+    messages: int
+
+
+class TopicCount(NamedTuple):
+    """A topic of a recording, as it is declared in the files, and its number of messages."""
+
+    name: str
+    type_name: str
+    qos: tuple[Qos, ...]
+    defined: Definition | None
+    messages: int
+
+
+def write_bag_metadata(
+    folder: Path, parts: Sequence[Part], topics: Sequence[TopicCount]
+) -> None:
+    """Write the file for the parts that are there, whole or not at all."""
+    first = min((part.first for part in parts if part.messages), default=0)
+    last = max((part.last for part in parts if part.messages), default=0)
+    content = {
+        'rosbag2_bagfile_information': {
+            'version': _VERSION,
+            'storage_identifier': 'mcap',
+            'duration': {'nanoseconds': last - first},
+            'starting_time': {'nanoseconds_since_epoch': first},
+            'message_count': sum(part.messages for part in parts),
+            'topics_with_message_count': [_topic(topic) for topic in topics],
+            'compression_format': '',
+            'compression_mode': '',
+            'relative_file_paths': [part.name for part in parts],
+            'files': [
+                {
+                    'path': part.name,
+                    'starting_time': {'nanoseconds_since_epoch': part.first},
+                    'duration': {'nanoseconds': part.last - part.first},
+                    'message_count': part.messages,
+                }
+                for part in parts
+            ],
+            'custom_data': None,
+            'ros_distro': 'jazzy',
+        }
+    }
+    path = folder / METADATA_FILE
+    written = path.with_suffix('.yaml.part')
+    try:
+        written.write_text(yaml.safe_dump(content, sort_keys=False), encoding='utf-8')
+        os.replace(written, path)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written: {error.strerror}') from error
+
+
+def part_names(folder: Path) -> list[str]:
+    """Return the files of a recording in their order.
+
+    Raises:
+        InputError: where the folder has no such file, or one that cannot be understood.
+    """
+    path = folder / METADATA_FILE
+    if path.exists():
+        try:
+            content = yaml.safe_load(path.read_text(encoding='utf-8'))
+            names = content['rosbag2_bagfile_information']['relative_file_paths']
+            return [str(name) for name in names]
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+            raise InputError(
+                f'{path}: is not the metadata of a recording; it takes'
+                ' rosbag2_bagfile_information with relative_file_paths'
+            ) from error
+    names = sorted((p.name for p in folder.glob('*.mcap')), key=_number)
+    if not names:
+        raise InputError(f'{folder}: has no .mcap file; name the folder of a recording')
+    return names
+
+
+def _number(name: str) -> tuple[str, int]:
+    """Sort `run_10.mcap` behind `run_9.mcap`."""
+    stem, _, number = name.removesuffix('.mcap').rpartition('_')
+    return (stem, int(number)) if number.isdecimal() else (name, 0)
+
+
+def _topic(topic: TopicCount) -> dict[str, object]:
+    return {
+        'topic_metadata': {
+            'name': topic.name,
+            'type': topic.type_name,
+            'serialization_format': 'cdr',
+            'offered_qos_profiles': yaml.safe_load(
+                '\n'.join(each.to_yaml() for each in topic.qos)
+            )
+            or [],
+            'type_description_hash': (topic.defined or definition(topic.type_name)).hash,
+        },
+        'message_count': topic.messages,
+    }

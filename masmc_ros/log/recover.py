@@ -1,0 +1,465 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Completes logs whose recorder was cut off: what is whole stays, the indexes are made anew."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+import fcntl
+from io import BytesIO
+import mmap
+import os
+from pathlib import Path
+import struct
+from typing import IO, NamedTuple
+import zlib
+
+import lz4.frame
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.well_known import Profile
+from mcap.writer import Writer
+import zstandard
+
+from masmc_ros import __version__
+from masmc_ros.errors import InputError
+
+MAGIC = b'\x89MCAP0\r\n'
+
+_RECORD = struct.Struct('<BQ')
+_MESSAGE_HEAD = struct.Struct('<HIQ')
+
+
+class Recovered(NamedTuple):
+    """What there is in a log that was completed.
+
+    Attributes:
+        messages: how many.
+        begin: log time of the first, ns.
+        end: log time of the last, ns.
+        dropped: bytes at the end of the file that were no whole record.
+    """
+
+    messages: int
+    begin: int
+    end: int
+    dropped: int
+
+
+def is_complete(path: Path) -> bool:
+    """Tell whether a log has its end; OSError where it cannot be read."""
+    with path.open('rb') as stream:
+        size = stream.seek(0, os.SEEK_END)
+        if size < 2 * len(MAGIC):
+            return False
+        stream.seek(-len(MAGIC), os.SEEK_END)
+        return stream.read() == MAGIC
+
+
+def is_ours(path: Path) -> bool:
+    """Tell whether this package began to record the file; OSError where it cannot be read."""
+    with path.open('rb') as stream:
+        return b'masmc_ros' in stream.read(256)
+
+
+def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
+    """Complete the logs in a folder, and in recordings in it, that this package left.
+
+    Logs that are being recorded, complete or of others are left as they are, and those that
+    cannot be written. Yields each that was completed.
+    """
+    for path in sorted((*folder.glob('*.mcap'), *folder.glob('*/*.mcap'))):
+        try:
+            if is_complete(path) or not is_ours(path):
+                continue
+            recovered = recover(path)
+        except (OSError, InputError):
+            continue
+        if recovered is not None:
+            yield path, recovered
+
+
+def recover(path: Path) -> Recovered | None:
+    """Complete a log in its place.
+
+    Whole chunks stay where they are, byte for byte. Of a chunk that was cut off, the messages
+    that can be decompressed are kept. A recovery that is itself cut off can be repeated.
+
+    Args:
+        path: a log that a recorder left without its end.
+
+    Returns:
+        What is in it; None for a log that is complete already, which is left as it is.
+
+    Raises:
+        InputError: for a file that is missing, no MCAP file, being recorded, or not writable.
+    """
+    if not path.is_file():
+        fault = 'is not a file' if path.exists() else 'does not exist'
+        raise InputError(f'{path}: {fault}; name a .mcap file that a recorder left')
+    try:
+        with path.open('r+b') as stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(
+                    f'{path}: is being recorded; recover it when its recorder has ended'
+                ) from None
+            return _recover(path, stream)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be recovered: {error.strerror or error}') from error
+
+
+def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(0)
+    if not MAGIC.startswith(stream.read(len(MAGIC))):
+        raise InputError(f'{path}: is not an MCAP file')
+    contents = _Contents()
+    if size:
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            if _is_whole(data):
+                return None
+            contents.take(data)
+    end, tail = contents.end, contents.tail()
+    # The whole records before it are not touched: cut off here, it can be recovered again.
+    written = 0
+    while written < len(tail):
+        written += os.pwrite(stream.fileno(), tail[written:], end + written)
+    os.ftruncate(stream.fileno(), end + len(tail))
+    os.fsync(stream.fileno())
+    statistics = contents.statistics
+    return Recovered(
+        statistics.message_count,
+        statistics.message_start_time,
+        statistics.message_end_time,
+        contents.dropped,
+    )
+
+
+@dataclass
+class _OpenChunk:
+    """A chunk whose message indexes are being read.
+
+    Attributes:
+        start: where it begins in the file.
+        length: of the whole record.
+        chunk: the record.
+        content: its records, decompressed.
+        offsets: where the index of each channel begins.
+        counts: number of messages of each channel by these indexes.
+        index_length: of all of them.
+    """
+
+    start: int
+    length: int
+    chunk: Chunk
+    content: bytes
+    offsets: dict[int, int] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    index_length: int = 0
+
+
+class _Contents:
+    """What the whole records of a file say, and the end that makes it a complete one."""
+
+    def __init__(self) -> None:
+        self.end = 0
+        """Up to where the file stays as it is."""
+        self.dropped = 0
+        self.statistics = Statistics(
+            attachment_count=0,
+            channel_count=0,
+            channel_message_counts=Counter(),
+            chunk_count=0,
+            message_count=0,
+            message_end_time=0,
+            message_start_time=0,
+            metadata_count=0,
+            schema_count=0,
+        )
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._open: _OpenChunk | None = None
+        self._again: list[tuple[Chunk, bytes]] = []
+        """Chunks that are written behind the end, with their records."""
+
+    def take(self, data: mmap.mmap) -> None:
+        """Read a file as far as it is whole."""
+        if next(_records(data), None) is None:
+            return  # not even a header: the log is made anew
+        self.end = len(MAGIC)
+        rest = b''
+        for opcode, start, end in _records(data):
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                break
+            try:
+                self._take_record(opcode, start, data[start + _RECORD.size : end])
+            except Exception:  # whatever a library says of bytes that were never written so
+                rest = data[self.end :]
+                break
+            self.end = end
+        else:
+            rest = data[self.end :]
+        self.dropped = len(rest)
+        if self._open is not None:
+            # Its message indexes may be cut off: it is written again with new ones.
+            self.end = self._open.start
+            self._again.append((self._open.chunk, self._open.content))
+        salvaged = _cut_off_chunk(rest)
+        if salvaged is not None:
+            self._register_all(salvaged[1])
+            self._again.append(salvaged)
+
+    def tail(self) -> bytes:
+        """Return what has to stand behind `end`; `statistics` are complete then."""
+        if not self.end:
+            return _empty_log()
+        builder = RecordBuilder()
+        for chunk, content in self._again:
+            self._add_chunk(builder, chunk, content)
+        statistics = self.statistics
+        statistics.attachment_count = len(self._attachments)
+        statistics.metadata_count = len(self._metadata)
+        statistics.chunk_count = len(self._chunks)
+        statistics.channel_count = len(self._channels)
+        statistics.schema_count = len(self._schemas)
+        DataEnd(0).write(builder)
+        summary = self.end + builder.count
+        offsets = []
+        for opcode, group in (
+            (Opcode.SCHEMA, self._schemas.values()),
+            (Opcode.CHANNEL, self._channels.values()),
+            (Opcode.STATISTICS, (statistics,)),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attachments),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ):
+            start = self.end + builder.count
+            for record in group:
+                record.write(builder)
+            length = self.end + builder.count - start
+            offsets.append(SummaryOffset(opcode, start, length))
+        summary_offsets = self.end + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        data = builder.end()
+        head = struct.pack('<BQQQ', Opcode.FOOTER, 20, summary, summary_offsets)
+        crc = zlib.crc32(head, zlib.crc32(data[summary - self.end :]))
+        Footer(summary, summary_offsets, crc).write(builder)
+        return data + builder.end() + MAGIC
+
+    def _take_record(self, opcode: int, start: int, body: bytes) -> None:
+        """Take a whole record; raises whatever where its content is damaged."""
+        length = _RECORD.size + len(body)
+        if opcode == Opcode.MESSAGE_INDEX:
+            if self._open is not None:
+                index = MessageIndex.read(_stream(body))
+                self._open.offsets[index.channel_id] = start
+                self._open.counts[index.channel_id] += len(index.records)
+                self._open.index_length += length
+            return
+        self._close_chunk()
+        if opcode == Opcode.CHUNK:
+            chunk = Chunk.read(_stream(body))
+            content = _decompressed(chunk)
+            self._register_all(content)
+            self._open = _OpenChunk(start, length, chunk, content)
+        elif opcode == Opcode.MESSAGE:
+            channel, _, time = _MESSAGE_HEAD.unpack_from(body)
+            self._count(channel, 1, time, time)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._register(opcode, body)
+        elif opcode == Opcode.ATTACHMENT:
+            attachment = Attachment.read(_stream(body))
+            index_of_attachment = AttachmentIndex(
+                offset=start,
+                length=length,
+                create_time=attachment.create_time,
+                log_time=attachment.log_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+            self._attachments.append(index_of_attachment)
+        elif opcode == Opcode.METADATA:
+            name = Metadata.read(_stream(body)).name
+            self._metadata.append(MetadataIndex(offset=start, length=length, name=name))
+
+    def _close_chunk(self) -> None:
+        """Note a chunk that is followed by something else, so that its indexes are whole."""
+        found, self._open = self._open, None
+        if found is None:
+            return
+        counts = found.counts or _index_messages(found.content)[1]
+        self._note_chunk(found.chunk, found.start, found.length, counts)
+        self._chunks[-1].message_index_offsets = found.offsets
+        self._chunks[-1].message_index_length = found.index_length
+
+    def _add_chunk(self, builder: RecordBuilder, chunk: Chunk, content: bytes) -> None:
+        """Write a chunk and the indexes of its messages."""
+        indexes, counts = _index_messages(content)
+        start = self.end + builder.count
+        chunk.write(builder)
+        after = self.end + builder.count
+        self._note_chunk(chunk, start, after - start, counts)
+        for index in indexes:
+            self._chunks[-1].message_index_offsets[index.channel_id] = self.end + builder.count
+            index.write(builder)
+        self._chunks[-1].message_index_length = self.end + builder.count - after
+
+    def _note_chunk(self, chunk: Chunk, start: int, length: int, counts: Counter[int]) -> None:
+        index = ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=start,
+            chunk_length=length,
+            message_index_offsets={},
+            message_index_length=0,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+        self._chunks.append(index)
+        for channel, count in counts.items():
+            self._count(channel, count, chunk.message_start_time, chunk.message_end_time)
+
+    def _count(self, channel: int, count: int, begin: int, end: int) -> None:
+        found = self.statistics
+        is_first = not found.message_count
+        found.message_start_time = begin if is_first else min(begin, found.message_start_time)
+        found.message_end_time = max(end, found.message_end_time)
+        found.message_count += count
+        found.channel_message_counts[channel] += count
+
+    def _register_all(self, content: bytes) -> None:
+        for opcode, start, end in _records(content, 0):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._register(opcode, content[start + _RECORD.size : end])
+
+    def _register(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(_stream(body))
+            self._schemas[schema.id] = schema
+        else:
+            channel = Channel.read(_stream(body))
+            self._channels[channel.id] = channel
+
+
+def _is_whole(data: mmap.mmap) -> bool:
+    """Tell whether the records of a file go on to its footer and end."""
+    if len(data) < 2 * len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+        return False
+    return any(
+        opcode == Opcode.FOOTER and end + len(MAGIC) == len(data)
+        for opcode, _, end in _records(data)
+    )
+
+
+def _records(
+    data: mmap.mmap | bytes, position: int = len(MAGIC)
+) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and end of the records that are there as a whole."""
+    while position + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, position)
+        end = position + _RECORD.size + length
+        if end > len(data) or not opcode:
+            return
+        yield opcode, position, end
+        position = end
+
+
+def _decompressed(chunk: Chunk) -> bytes:
+    """Return the records of a chunk; raises where they are damaged."""
+    if chunk.compression == 'zstd':
+        content = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+    elif chunk.compression == 'lz4':
+        content = lz4.frame.decompress(chunk.data)
+    else:
+        content = chunk.data
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise ValueError('checksum')
+    return content
+
+
+def _cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
+    """Return a chunk of the messages that can be had of one that was cut off."""
+    head = struct.Struct('<BQQQQII')
+    if len(rest) < head.size or rest[0] != Opcode.CHUNK:
+        return None
+    _, _, _, _, _, _, name_size = head.unpack_from(rest)
+    start = head.size + name_size
+    compression = rest[head.size : start].decode('ascii', errors='replace')
+    data = rest[start + 8 :]
+    try:
+        if compression == 'zstd':
+            content = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        elif compression == 'lz4':
+            content = lz4.frame.LZ4FrameDecompressor().decompress(data)
+        else:
+            content = data
+    except (zstandard.ZstdError, RuntimeError):
+        return None
+    whole = 0
+    for opcode, _, end in _records(content, 0):
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            break
+        whole = end
+    content = content[:whole]
+    indexes, counts = _index_messages(content)
+    if not counts:
+        return None
+    times = [time for index in indexes for time, _ in index.records]
+    chunk = Chunk(
+        compression='zstd',
+        data=zstandard.compress(content),
+        message_start_time=min(times),
+        message_end_time=max(times),
+        uncompressed_crc=zlib.crc32(content),
+        uncompressed_size=len(content),
+    )
+    return chunk, content
+
+
+def _index_messages(content: bytes) -> tuple[list[MessageIndex], Counter[int]]:
+    """Return the indexes of the messages of a chunk, and their number for each channel."""
+    indexes: dict[int, MessageIndex] = {}
+    for opcode, start, _ in _records(content, 0):
+        if opcode == Opcode.MESSAGE:
+            channel, _, time = _MESSAGE_HEAD.unpack_from(content, start + _RECORD.size)
+            index = indexes.setdefault(channel, MessageIndex(channel, []))
+            index.records.append((time, start))
+    counts = Counter({channel: len(index.records) for channel, index in indexes.items()})
+    return list(indexes.values()), counts
+
+
+def _empty_log() -> bytes:
+    """Return a log with nothing in it, for a file that was cut off before it had anything."""
+    stream = BytesIO()
+    writer = Writer(stream)
+    writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
+    writer.finish()
+    return stream.getvalue()
+
+
+def _stream(data: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(data))

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a run that was computed again is the one in the log, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.layout import NANOSECONDS
+from masmc_ros.log.reader import Run
+from masmc_ros.loop.simulation import Stretch
+from masmc_ros.loop.timing import Timing
+
+
+class Recomputed:
+    """Compares stretches of a computed run with the states and commands of a log."""
+
+    def __init__(self, run: Run) -> None:
+        """Take the logged run."""
+        self._run = run
+        self._states = _stamps(run.times)
+        self._commands = _stamps(run.torque_times)
+        self._same = {'states': 0, 'commands': 0}
+        self._first: tuple[int, str] | None = None
+
+    def compare(self, stretch: Stretch, timing: Timing) -> None:
+        """Compare consecutive ticks; to be called for all of them in turn."""
+        first = stretch.first
+        stamps = np.array(
+            [timing.stamp(tick) for tick in range(first, first + len(stretch.torque))], np.int64
+        )
+        run = self._run
+        logged = np.hstack([run.position, run.velocity, run.applied_effort])
+        computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
+        self._compare('states', self._states, logged, stamps, computed)
+        self._compare('commands', self._commands, run.torque, stamps, stretch.torque)
+
+    def verdict(self, *, set_anew: bool) -> str:
+        """Return one line on what was found; `set_anew` where other parameters were set."""
+        states, commands = self._same['states'], self._same['commands']
+        total = f'{len(self._states)} states and {len(self._commands)} commands'
+        if states == len(self._states) and commands == len(self._commands):
+            return f'computed again: all {total} of {self._run.path} are the same bits'
+        # Whoever sets something else expects another run.
+        reason = ' with other parameters' if set_anew else ''
+        where = 'outside the ticks of the run'
+        if self._first is not None:
+            where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'
+        return (
+            f'computed again{reason}: {states} states and {commands} commands of the {total} of'
+            f' {self._run.path} are the same bits; the others differ, {where}'
+        )
+
+    def _compare(
+        self,
+        what: str,
+        logged_stamps: NDArray[np.int64],
+        logged: NDArray[np.float64],
+        stamps: NDArray[np.int64],
+        computed: NDArray[np.float64],
+    ) -> None:
+        _, mine, theirs = np.intersect1d(stamps, logged_stamps, return_indices=True)
+        same = (
+            np.ascontiguousarray(computed[mine]).view(np.int64)
+            == np.ascontiguousarray(logged[theirs]).view(np.int64)
+        ).all(axis=1)
+        self._same[what] += int(same.sum())
+        if not same.all():
+            stamp = int(stamps[mine[np.argmin(same)]])
+            if self._first is None or stamp < self._first[0]:
+                self._first = stamp, what
+
+
+def _stamps(times: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.rint(times * NANOSECONDS).astype(np.int64)
