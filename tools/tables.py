@@ -10,7 +10,7 @@ from pathlib import Path
 import re
 import sys
 
-from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS, TRANSFORMS
 from masmc_ros.nodes.parameters import declared, NODES, SHARED
 from masmc_ros.params.documentation import markdown_table
 
@@ -36,7 +36,7 @@ def tables() -> dict[str, str]:
 
 def _topics() -> str:
     lines = ['| topic | type | from → to | content |', '|---|---|---|---|']
-    for topic in (*TOPICS, *SYSTEM_TOPICS):
+    for topic in (*TOPICS, TRANSFORMS, *SYSTEM_TOPICS):
         kind = topic.type_name.replace('/msg/', '/')
         lines.append(f'| `{topic.name}` | {kind} | {topic.direction} | {topic.content} |')
     return '\n'.join(lines) + '\n'

@@ -6,7 +6,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.log.names import (
+    ACTUAL_PATH_TOPIC,
     COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
@@ -14,6 +17,7 @@ from masmc_ros.log.names import (
 )
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
+PATH = 'nav_msgs/msg/Path'
 PARAMETER_NODES = ('plant', 'trajectory', 'controller')
 
 
@@ -78,8 +82,29 @@ TOPICS = (
         for node in PARAMETER_NODES
     ),
     Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(DESCRIPTION_TOPIC, 'std_msgs/msg/String', 'plant →', 'the robot as URDF'),
+    Topic(
+        DESIRED_PATH_TOPIC,
+        PATH,
+        'trajectory →',
+        'where the end effector is to go, in `odom`; of an endless trajectory the latest piece',
+    ),
+    Topic(
+        ACTUAL_PATH_TOPIC,
+        PATH,
+        'plant →',
+        'where the end effector has been, in `odom`; its last 1000 poses, every 0.5 s',
+    ),
 )
 """What the nodes of this package publish."""
+
+TRANSFORMS = Topic(
+    '/tf',
+    'tf2_msgs/msg/TFMessage',
+    'plant →',
+    'all frames of the robot from `odom` on, in one message per tick',
+)
+"""What the plant publishes where tf2_msgs is installed; a log has it in any case."""
 
 SYSTEM_TOPICS = (
     Topic('/rosout', 'rcl_interfaces/msg/Log', 'all →', 'log messages'),

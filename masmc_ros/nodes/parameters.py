@@ -8,9 +8,10 @@ from masmc_ros.loop.simulated_robot import PLANT
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
+from masmc_ros.robot.frames import PREFIX
 from masmc_ros.robot.parameters import ROBOT
 
-SHARED = (*TIMING, *ROBOT)
+SHARED = (*TIMING, *PREFIX, *ROBOT)
 """Parameters that a file may give to all nodes at once, needed there or not."""
 
 PACING = ('lockstep', 'realtime')
@@ -55,6 +56,7 @@ _PLANT_NODE = (
     Parameter(
         'clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0
     ),
+    Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
 )
 
 _TRAJECTORY_NODE = (
@@ -116,7 +118,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
     if node == 'trajectory':
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
-        return (*SHARED, *controller.parameters(), *_CONTROLLER_NODE)
+        return (*TIMING, *ROBOT, *controller.parameters(), *_CONTROLLER_NODE)
     return (*TIMING, *_RECORDER_NODE)
 
 
