@@ -44,6 +44,11 @@ def generate_launch_description() -> LaunchDescription:
             'namespace', default_value='', description='Namespace of all nodes and topics.'
         ),
         DeclareLaunchArgument(
+            'frame_prefix',
+            default_value='',
+            description='Put before all names of frames, such as left/; empty: as in params_file.',
+        ),
+        DeclareLaunchArgument(
             'record', default_value='true', description='Whether the run is recorded (MCAP).'
         ),
         DeclareLaunchArgument(
@@ -78,6 +83,8 @@ def _nodes(context: LaunchContext) -> list[object]:
     if record:
         settings['recorder']['output'] = given('output')
     for name in names:
+        if given('frame_prefix'):
+            settings[name]['frame_prefix'] = given('frame_prefix')
         settings[name]['use_sim_time'] = given('use_sim_time').lower() in ('true', '1', 'yes')
     if given('composed').lower() in ('true', '1', 'yes'):
         nodes = [_composed(given('params_file'), given('namespace'), settings, record=record)]

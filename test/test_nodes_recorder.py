@@ -78,10 +78,20 @@ def test_every_message_is_there_once(contents: LogContents) -> None:
     assert len(contents.messages['reference']) == 4
     for node in ('plant', 'trajectory', 'controller'):
         assert len(contents.messages[f'{node}/parameters']) == 1
+    assert contents.stamps('path/actual') == [0, 500_000_000, LAST * 10**6]
+    assert contents.stamps('path/desired') == [0]
+    assert len(contents.messages['robot_description']) == 1
 
 
 def test_log_times_are_the_stamps(contents: LogContents) -> None:
-    for topic in ('joint_states', 'effort_commands', 'odom', 'controller/tracking_error'):
+    for topic in (
+        'joint_states',
+        'effort_commands',
+        'odom',
+        'controller/tracking_error',
+        'path/desired',
+        'path/actual',
+    ):
         assert contents.log_times[topic] == contents.stamps(topic), topic
     everything = [time for times in contents.log_times.values() for time in times]
     assert min(everything) == 0

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
+from masmc_ros.log.text import string_message
 from masmc_ros.log.topics import TRANSFORMS
 from masmc_ros.log.traced_paths import ActualPath
 from masmc_ros.log.transforms import TransformsCdr
@@ -35,7 +36,7 @@ class RobotDisplay:
         robot, prefix = robot_of(values), check_frame_prefix(values['frame_prefix'])
         self._timing = Timing.from_values(values)
         self._decimation: int = values['tf_decimation']
-        self._description = robot_description(values, prefix)
+        self._description = string_message(robot_description(values, prefix))
         self._origins = frame_origins(robot.geometry)
         self._message = TransformsCdr(prefix)
         self._path = ActualPath(self._timing, robot, prefix)
@@ -54,7 +55,7 @@ class RobotDisplay:
                 self._transforms = node.publisher(kind, TRANSFORMS.name)
         self._paths = node.publisher(Path, ACTUAL_PATH_TOPIC, 1)
         description = node.publisher(String, DESCRIPTION_TOPIC, 1)
-        description.publish(String(data=self._description))
+        description.publish(self._description)
 
     def show(self, tick: int, position: NDArray[np.float64]) -> None:
         """Publish what is due at a tick, from positions (7) in the order of joint_states."""
