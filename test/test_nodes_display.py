@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path as File
 import signal
+import sys
 
 import pytest
 
@@ -12,9 +14,11 @@ pytest.importorskip('rclpy')
 
 from nav_msgs.msg import Path
 from processes import PAPER, peer, processes, ros_arguments
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from masmc_ros.log.state_transforms import StateTransforms
 from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.robot.description import robot_description
 
@@ -63,6 +67,35 @@ def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
         anew = tester.until(lambda: [p for p in driven[before:] if stamp(p) == 0], 'the new path')
         assert len(anew[0].poses) == 1
         run.signal(signal.SIGINT)
+        assert started.wait() == {'composed': 0}, started.output()
+
+
+def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
+    """The wheels have no tf2_msgs: another type stands in for it, which raw bytes do not mind."""
+    package = tmp_path / 'tf2_msgs'
+    package.mkdir()
+    (package / '__init__.py').touch()
+    (package / 'msg.py').write_text('from std_msgs.msg import String as TFMessage\n')
+    settings = ['duration=0.3', 'frame_prefix=left/', 'plant.tf_decimation=7']
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        frames = tester.collect(String, '/tf', raw=True)
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        started.start(
+            'composed',
+            *ros_arguments(
+                duration=0.3,
+                frame_prefix='left/',
+                plant__tf_decimation=7,
+                plant__wait_for='[controller, trajectory, peer]',
+            ),
+            environment={'PYTHONPATH': os.pathsep.join([str(tmp_path), *sys.path])},
+        )
+        tester.until(lambda: len(states) == 301, 'every state')
+        transforms = StateTransforms(load_scenario(str(PAPER), settings)['plant'])
+        expected = [made for raw in states if (made := transforms.of_state(raw)) is not None]
+        tester.until(lambda: len(frames) == len(expected), 'all frames')
+        assert len(expected) == 44
+        assert frames == expected
         assert started.wait() == {'composed': 0}, started.output()
 
 
