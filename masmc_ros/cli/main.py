@@ -10,6 +10,7 @@ import sys
 from typing import NoReturn
 
 from masmc_ros import __version__
+from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import UserError
 
 
@@ -53,6 +54,10 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.report import report
 
         return report(options.logs, options.output)
+    if options.command == 'param':
+        from masmc_ros.cli.param import param
+
+        return param(options)
     from masmc_ros.cli.demo import demo
 
     return demo(options.output, composed=options.composed)
@@ -102,6 +107,13 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         '--overwrite', action='store_true', help='replace the output file if it is there'
     )
+
+    param = commands.add_parser(
+        'param',
+        help='parameters of running nodes where the ros2 command is not installed',
+        description='Read and set parameters of running nodes, as `ros2 param` does.',
+    )
+    add_param_arguments(param)
 
     report = commands.add_parser(
         'report',
