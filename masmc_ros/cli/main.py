@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
         help='run a node where the ros2 command is not installed',
         description='Run a node as `ros2 run masmc_ros NODE` would.',
     )
-    run.add_argument('node', help='plant, trajectory, controller, recorder or composed')
+    run.add_argument('node', help='plant, trajectory, controller, recorder, live or composed')
     run.add_argument('arguments', nargs=argparse.REMAINDER, help='--ros-args ...')
 
     simulate = commands.add_parser(

@@ -10,7 +10,7 @@ import sys
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'composed')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 
 
 def run_node(name: str, arguments: Sequence[str]) -> int:

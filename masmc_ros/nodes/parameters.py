@@ -105,10 +105,25 @@ _RECORDER_NODE = (
     Parameter('flush_period', 0.5, 'Time between two flushes to disk', unit='s', minimum=0.01),
 )
 
+_LIVE_NODE = (
+    Parameter(
+        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0 is reachable from other machines'
+    ),
+    Parameter('port', 8765, 'Port to listen on; 0 is any free one', minimum=0, maximum=65535),
+    Parameter(
+        'rate',
+        60.0,
+        'How often the topics that come every tick are shown',
+        unit='Hz',
+        minimum=1.0,
+        maximum=1000.0,
+    ),
+)
+
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')
 _FROM_RCL_PREFIX = 'qos_overrides.'
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
 
 def declared(node: str) -> tuple[Parameter, ...]:
@@ -119,6 +134,8 @@ def declared(node: str) -> tuple[Parameter, ...]:
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
         return (*TIMING, *ROBOT, *controller.parameters(), *_CONTROLLER_NODE)
+    if node == 'live':
+        return _LIVE_NODE
     return (*TIMING, *_RECORDER_NODE)
 
 
