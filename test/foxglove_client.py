@@ -36,7 +36,7 @@ class Viewer:
         """Receive until something is true and return it; AssertionError where it never is."""
         limit = time.monotonic() + PATIENCE
         while not (found := holds()):
-            assert time.monotonic() < limit, f'it never came: {what}'
+            assert time.monotonic() < limit, f'it never came: {what}; {self._summary()}'
             try:
                 self._take(self._connection.recv(timeout=0.1))
             except TimeoutError:
@@ -73,6 +73,10 @@ class Viewer:
             for each in told['parameters']
             if each['name'] == name
         ]
+
+    def _summary(self) -> str:
+        counts = {topic: (len(each), each[-1][0]) for topic, each in self.messages.items()}
+        return f'number of messages and last time: {counts}'
 
     def _ask(self, operation: str, **fields: Any) -> dict[str, Any]:
         self._asked += 1
