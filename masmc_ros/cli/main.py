@@ -54,6 +54,10 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.report import report
 
         return report(options.logs, options.output)
+    if options.command == 'view':
+        from masmc_ros.cli.view import view
+
+        return view(options.log, options.port)
     if options.command == 'param':
         from masmc_ros.cli.param import param
 
@@ -122,6 +126,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
     report.add_argument('--output', default='report', help='folder for the report (%(default)s)')
+
+    view = commands.add_parser(
+        'view',
+        help='see a logged run in Foxglove',
+        description='Open a logged run in Foxglove where it is installed; otherwise serve it '
+        'to the Foxglove app on this machine, and tell where.',
+    )
+    view.add_argument('log', metavar='RUN.mcap', help='logged run')
+    view.add_argument(
+        '--port', type=int, default=0, help='port to serve it at; 0 is any free one (%(default)s)'
+    )
     return parser
 
 
