@@ -218,9 +218,8 @@ def test_viewers_come_and_go(run: Run) -> None:
 
 def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_path: Path) -> None:
     file = shortened(tmp_path, 0.5)
-    expected = None
-    for stretch in Simulation(load_scenario(str(file))).run():
-        expected = stretch.position[-1]
+    stretches = Simulation(load_scenario(str(file))).run()
+    expected = np.concatenate([stretch.position for stretch in stretches])
     with processes(tmp_path) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0')
         port = listening(tester, live)
@@ -236,9 +235,10 @@ def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_pat
             assert late.last('/tf')
         live.signal(signal.SIGINT)
         assert live.wait() == 0
-        # Best effort: the very last state may be missing, but then none is shown as it.
-        if state.stamp_ns == 500_000_000:
-            assert np.array_equal(state.position, expected)
+        # Best effort: a state that is late on a busy machine may be missing, even the last one.
+        tick = state.stamp_ns // 1_000_000
+        assert tick > 0
+        assert np.array_equal(state.position, expected[tick])
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
