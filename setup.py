@@ -11,7 +11,7 @@ import sys
 from setuptools import find_packages, setup
 
 NAME = 'masmc_ros'
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'composed')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
 # `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by
@@ -54,7 +54,8 @@ setup(
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
-        'test': ['hypothesis', 'mpmath', 'pytest', 'sympy'],
+        'live': ['foxglove-sdk'],
+        'test': ['foxglove-sdk', 'hypothesis', 'mpmath', 'pytest', 'sympy', 'websockets'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

@@ -44,6 +44,11 @@ def generate_launch_description() -> LaunchDescription:
             'namespace', default_value='', description='Namespace of all nodes and topics.'
         ),
         DeclareLaunchArgument(
+            'frame_prefix',
+            default_value='',
+            description='Put before all names of frames, such as left/; empty: as in params_file.',
+        ),
+        DeclareLaunchArgument(
             'record', default_value='true', description='Whether the run is recorded (MCAP).'
         ),
         DeclareLaunchArgument(
@@ -53,6 +58,11 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument(
             'composed', default_value='false', description='Run all nodes in one process.'
+        ),
+        DeclareLaunchArgument(
+            'live',
+            default_value='false',
+            description='Whether Foxglove may look on (ws://127.0.0.1:8765); until interrupted.',
         ),
         DeclareLaunchArgument(
             'use_sim_time',
@@ -77,22 +87,29 @@ def _nodes(context: LaunchContext) -> list[object]:
         settings['plant']['pacing'] = given('pacing')
     if record:
         settings['recorder']['output'] = given('output')
-    for name in names:
+    if given('live').lower() in ('true', '1', 'yes'):
+        settings['live'] = {}
+    for name in settings:
+        if given('frame_prefix') and name != 'live':
+            settings[name]['frame_prefix'] = given('frame_prefix')
         settings[name]['use_sim_time'] = given('use_sim_time').lower() in ('true', '1', 'yes')
+    processes = list(settings)
+    nodes = []
     if given('composed').lower() in ('true', '1', 'yes'):
-        nodes = [_composed(given('params_file'), given('namespace'), settings, record=record)]
-    else:
-        nodes = [
-            Node(
-                package=PACKAGE,
-                executable=name,
-                name=name,
-                namespace=given('namespace'),
-                parameters=[given('params_file'), settings[name]],
-                output='screen',
-            )
-            for name in names
-        ]
+        processes = [name for name in processes if name not in names]
+        together = {name: settings[name] for name in names}
+        nodes = [_composed(given('params_file'), given('namespace'), together, record=record)]
+    nodes += [
+        Node(
+            package=PACKAGE,
+            executable=name,
+            name=name,
+            namespace=given('namespace'),
+            parameters=[given('params_file'), settings[name]],
+            output='screen',
+        )
+        for name in processes
+    ]
     # The others end by themselves when the run is over; where one fails, all end.
     return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
 

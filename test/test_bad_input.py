@@ -294,7 +294,7 @@ def test_a_recording_that_is_there_is_kept(tmp_path: Path) -> None:
     ('arguments', 'word'),
     [
         (('run', 'plantt'), 'did you mean plant?'),
-        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, composed'),
+        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, composed'),
         (('simulat', PAPER), 'simulate'),
         ((), '--help'),
         (('simulate',), '--help'),

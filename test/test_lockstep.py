@@ -13,12 +13,15 @@ pytest.importorskip('rclpy')
 from live_nodes import messages, NODES, nodes, observer, PAPER, ros_arguments, watch_time
 
 from masmc_ros.cli.main import main
+from masmc_ros.log.state_transforms import StateTransforms
+from masmc_ros.nodes.scenario import load_scenario
 
 OTHER = """
 /**:
   ros__parameters:
     control_period: 0.002
     duration: 1.0
+    frame_prefix: left/
     robot: {wheel_radius: 0.07, half_track: 0.2, com_offset: 0.03, arm_offset: 0.15,
             link_1_length: 0.45, link_2_length: 0.4, platform_mass: 22.0, link_2_mass: 1.6}
 /**/plant:
@@ -39,7 +42,11 @@ TICK_TOPICS = (
     'controller/tracking_error',
     'controller/sliding_surface',
     'controller/parameter_estimate',
+    'tf',
 )
+
+DECIMATED_TOPICS = ('odom', 'base_twist', 'clock')
+SHOWN_TOPICS = ('robot_description', 'path/desired', 'path/actual')
 
 
 def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
@@ -50,10 +57,20 @@ def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
 
 
 def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -> None:
-    """Hold every message of every topic with a message at each tick against the other's."""
-    for topic in (*TICK_TOPICS, 'odom', 'base_twist', 'clock'):
+    """Hold every message of every topic that has the same ones against the other's."""
+    for topic in (*TICK_TOPICS, *DECIMATED_TOPICS, *SHOWN_TOPICS):
         assert len(live[topic]) == len(computed[topic]), topic
         assert live[topic] == computed[topic], topic
+
+
+def check_transforms(
+    live: dict[str, list[bytes]], computed: dict[str, list[bytes]], file: Path
+) -> None:
+    """Hold the transforms made of recorded states against the computed ones."""
+    transforms = StateTransforms(load_scenario(str(file))['plant'])
+    made = [transforms.of_state(raw) for raw in live['joint_states']]
+    assert len(made) == len(computed['tf'])
+    assert made == computed['tf']
 
 
 @pytest.fixture(scope='module')
@@ -76,7 +93,9 @@ def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, names
         for node in (*NODES, 'recorder'):
             started.start(node, *arguments, *remap)
         assert set(started.wait().values()) == {0}, started.output()
-    check_same(messages(log), paper)
+    live = messages(log)
+    check_same(live, paper)
+    check_transforms(live, paper, PAPER)
 
 
 def test_another_robot_law_and_period(tmp_path: Path) -> None:
@@ -90,7 +109,12 @@ def test_another_robot_law_and_period(tmp_path: Path) -> None:
         for node in (*NODES, 'recorder'):
             started.start(node, *arguments)
         assert set(started.wait().values()) == {0}, started.output()
-    check_same(messages(log), simulated(file, tmp_path / 'simulated.mcap'))
+    live, computed = messages(log), simulated(file, tmp_path / 'simulated.mcap')
+    check_same(live, computed)
+    check_transforms(live, computed, file)
+    assert b'left/base_link' in computed['tf'][0]
+    for topic in ('odom', 'path/desired', 'path/actual'):
+        assert all(b'left/odom' in raw for raw in live[topic]), topic
 
 
 def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) -> None:

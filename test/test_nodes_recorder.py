@@ -23,6 +23,7 @@ from std_msgs.msg import Float64MultiArray
 
 from masmc_ros.log.reader import read_run
 from masmc_ros.log.stamps import header_stamp
+from masmc_ros.log.text import text_of
 from masmc_ros.nodes.scenario import load_scenario
 
 LAST = 700
@@ -78,10 +79,20 @@ def test_every_message_is_there_once(contents: LogContents) -> None:
     assert len(contents.messages['reference']) == 4
     for node in ('plant', 'trajectory', 'controller'):
         assert len(contents.messages[f'{node}/parameters']) == 1
+    assert contents.stamps('path/actual') == [0, 500_000_000, LAST * 10**6]
+    assert contents.stamps('path/desired') == [0]
+    assert len(contents.messages['robot_description']) == 1
 
 
 def test_log_times_are_the_stamps(contents: LogContents) -> None:
-    for topic in ('joint_states', 'effort_commands', 'odom', 'controller/tracking_error'):
+    for topic in (
+        'joint_states',
+        'effort_commands',
+        'odom',
+        'controller/tracking_error',
+        'path/desired',
+        'path/actual',
+    ):
         assert contents.log_times[topic] == contents.stamps(topic), topic
     everything = [time for times in contents.log_times.values() for time in times]
     assert min(everything) == 0
@@ -110,7 +121,12 @@ def test_parameters_in_force_and_the_file_are_in_the_log(
     assert set(record) == {'plant', 'trajectory', 'controller'}
     for node, text in record.items():
         assert json.loads(text) == json.loads(json.dumps(expected[node])), node
-    assert contents.attachments == {file.name: file.read_bytes()}
+    (description,) = contents.messages['robot_description']
+    assert contents.attachments == {
+        file.name: file.read_bytes(),
+        'robot.urdf': text_of(description).encode(),
+    }
+    assert contents.metadata['versions'][0].keys() >= {'masmc_ros', 'git', 'python', 'numpy'}
     assert 'parameter_changes' not in contents.metadata
 
 

@@ -27,7 +27,7 @@ def tables() -> dict[str, str]:
     return {
         'topics': _topics(),
         'shared parameters': markdown_table(SHARED),
-        'live parameters': markdown_table(
+        'tunable parameters': markdown_table(
             tuple(p for p in own['controller'] if not p.read_only)
         ),
         **{f'{node} parameters': markdown_table(own[node]) for node in NODES},

@@ -10,6 +10,7 @@ import sys
 from typing import NoReturn
 
 from masmc_ros import __version__
+from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import UserError
 
 
@@ -57,6 +58,14 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.recover import recover
 
         return recover(options.logs)
+    if options.command == 'view':
+        from masmc_ros.cli.view import view
+
+        return view(options.log, options.port)
+    if options.command == 'param':
+        from masmc_ros.cli.param import param
+
+        return param(options)
     from masmc_ros.cli.demo import demo
 
     return demo(options.output, composed=options.composed)
@@ -86,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
         help='run a node where the ros2 command is not installed',
         description='Run a node as `ros2 run masmc_ros NODE` would.',
     )
-    run.add_argument('node', help='plant, trajectory, controller, recorder or composed')
+    run.add_argument('node', help='plant, trajectory, controller, recorder, live or composed')
     run.add_argument('arguments', nargs=argparse.REMAINDER, help='--ros-args ...')
 
     simulate = commands.add_parser(
@@ -115,6 +124,12 @@ def _parser() -> argparse.ArgumentParser:
         'stays as it is; a log that is complete is not touched.',
     )
     recover.add_argument('logs', nargs='+', metavar='RUN.mcap', help='log to complete')
+    param = commands.add_parser(
+        'param',
+        help='parameters of running nodes where the ros2 command is not installed',
+        description='Read and set parameters of running nodes, as `ros2 param` does.',
+    )
+    add_param_arguments(param)
 
     report = commands.add_parser(
         'report',
@@ -123,6 +138,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
     report.add_argument('--output', default='report', help='folder for the report (%(default)s)')
+
+    view = commands.add_parser(
+        'view',
+        help='see a logged run in Foxglove',
+        description='Open a logged run in Foxglove where it is installed; otherwise serve it '
+        'to the Foxglove app on this machine, and tell where.',
+    )
+    view.add_argument('log', metavar='RUN.mcap', help='logged run')
+    view.add_argument(
+        '--port', type=int, default=0, help='port to serve it at; 0 is any free one (%(default)s)'
+    )
     return parser
 
 

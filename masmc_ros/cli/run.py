@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import importlib
 import sys
 
-from masmc_ros.errors import suggestion
+from masmc_ros.cli.ros import require_rclpy
+from masmc_ros.errors import suggestion, UserError
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'composed')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 
 
 def run_node(name: str, arguments: Sequence[str]) -> int:
@@ -18,13 +19,9 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
         print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
         return 2
     try:
-        importlib.import_module('rclpy')
-    except ImportError as error:
-        print(
-            f'masmc run: rclpy cannot be imported ({error}); source a ROS 2 Jazzy installation, '
-            'or install its wheels with pip install masmc_ros[ros] (Linux x86_64)',
-            file=sys.stderr,
-        )
-        return 2
+        require_rclpy()
+    except UserError as error:
+        print(f'masmc run: {error}', file=sys.stderr)
+        return error.exit_status
     status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
     return status

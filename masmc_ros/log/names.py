@@ -3,17 +3,25 @@
 
 from __future__ import annotations
 
-BASE_JOINTS = ('base_x_joint', 'base_y_joint', 'base_yaw_joint')
-"""Pose of the axle midpoint in the world: m, m, rad; velocities m/s, m/s, rad/s."""
+from masmc_ros.robot.names import BASE_FRAME, BASE_JOINTS, DRIVEN_JOINTS, JOINTS, ODOM_FRAME
 
-DRIVEN_JOINTS = ('wheel_right_joint', 'wheel_left_joint', 'arm_joint_1', 'arm_joint_2')
-"""The joints that take a torque, in the order of the reduced velocity v; rad, rad/s, N m."""
-
-JOINTS = BASE_JOINTS + DRIVEN_JOINTS
-"""The joints in the order of a joint state."""
-
-ODOM_FRAME = 'odom'
-BASE_FRAME = 'base_link'
+__all__ = [
+    'ACTUAL_PATH_TOPIC',
+    'BASE_FRAME',
+    'BASE_JOINTS',
+    'COMMAND_TOPIC',
+    'DERIVATIVES',
+    'DESCRIPTION_TOPIC',
+    'DESIRED_PATH_TOPIC',
+    'DRIVEN_JOINTS',
+    'JOINTS',
+    'ODOM_FRAME',
+    'REFERENCE_TOPIC',
+    'STATE_TOPIC',
+    'TASK_AXES',
+    'TELEMETRY',
+    'telemetry_topic',
+]
 
 TASK_AXES = 4
 """x_E, y_E, x_F, y_F in the world, m."""
@@ -24,6 +32,9 @@ DERIVATIVES = 3
 STATE_TOPIC = 'joint_states'
 COMMAND_TOPIC = 'effort_commands'
 REFERENCE_TOPIC = 'reference'
+DESCRIPTION_TOPIC = 'robot_description'
+DESIRED_PATH_TOPIC = 'path/desired'
+ACTUAL_PATH_TOPIC = 'path/actual'
 
 TELEMETRY = {'tracking_error': 4, 'sliding_surface': 4, 'parameter_estimate': 7}
 """Label of each telemetry message and how many values it carries."""

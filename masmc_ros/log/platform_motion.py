@@ -67,12 +67,12 @@ class OdometryLayout(NamedTuple):
 
 
 @cache
-def odometry_layout() -> OdometryLayout:
-    """Return the layout of nav_msgs/Odometry from `odom` to `base_link`."""
+def odometry_layout(frame_prefix: str = '') -> OdometryLayout:
+    """Return the layout of nav_msgs/Odometry from `odom` to `base_link`, with a prefix."""
     layout = Layout()
     layout.stamp()
-    layout.string(ODOM_FRAME)
-    layout.string(BASE_FRAME)
+    layout.string(frame_prefix + ODOM_FRAME)
+    layout.string(frame_prefix + BASE_FRAME)
     pose = layout.doubles(7 + _COVARIANCE)
     return OdometryLayout(layout, pose, layout.doubles(6 + _COVARIANCE))
 
@@ -89,9 +89,9 @@ class OdometryCdr(StampedMessage):
         twist_covariance: (36) rows of the same axes, in m/s and rad/s.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, frame_prefix: str = '') -> None:
         """Make an odometry at the origin, at rest, at time 0."""
-        layout, pose, twist = odometry_layout()
+        layout, pose, twist = odometry_layout(frame_prefix)
         super().__init__(layout)
         pose_numbers = self._view(pose, 7 + _COVARIANCE)
         twist_numbers = self._view(twist, 6 + _COVARIANCE)

@@ -13,6 +13,7 @@ from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
 from masmc_ros.log.platform_motion import odometry_layout, time_layout, twist_layout
 from masmc_ros.log.telemetry import telemetry_layout
+from masmc_ros.log.transforms import transforms_layout
 
 Rows = NDArray[np.uint8]
 Stamps = NDArray[np.int64]
@@ -40,9 +41,9 @@ def _fill(rows: Rows, offset: int, values: ArrayLike, kind: str = '<f8') -> None
     rows[:, offset : offset + data.shape[1]] = data
 
 
-def _fill_stamps(rows: Rows, stamps: Stamps) -> None:
+def _fill_stamps(rows: Rows, stamps: Stamps, offset: int = len(ENCAPSULATION)) -> None:
     # Nanoseconds stay below 2^31, so that one signed kind serves both numbers.
-    _fill(rows, len(ENCAPSULATION), np.stack(np.divmod(stamps, NANOSECONDS), axis=1), '<i4')
+    _fill(rows, offset, np.stack(np.divmod(stamps, NANOSECONDS), axis=1), '<i4')
 
 
 def joint_state_rows(
@@ -120,19 +121,39 @@ def twist_rows(twists: ArrayLike) -> Rows:
     return rows
 
 
-def odometry_rows(stamps: Stamps, poses: ArrayLike, twists: ArrayLike) -> Rows:
+def odometry_rows(
+    stamps: Stamps, poses: ArrayLike, twists: ArrayLike, frame_prefix: str = ''
+) -> Rows:
     """Return odometries with zero covariances as (N, size).
 
     Args:
         stamps: (N) in ns.
         poses: (N, 7) position in m and quaternion x, y, z, w of `base_link` in `odom`.
         twists: (N, 6) linear (m/s), then angular (rad/s), in `base_link`.
+        frame_prefix: of the names of both frames.
     """
-    layout, pose, twist = odometry_layout()
+    layout, pose, twist = odometry_layout(frame_prefix)
     rows = _rows(layout, len(stamps))
     _fill_stamps(rows, stamps)
     _fill(rows, pose, poses)
     _fill(rows, twist, twists)
+    return rows
+
+
+def transforms_rows(stamps: Stamps, transforms: ArrayLike, frame_prefix: str = '') -> Rows:
+    """Return the transforms of all frames as (N, size).
+
+    Args:
+        stamps: (N) in ns.
+        transforms: (N, 6, 7) translation in m and quaternion x, y, z, w, as FRAMES lists them.
+        frame_prefix: of the names of all frames.
+    """
+    transforms = np.asarray(transforms)
+    layout, stamp_offsets, number_offsets = transforms_layout(frame_prefix)
+    rows = _rows(layout, len(stamps))
+    for frame, (stamp, number) in enumerate(zip(stamp_offsets, number_offsets, strict=True)):
+        _fill_stamps(rows, stamps, stamp)
+        _fill(rows, number, transforms[:, frame])
     return rows
 
 

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from masmc_ros.log import rows
 from masmc_ros.log.names import (
+    ACTUAL_PATH_TOPIC,
     COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
@@ -24,9 +27,12 @@ from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.text import string_message
-from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, TOPICS
+from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, TOPICS, TRANSFORMS
+from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.writer import ChannelRows, LogWriter
-from masmc_ros.loop.simulation import Change, Simulation, Stretch
+from masmc_ros.loop.simulation import Change, robot_of, Simulation, Stretch
+from masmc_ros.robot.description import robot_description
+from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
 from masmc_ros.robot.platform_motion import platform_motion
 
 Values = Mapping[str, Any]
@@ -48,9 +54,16 @@ class SimulationLog:
         """Start a log at `path` of a run with these values by node, read from `files`."""
         self._simulation = simulation
         self._values = values
-        self._files = files
         self._changes: list[ParameterRecord] = []
-        recorder = values['recorder']
+        recorder, plant = values['recorder'], values['plant']
+        robot = robot_of(plant)
+        self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._files = {
+            **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
+        }
+        self._origins = frame_origins(robot.geometry)
+        self._actual = ActualPath(simulation.timing, robot, self._prefix)
+        self._desired = self._desired_path()
         self._writer = LogWriter(path, compression=recorder['compression'])
         self._channels = {
             topic.name: self._writer.channel(
@@ -59,12 +72,22 @@ class SimulationLog:
             for topic in TOPICS
         }
 
+    def _desired_path(self) -> bytes | None:
+        values = self._values['trajectory']
+        prefix = check_frame_prefix(values['frame_prefix'])
+        desired = DesiredPath(self._simulation.timing, robot_of(values), prefix)
+        return desired.whole(self._simulation.trajectory)
+
     def __enter__(self) -> SimulationLog:
         """Write what is known before the first tick."""
         self._writer.__enter__()
         write_origin(self._writer, self._files)
         for node in PARAMETER_NODES:
             self._tell(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
+        urdf = string_message(robot_description(self._values['plant'], self._prefix))
+        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, 0, urdf)
+        if self._desired is not None:
+            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, 0, self._desired)
         return self
 
     def __exit__(self, *exception: Any) -> None:
@@ -86,6 +109,8 @@ class SimulationLog:
                 *self._reference(stretch, stamps),
                 *self._motion(stretch, ticks, stamps),
                 *self._clock(ticks, stamps),
+                *self._transforms(stretch, ticks, stamps),
+                *self._path(stretch, ticks, stamps),
                 self._states(stretch, stamps),
                 *self._commands(stretch, stamps),
                 *self._telemetry(stretch, ticks, stamps),
@@ -142,7 +167,7 @@ class SimulationLog:
     ) -> Iterator[ChannelRows]:
         chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
         pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
-        odometry = rows.odometry_rows(stamps[chosen], pose, twist)
+        odometry = rows.odometry_rows(stamps[chosen], pose, twist, self._prefix)
         yield self._rows('odom', stamps[chosen], odometry)
         yield self._rows('base_twist', stamps[chosen], rows.twist_rows(twist))
 
@@ -153,6 +178,27 @@ class SimulationLog:
         if decimation:
             chosen = self._decimated(ticks, decimation)
             yield self._rows('/clock', stamps[chosen], rows.time_rows(stamps[chosen]))
+
+    def _transforms(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['plant']['tf_decimation']
+        if decimation:
+            chosen = self._decimated(ticks, decimation)
+            transforms = frame_transforms(self._origins, stretch.position[chosen])
+            data = rows.transforms_rows(stamps[chosen], transforms, self._prefix)
+            yield self._rows(TRANSFORMS.name, stamps[chosen], data)
+
+    def _path(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        for row, tick in enumerate(ticks.tolist()):
+            if not self._actual.takes(tick):
+                continue
+            raw = self._actual.add(tick, stretch.position[row])
+            if raw is not None:
+                data = np.frombuffer(raw, dtype=np.uint8)[None]
+                yield self._rows(ACTUAL_PATH_TOPIC, stamps[row : row + 1], data)
 
     def _decimated(self, ticks: NDArray[np.int64], decimation: int) -> NDArray[np.bool_]:
         """Return which ticks a decimated topic has: multiples, and the last one."""

@@ -12,9 +12,12 @@ from masmc_ros.log.telemetry import TelemetryCdr
 
 StampReader = Callable[[bytes], int | None]
 
+TRANSFORMS_TYPE = 'tf2_msgs/msg/TFMessage'
+
 _STAMPED = (
     'sensor_msgs/msg/JointState',
     'nav_msgs/msg/Odometry',
+    'nav_msgs/msg/Path',
     'rosgraph_msgs/msg/Clock',
 )
 """Types that begin with a stamp on the robot's clock."""
@@ -26,6 +29,14 @@ def header_stamp(raw: bytes) -> int:
     return int(seconds * NANOSECONDS + nanoseconds)
 
 
+def transforms_stamp(raw: bytes) -> int | None:
+    """Return the stamp in ns of a TFMessage's first transform; None where it has none."""
+    if len(raw) < len(ENCAPSULATION) + 4 + STAMP.size:
+        return None
+    seconds, nanoseconds = STAMP.unpack_from(raw, len(ENCAPSULATION) + 4)
+    return int(seconds * NANOSECONDS + nanoseconds)
+
+
 def stamp_reader(topic: str, type_name: str) -> StampReader:
     """Return how to read the stamp in ns of a topic's messages; None for one without.
 
@@ -34,6 +45,8 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     """
     if type_name in _STAMPED:
         return header_stamp
+    if type_name == TRANSFORMS_TYPE:
+        return transforms_stamp
     if topic == COMMAND_TOPIC:
         command = EffortCdr()
         return lambda raw: command.stamp_ns if command.load(raw) else None

@@ -7,9 +7,9 @@ from masmc_ros.log.layout import ENCAPSULATION
 
 
 def string_message(text: str) -> bytes:
-    """Return a serialised std_msgs/String."""
+    """Return a serialised std_msgs/String, filled up to whole words as middleware delivers it."""
     data = text.encode() + b'\0'
-    return ENCAPSULATION + len(data).to_bytes(4, 'little') + data
+    return ENCAPSULATION + len(data).to_bytes(4, 'little') + data + bytes(-len(data) % 4)
 
 
 def text_of(raw: bytes) -> str:

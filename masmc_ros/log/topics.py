@@ -6,7 +6,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.log.names import (
+    ACTUAL_PATH_TOPIC,
     COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
@@ -14,6 +17,7 @@ from masmc_ros.log.names import (
 )
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
+PATH = 'nav_msgs/msg/Path'
 PARAMETER_NODES = ('plant', 'trajectory', 'controller')
 
 
@@ -34,6 +38,13 @@ def parameters_topic(node: str) -> str:
     """Return the topic on which a node tells its parameters in force."""
     return f'{node}/parameters'
 
+
+TRANSFORMS = Topic(
+    '/tf',
+    'tf2_msgs/msg/TFMessage',
+    'plant →',
+    'all frames of the robot from `odom` on, in one message per tick',
+)
 
 TOPICS = (
     Topic(
@@ -81,6 +92,28 @@ TOPICS = (
         for node in PARAMETER_NODES
     ),
     Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(
+        DESCRIPTION_TOPIC,
+        'std_msgs/msg/String',
+        'plant →',
+        'the robot as URDF',
+        holds=True,
+    ),
+    Topic(
+        DESIRED_PATH_TOPIC,
+        PATH,
+        'trajectory →',
+        'where the end effector is to go, in `odom`; of an endless trajectory the latest piece',
+        holds=True,
+    ),
+    Topic(
+        ACTUAL_PATH_TOPIC,
+        PATH,
+        'plant →',
+        'where the end effector has been, in `odom`; its last 1000 poses, every 0.5 s',
+        holds=True,
+    ),
+    TRANSFORMS,
 )
 """What the nodes of this package publish."""
 

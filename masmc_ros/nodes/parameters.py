@@ -8,9 +8,10 @@ from masmc_ros.loop.simulated_robot import PLANT
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
+from masmc_ros.robot.frames import PREFIX
 from masmc_ros.robot.parameters import ROBOT
 
-SHARED = (*TIMING, *ROBOT)
+SHARED = (*TIMING, *PREFIX, *ROBOT)
 """Parameters that a file may give to all nodes at once, needed there or not."""
 
 PACING = ('lockstep', 'realtime')
@@ -55,6 +56,7 @@ _PLANT_NODE = (
     Parameter(
         'clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0
     ),
+    Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
 )
 
 _TRAJECTORY_NODE = (
@@ -130,10 +132,25 @@ _RECORDER_NODE = (
     ),
 )
 
+_LIVE_NODE = (
+    Parameter(
+        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0 is reachable from other machines'
+    ),
+    Parameter('port', 8765, 'Port to listen on; 0 is any free one', minimum=0, maximum=65535),
+    Parameter(
+        'rate',
+        60.0,
+        'How often the topics that come every tick are shown',
+        unit='Hz',
+        minimum=1.0,
+        maximum=1000.0,
+    ),
+)
+
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')
 _FROM_RCL_PREFIX = 'qos_overrides.'
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder')
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
 
 def declared(node: str) -> tuple[Parameter, ...]:
@@ -143,7 +160,9 @@ def declared(node: str) -> tuple[Parameter, ...]:
     if node == 'trajectory':
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
-        return (*SHARED, *controller.parameters(), *_CONTROLLER_NODE)
+        return (*TIMING, *ROBOT, *controller.parameters(), *_CONTROLLER_NODE)
+    if node == 'live':
+        return _LIVE_NODE
     return (*TIMING, *_RECORDER_NODE)
 
 

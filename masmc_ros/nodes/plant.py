@@ -28,6 +28,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.nodes.robot_display import RobotDisplay
 from masmc_ros.nodes.runtime import run
 from masmc_ros.robot.platform_motion import platform_motion
 
@@ -55,6 +56,7 @@ class PlantNode(SuiteNode):
         self._odom_decimation: int = self.values['odom_decimation']
         self._clock_decimation: int = self.values['clock_decimation']
         self._wait_for = [name for name in self.values['wait_for'] if name]
+        self._display = RobotDisplay(self.values)
         self._effort = EffortCdr()
         self._state = JointStateCdr()
         self._compile()
@@ -83,7 +85,8 @@ class PlantNode(SuiteNode):
         self._odom = self.publisher(Odometry, 'odom')
         self._twist = self.publisher(Twist, 'base_twist')
         self._clock = self.publisher(Clock, '/clock')
-        self._odometry_message = OdometryCdr()
+        self._display.connect(self)
+        self._odometry_message = OdometryCdr(self.values['frame_prefix'])
         self._twist_message = TwistCdr()
         self._clock_message = TimeCdr()
         node = self.node
@@ -307,6 +310,7 @@ class PlantNode(SuiteNode):
         if self._clock_decimation and (last or tick % self._clock_decimation == 0):
             self._clock_message.set_stamp(stamp)
             self._clock.publish(self._clock_message.to_bytes())
+        self._display.show(tick, self._robot.position)
 
     def _publish_motion(self, stamp: int) -> None:
         pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])

@@ -17,6 +17,7 @@ from rclpy.type_support import check_for_type_support
 from std_msgs.msg import Empty
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.definitions import definition
 from masmc_ros.nodes.messages import message_class
 
 _HASH_SIZE = 32
@@ -63,23 +64,25 @@ _alive: list[Any] = []
 """What the middleware points at; it may do so until the process ends."""
 
 
-def raw_class(type_name: str, type_hash: str) -> Any:
+def raw_class(type_name: str, type_hash: str | None = None) -> Any:
     """Return a class with which topics of a type can be published and subscribed to raw.
 
     Args:
         type_name: such as `tf2_msgs/msg/TFMessage`.
-        type_hash: of REP-2011, `RIHS01_...`; told to others.
+        type_hash: of REP-2011, `RIHS01_...`, told to others; by default that of Jazzy's own
+            type of this name.
 
     Returns:
         The installed class of that name, or else one that serves raw bytes only.
 
     Raises:
-        InputError: where the middleware in use is another than Fast DDS, which this knows.
+        InputError: where the middleware in use is another than Fast DDS, which this knows,
+            and for a type that needs a hash.
     """
     try:
         return message_class(type_name)
     except InputError:
-        return _raw_class(type_name, type_hash)
+        return _raw_class(type_name, type_hash or definition(type_name).hash)
 
 
 @cache

@@ -20,7 +20,7 @@ from rclpy.qos import DurabilityPolicy
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition, definition
 from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
+from masmc_ros.log.names import COMMAND_TOPIC, DESCRIPTION_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
 from masmc_ros.log.parameter_record import ParameterRecord, read_record
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
@@ -79,6 +79,7 @@ class RecorderNode(SuiteNode):
         self._last_arrival = time.monotonic()
         self._core: list[str] = []
         self._parameters: dict[str, Any] = {}
+        self._description: str | None = None
         self._changes: list[ParameterRecord] = []
         self._requests: dict[str, DefinitionRequest] = {}
         self._told_trouble: str | None = None
@@ -90,9 +91,12 @@ class RecorderNode(SuiteNode):
         super().connect()
         self._progress = self.publisher(Time, 'recorder/progress', 1)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
-            self._record_topic(
-                topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
-            )
+            try:
+                self._record_topic(
+                    topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
+                )
+            except InputError as error:
+                self.log.warning(f'{topic.name} is not recorded: {error}')
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
         self.log.info(f'recording into {self._recording.path}')
@@ -138,6 +142,12 @@ class RecorderNode(SuiteNode):
 
     def _write_closing(self, log: LogWriter) -> None:
         write_parameters(log, dict(self._parameters), tuple(self._changes))
+        if self._description is not None:
+            log.attach('robot.urdf', 'application/xml', self._description.encode())
+
+    def _on_description(self, raw: bytes, stamp: int | None) -> None:
+        with suppress(UnicodeDecodeError):
+            self._description = text_of(raw)
 
     def _recover_earlier(self) -> None:
         """Complete, beside the recording, what an earlier one in this folder left."""
@@ -189,6 +199,7 @@ class RecorderNode(SuiteNode):
         defined: Definition | None = None,
     ) -> None:
         resolved = self.node.resolve_topic_name(topic)
+        message_type = raw_class(type_name, defined.hash if defined is not None else None)
         durability = 'transient_local' if is_latched else 'volatile'
         channel = self._recording.channel(
             resolved,
@@ -203,6 +214,7 @@ class RecorderNode(SuiteNode):
         handlers: dict[str, Callable[[bytes, int | None], None]] = {
             STATE_TOPIC: self._on_state,
             COMMAND_TOPIC: self._on_command,
+            DESCRIPTION_TOPIC: self._on_description,
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
         callback = partial(
@@ -217,7 +229,6 @@ class RecorderNode(SuiteNode):
         def take(raw: Any) -> None:
             callback(raw)
 
-        message_type = raw_class(type_name, (defined or definition(type_name)).hash)
         if is_latched:
             subscribe_with_past(self.node, message_type, topic, take, DEEP)
         else:

@@ -6,14 +6,16 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rclpy.context import Context
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.names import DESIRED_PATH_TOPIC
 from masmc_ros.log.stamps import header_stamp
+from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
@@ -21,6 +23,7 @@ from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.frames import check_frame_prefix
 
 _CHECKED_AHEAD = 60.0
 """How much of an endless path is checked at the start, in s."""
@@ -36,7 +39,10 @@ class TrajectoryNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         period = self._timing.period
-        self._trajectory = Trajectory(self.values, period, robot_of(self.values))
+        robot = robot_of(self.values)
+        self._trajectory = Trajectory(self.values, period, robot)
+        prefix = check_frame_prefix(self.values['frame_prefix'])
+        self._path = DesiredPath(self._timing, robot, prefix)
         self._window = max(2, round(self.values['window'] / period))
         self._horizon = max(self._window, round(self.values['horizon'] / period))
         self._next = 0
@@ -50,11 +56,13 @@ class TrajectoryNode(SuiteNode):
         # A late controller needs the windows around the present, not the whole past.
         depth = 4 + 2 * (self._horizon // self._window)
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
+        self._paths = self.publisher(Path, DESIRED_PATH_TOPIC, 1)
         if self._origin is None:
             subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
         else:
             subscribe_with_past(self.node, Odometry, 'odom', self._follow)
-            self._send_until(self._horizon)
+            self._begin(self._origin)
+            self._send_until(self._horizon, self._origin)
         self.wait('the plant (odom)')
 
     def _check_reach(self) -> None:
@@ -67,18 +75,25 @@ class TrajectoryNode(SuiteNode):
     def _follow(self, raw: bytes) -> None:
         """Send what comes within the horizon of a message's stamp."""
         stamp = header_stamp(raw)
-        if self._origin is None:
-            self._origin = stamp
+        origin = self._begin(stamp) if self._origin is None else self._origin
         self.wait(None)
-        tick = round((stamp - self._origin) / (1e9 * self._timing.period))
+        tick = round((stamp - origin) / (1e9 * self._timing.period))
         if tick + self._horizon + self._window < self._next:
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
-        self._send_until(tick + self._horizon)
+        self._send_until(tick + self._horizon, stamp)
         if self._timing.last is not None and tick >= self._timing.last:
             self.finished = True
 
-    def _send_until(self, tick: int) -> None:
+    def _begin(self, origin: int) -> int:
+        """Let the trajectory begin at a stamp in ns, and show it where it has an end."""
+        self._origin = origin
+        path = self._path.whole(self._trajectory, origin)
+        if path is not None:
+            self._paths.publish(path)
+        return origin
+
+    def _send_until(self, tick: int, now: int) -> None:
         last = self._timing.last
         while self._next <= (tick if last is None else min(tick, last)):
             count = self._window if last is None else min(self._window, last + 1 - self._next)
@@ -90,6 +105,8 @@ class TrajectoryNode(SuiteNode):
             start = self._timing.stamp(self._next) + (self._origin or 0)
             window = ReferenceWindow(start, self._timing.period, samples)
             self._publisher.publish(window.to_bytes())
+            if last is None:
+                self._paths.publish(self._path.piece(now, start, samples))
             self._next += count
 
 

@@ -120,13 +120,7 @@ class Trajectory:
         Raises InputError where the arm cannot reach the desired end effector position from
         the desired position of its base.
         """
-        times = np.arange(first, first + count, dtype=np.float64) * self._period
-        samples = np.asarray(self._reference.sample(times), dtype=np.float64)
-        if samples.shape != (count, SAMPLE):
-            raise InputError(
-                f'trajectory: {type(self._reference).__name__}.sample gave shape '
-                f'{samples.shape}, expected {(count, SAMPLE)}'
-            )
+        times, samples = self._at(np.arange(first, first + count))
         if not np.isfinite(samples).all():
             bad = int(np.argmin(np.isfinite(samples).all(axis=1)))
             raise InputError(
@@ -143,3 +137,18 @@ class Trajectory:
                 f'{least:.3f} to {most:.3f} m'
             )
         return samples
+
+    def positions(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return desired positions (n, 4) in m at any ticks (n), reachable or not."""
+        return self._at(ticks)[1][:, :4]
+
+    def _at(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return times (n) in s and samples (n, 12) of ticks (n)."""
+        times = ticks.astype(np.float64) * self._period
+        samples = np.asarray(self._reference.sample(times), dtype=np.float64)
+        if samples.shape != (len(ticks), SAMPLE):
+            raise InputError(
+                f'trajectory: {type(self._reference).__name__}.sample gave shape '
+                f'{samples.shape}, expected {(len(ticks), SAMPLE)}'
+            )
+        return times, samples

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One file over HTTP for an application of this machine: parts of it, from any web page.
+
+A viewer reads the parts of a log that it shows by range requests. The address holds a secret,
+so that other pages that the browser has open do not find the file.
+"""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+import re
+import secrets
+from typing import BinaryIO
+from urllib.parse import quote, urlsplit
+
+from masmc_ros.errors import InputError
+
+HOST = '127.0.0.1'
+_BLOCK = 1 << 20
+_RANGE = re.compile(r'bytes=(\d*)-(\d*)')
+
+
+class FileServer(ThreadingHTTPServer):
+    """Serves a file to this machine alone; a context manager."""
+
+    daemon_threads = True
+
+    def __init__(self, path: Path, port: int = 0) -> None:
+        """Listen at a port, 0 being any free one; InputError where that is not possible."""
+        self.path = path
+        self.location = f'/{secrets.token_urlsafe(12)}/{quote(path.name)}'
+        try:
+            super().__init__((HOST, port), _Handler)
+        except (OSError, OverflowError) as error:
+            raise InputError(f'port {port}: {error}; name a free one, or 0 for any') from error
+
+    @property
+    def url(self) -> str:
+        """Where the file is."""
+        return f'http://{HOST}:{self.server_port}{self.location}'
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing: a viewer that hangs up does so while it is being sent something."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: FileServer
+    protocol_version = 'HTTP/1.1'
+
+    def do_OPTIONS(self) -> None:
+        """Allow a page from elsewhere to ask for parts of the file."""
+        self.send_response(HTTPStatus.NO_CONTENT)
+        self._allow_pages()
+        self.send_header('Access-Control-Allow-Methods', 'GET, HEAD, OPTIONS')
+        self.send_header('Access-Control-Allow-Headers', 'Range')
+        self.send_header('Access-Control-Max-Age', '600')
+        # Browsers ask this of servers on the machine that they run on.
+        self.send_header('Access-Control-Allow-Private-Network', 'true')
+        self.end_headers()
+
+    def do_HEAD(self) -> None:
+        """Tell how large the file is."""
+        self._answer(with_content=False)
+
+    def do_GET(self) -> None:
+        """Send the file or a part of it."""
+        self._answer(with_content=True)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""
+
+    def _answer(self, *, with_content: bool) -> None:
+        if urlsplit(self.path).path != self.server.location:
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        try:
+            stream = self.server.path.open('rb')
+        except OSError:
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        with stream:
+            size = stream.seek(0, 2)
+            part = _part(self.headers.get('Range'), size)
+            if part is None:
+                self._refuse(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, f'bytes */{size}')
+                return
+            whole = part == range(size)
+            self.send_response(HTTPStatus.OK if whole else HTTPStatus.PARTIAL_CONTENT)
+            self._allow_pages()
+            self.send_header('Accept-Ranges', 'bytes')
+            self.send_header('Content-Type', 'application/octet-stream')
+            self.send_header('Content-Length', str(len(part)))
+            if not whole:
+                self.send_header('Content-Range', f'bytes {part[0]}-{part[-1]}/{size}')
+            self.end_headers()
+            if with_content:
+                self._send(stream, part)
+
+    def _send(self, stream: BinaryIO, part: range) -> None:
+        stream.seek(part.start)
+        left = len(part)
+        while left and (block := stream.read(min(left, _BLOCK))):
+            self.wfile.write(block)
+            left -= len(block)
+
+    def _refuse(self, status: HTTPStatus, content_range: str = '') -> None:
+        self.send_response(status)
+        self._allow_pages()
+        self.send_header('Content-Length', '0')
+        if content_range:
+            self.send_header('Content-Range', content_range)
+        self.end_headers()
+
+    def _allow_pages(self) -> None:
+        self.send_header('Access-Control-Allow-Origin', '*')
+        self.send_header(
+            'Access-Control-Expose-Headers', 'Accept-Ranges, Content-Length, Content-Range'
+        )
+
+
+def _part(header: str | None, size: int) -> range | None:
+    """Return the bytes that a request asks for; None where the file has none of them.
+
+    As HTTP allows, a header that is not understood, such as several ranges, asks for all.
+    """
+    match = _RANGE.fullmatch((header or '').replace(' ', ''))
+    if match is None or match[0] == 'bytes=-':
+        return range(size)
+    first, last = match.groups()
+    if not first:  # the last so many
+        part = range(max(0, size - int(last)), size)
+    elif last and int(last) < int(first):
+        return range(size)
+    else:
+        part = range(int(first), min(size, int(last) + 1) if last else size)
+    return part if len(part) else None

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc param`: parameters of running nodes, where the ros2 command is not installed.
+
+Arguments and output are those of `ros2 param`; a refusal, though, has an exit status.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import yaml
+
+from masmc_ros.cli.ros import require_rclpy
+from masmc_ros.errors import InputError
+from masmc_ros.params.file import parse_value
+from masmc_ros.params.node_name import complaint
+
+_REFUSED = 1
+"""Exit status where a node refuses a value."""
+
+_LONGEST_NAME = 200
+"""Of a node, so that the names of its services are not too long."""
+
+_KINDS = {bool: 'Boolean', int: 'Integer', float: 'Double', str: 'String'}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `masmc param`."""
+    verbs = parser.add_subparsers(
+        dest='verb', required=True, parser_class=type(parser), metavar='list|get|set|dump'
+    )
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument(
+        '--timeout',
+        type=_seconds,
+        default=5.0,
+        metavar='S',
+        help='longest time in s to wait for a node (%(default)g)',
+    )
+    for verb, text in (
+        ('list', 'names of the parameters of a node, or of all'),
+        ('get', 'the value in force'),
+        ('set', 'change a value'),
+        ('dump', 'all values as a parameter file'),
+    ):
+        sub = verbs.add_parser(verb, parents=[common], help=text, description=f'Show {text}.')
+        sub.add_argument('node', nargs='?' if verb == 'list' else None, help='such as /controller')
+        if verb in ('get', 'set'):
+            sub.add_argument('name', help='parameter, such as k_s1')
+        if verb == 'set':
+            sub.description = 'Change a value while the node runs.'
+            sub.add_argument('value', help='as in a parameter file: 150, [1.0, 2.0], smc')
+        if verb == 'get':
+            sub.add_argument('--hide-type', action='store_true', help='print the value alone')
+
+
+def param(options: argparse.Namespace) -> int:
+    """Do what `masmc param` was told; return the exit status."""
+    require_rclpy()
+    from masmc_ros.nodes.parameter_session import ParameterSession
+
+    node = None if options.node is None else _node(options.node)
+    value = _value(options.value) if options.verb == 'set' else None
+    with ParameterSession(options.timeout) as session:
+        if options.verb == 'list':
+            return _list(session, node)
+        if options.verb == 'get':
+            return _get(session, node, options.name, hide_type=options.hide_type)
+        if options.verb == 'set':
+            return _set(session, node, options.name, value)
+        return _dump(session, node)
+
+
+def _list(session: Any, node: str | None) -> int:
+    nodes = session.nodes() if node is None else [node]
+    for each in nodes:
+        if node is None:
+            print(f'{each}:')
+        for name in session.names(each):
+            print(f'  {name}')
+    return 0
+
+
+def _get(session: Any, node: str | None, name: str, *, hide_type: bool) -> int:
+    value = _plain(session.values(node, [name])[0])
+    if hide_type:
+        print(value)
+    elif value is None:
+        print('Parameter not set.')
+    elif isinstance(value, list):
+        print(f'{_KINDS[type(value[0])]} values are:' if value else 'Values are:', value)
+    else:
+        print(f'{_KINDS[type(value)]} value is: {value}')
+    return 0
+
+
+def _set(session: Any, node: str | None, name: str, value: Any) -> int:
+    from rclpy.parameter import Parameter
+
+    kind = Parameter.Type.STRING_ARRAY if value == [] else None
+    result = session.set(node, Parameter(name, kind, value))
+    reason = f': {result.reason}' if result.reason else ''
+    if result.successful:
+        print(f'Set parameter successful{reason}')
+        return 0
+    print(f'Setting parameter failed{reason}', file=sys.stderr)
+    return _REFUSED
+
+
+def _dump(session: Any, node: str | None) -> int:
+    names = session.names(node)
+    tree: dict[str, Any] = {}
+    for name, value in zip(names, session.values(node, names), strict=True):
+        block = tree
+        *outer, last = name.split('.')
+        for part in outer:
+            block = block.setdefault(part, {})
+        block[last] = _plain(value)
+    print(yaml.dump({node: {'ros__parameters': tree}}, default_flow_style=None), end='')
+    return 0
+
+
+def _node(text: str) -> str:
+    """Return a node's full name; InputError for what cannot be one."""
+    if '*' in text or complaint(text) or len(text) > _LONGEST_NAME:
+        raise InputError(f"'{text}' is no name of a node; write one such as /controller")
+    return f'/{text.removeprefix("/")}'
+
+
+def _value(text: str) -> Any:
+    value = parse_value(text, f"value '{text}'")
+    return [] if value is None else value
+
+
+def _plain(value: Any) -> Any:
+    """Return a parameter's value as Python writes it."""
+    from rclpy.parameter import parameter_value_to_python
+
+    found = parameter_value_to_python(value)
+    return found if found is None or isinstance(found, bool | int | float | str) else list(found)
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < 3600.0:
+        raise ValueError
+    return value
+
+
+_seconds.__name__ = 'time in s'  # what argparse calls it in its message

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc view`: a logged run in Foxglove."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+from types import FrameType
+from urllib.parse import urlencode
+
+from masmc_ros.cli.file_server import FileServer
+from masmc_ros.errors import InputError
+from masmc_ros.share import shared_file
+
+_DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')
+"""Viewers that open a file named on their command line."""
+
+_GRACE = 1.5
+"""Time in s in which a program that cannot open the file has given up."""
+
+_MAGIC = b'\x89MCAP0\r\n'
+
+
+def view(log: str, port: int) -> int:
+    """Open a log in a viewer of this machine, or serve it until interrupted."""
+    path = Path(log)
+    _check(path)
+    layout = shared_file('config', 'foxglove.json')
+    viewer = _open(path)
+    if viewer is None:
+        _serve(path, port, layout)
+        return 0
+    print(f'{path} opens in {viewer}')
+    print(_layout_hint(layout))
+    return 0
+
+
+def _serve(path: Path, port: int, layout: Path) -> None:
+    with FileServer(path, port) as server:
+        query = urlencode({'ds': 'remote-file', 'ds.url': server.url})
+        try:
+            signal.signal(signal.SIGTERM, _interrupt)
+            print(f'{path} is at {server.url}')
+            print(f'open in the browser: https://app.foxglove.dev/?{query}')
+            print(f'or in the application: foxglove://open?{query}')
+            print(_layout_hint(layout))
+            print('until Ctrl-C', flush=True)
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+
+
+def _layout_hint(layout: Path) -> str:
+    return f'layout, once: Layouts > Import from file > {layout}'
+
+
+def _open(path: Path) -> str | None:
+    """Open a file in an installed viewer; return its name, None where there is none."""
+    for name in _DESKTOP:
+        program = shutil.which(name)
+        if program is None:
+            continue
+        process = subprocess.Popen(
+            [program, str(path.resolve())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        # A command line tool of Foxglove's has the same name, and takes no file.
+        try:
+            if process.wait(_GRACE) == 0:
+                return name
+        except subprocess.TimeoutExpired:
+            return name
+    return None
+
+
+def _check(path: Path) -> None:
+    """Refuse what no viewer would open."""
+    if os.path.isdir(path):
+        raise InputError(f'{path}: is a folder; name the .mcap file in it')
+    try:
+        with path.open('rb') as stream:
+            start = stream.read(len(_MAGIC))
+            size = stream.seek(0, os.SEEK_END)
+            stream.seek(max(0, size - len(_MAGIC)))
+            end = stream.read()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise InputError(f'{path}: cannot be read: {reason}') from error
+    if start != _MAGIC:
+        raise InputError(f'{path}: is no MCAP file; name a log such as run.mcap')
+    if end != _MAGIC or size == len(_MAGIC):
+        raise InputError(f'{path}: the log ends before its end, its recorder was cut off')
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

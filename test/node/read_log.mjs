@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads a log as viewers do: decodes every message by the definition that the log holds.
+//
+//   node read_log.mjs RUN.mcap [LAYOUT.json]
+//
+// Prints JSON: of every topic its type, the number of messages, a digest of everything in them,
+// and the last one; with a layout also what its scripts make of the log.
+import { createHash } from "node:crypto";
+import { open, readFile } from "node:fs/promises";
+import { parse } from "@foxglove/rosmsg";
+import { MessageReader } from "@foxglove/rosmsg2-serialization";
+import { McapIndexedReader } from "@mcap/core";
+import { FileHandleReadable } from "@mcap/nodejs";
+import { loadDecompressHandlers } from "@mcap/support";
+import typescript from "typescript";
+
+// Adds numbers as float64 and texts as UTF-8, in the order of the definition.
+function digest(hash, value) {
+  if (typeof value === "string") {
+    hash.update(value);
+  } else if (typeof value === "object") {
+    for (const each of ArrayBuffer.isView(value) ? value : Object.values(value)) {
+      digest(hash, each);
+    }
+  } else {
+    const number = Buffer.alloc(8);
+    number.writeDoubleLE(Number(value));
+    hash.update(number);
+  }
+}
+
+async function loadScripts(layout) {
+  const scripts = [];
+  for (const { sourceCode } of Object.values(layout.userNodes)) {
+    const { outputText, diagnostics } = typescript.transpileModule(sourceCode, {
+      reportDiagnostics: true,
+      compilerOptions: { module: typescript.ModuleKind.ESNext, target: "ES2022" },
+    });
+    if (diagnostics.length > 0) {
+      throw new Error(diagnostics.map((each) => String(each.messageText)).join("\n"));
+    }
+    const source = `data:text/javascript;base64,${Buffer.from(outputText).toString("base64")}`;
+    scripts.push({ ...(await import(source)), made: [] });
+  }
+  return scripts;
+}
+
+// Arrays of numbers as plain ones, and integers of 64 bits as numbers.
+const plain = (_, value) =>
+  typeof value === "bigint" ? Number(value) : ArrayBuffer.isView(value) ? [...value] : value;
+
+const [log, layout] = process.argv.slice(2);
+const scripts = layout ? await loadScripts(JSON.parse(await readFile(layout, "utf-8"))) : [];
+const file = await open(log, "r");
+const reader = await McapIndexedReader.Initialize({
+  readable: new FileHandleReadable(file),
+  decompressHandlers: await loadDecompressHandlers(),
+});
+const topics = new Map();
+for (const channel of reader.channelsById.values()) {
+  const schema = reader.schemasById.get(channel.schemaId);
+  const definitions = parse(new TextDecoder().decode(schema.data), { ros2: true });
+  topics.set(channel.id, {
+    topic: channel.topic,
+    type: schema.name,
+    count: 0,
+    hash: createHash("sha256"),
+    decoder: new MessageReader(definitions),
+  });
+}
+for await (const message of reader.readMessages()) {
+  const topic = topics.get(message.channelId);
+  topic.last = topic.decoder.readMessage(message.data);
+  topic.count += 1;
+  digest(topic.hash, topic.last);
+  for (const script of scripts) {
+    if (script.inputs.includes(topic.topic)) {
+      script.made.push(script.default({ topic: topic.topic, message: topic.last }));
+    }
+  }
+}
+await file.close();
+const told = {
+  profile: reader.header.profile,
+  statistics: Number(reader.statistics.messageCount),
+  topics: {},
+  scripts: Object.fromEntries(scripts.map((each) => [each.output, each.made])),
+};
+for (const { topic, type, count, hash, last } of topics.values()) {
+  told.topics[topic] = { type, count, digest: hash.digest("hex"), last };
+}
+process.stdout.write(JSON.stringify(told, plain));

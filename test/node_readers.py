@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The libraries with which viewers read logs, installed once beside the user's caches."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
+from typing import Any
+
+import pytest
+
+SOURCES = Path(__file__).resolve().parent / 'node'
+_INSTALLATION = 240.0
+_READING = 120.0
+
+
+def read_log(log: Path, *more: Path) -> Any:
+    """Return what `node/read_log.mjs` tells of a log.
+
+    Skips the test where Node.js is not installed, and where its packages cannot be had;
+    the latter is a failure where CI is set.
+    """
+    folder = _installed()
+    script = folder / 'read_log.mjs'
+    # Modules are looked for beside the script.
+    shutil.copyfile(SOURCES / script.name, script)
+    result = subprocess.run(
+        ['node', str(script), str(log), *map(str, more)],
+        capture_output=True,
+        text=True,
+        timeout=_READING,
+    )
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def _installed() -> Path:
+    if shutil.which('node') is None or shutil.which('npm') is None:
+        pytest.skip('Node.js with npm is not installed')
+    package = (SOURCES / 'package.json').read_bytes()
+    caches = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
+    folder = caches / 'masmc_ros' / f'node_{hashlib.sha256(package).hexdigest()[:16]}'
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as made:
+            fault = _install(Path(made), package)
+            if fault and os.environ.get('CI'):
+                pytest.fail(fault)
+            if fault:
+                pytest.skip(fault)
+            try:
+                (Path(made) / 'packages').rename(folder)
+            except OSError:
+                assert folder.is_dir()  # another test process was faster
+    return folder
+
+
+def _install(where: Path, package: bytes) -> str:
+    """Install into `packages` of a folder; return what went wrong, '' for nothing."""
+    folder = where / 'packages'
+    folder.mkdir()
+    (folder / 'package.json').write_bytes(package)
+    options = ['--no-package-lock', '--no-audit', '--no-fund', '--ignore-scripts']
+    try:
+        result = subprocess.run(
+            ['npm', 'install', *options],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=_INSTALLATION,
+        )
+    except subprocess.TimeoutExpired:
+        return f'npm install takes longer than {_INSTALLATION:g} s'
+    return '' if result.returncode == 0 else f'npm install: {result.stderr.strip()[-500:]}'

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""TFMessages filled into fixed layouts are those that other serialisers make."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
+
+from masmc_ros.log.rows import transforms_rows
+from masmc_ros.log.stamps import stamp_reader
+from masmc_ros.log.transforms import transforms_layout, TransformsCdr
+from masmc_ros.robot.names import FRAMES
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPE = 'tf2_msgs/msg/TFMessage'
+STAMPS = st.integers(0, 2**31 * 10**9 - 1)
+PREFIXES = st.text('abcdefg/_', max_size=9)
+
+
+def numbers(seed: int) -> np.ndarray:
+    """Return different numbers for all transforms."""
+    return np.random.default_rng(seed).standard_normal((len(FRAMES), 7))
+
+
+def serialised(prefix: str, stamp: int, transforms: np.ndarray) -> bytes:
+    """Return the message that rosbags makes."""
+    t = STORE.types
+    time = t['builtin_interfaces/msg/Time'](sec=stamp // 10**9, nanosec=stamp % 10**9)
+    message = t[TYPE](
+        transforms=[
+            t['geometry_msgs/msg/TransformStamped'](
+                header=t['std_msgs/msg/Header'](stamp=time, frame_id=prefix + parent),
+                child_frame_id=prefix + child,
+                transform=t['geometry_msgs/msg/Transform'](
+                    translation=t['geometry_msgs/msg/Vector3'](*row[:3].tolist()),
+                    rotation=t['geometry_msgs/msg/Quaternion'](*row[3:].tolist()),
+                ),
+            )
+            for (parent, child), row in zip(FRAMES, transforms, strict=True)
+        ]
+    )
+    return bytes(STORE.serialize_cdr(message, TYPE))
+
+
+@given(PREFIXES, STAMPS, st.integers(0, 2**32))
+def test_one_at_a_time(prefix: str, stamp: int, seed: int) -> None:
+    ours = TransformsCdr(prefix)
+    ours.fill(1, numbers(seed + 1))  # nothing of it may be left
+    raw = ours.fill(stamp, numbers(seed))
+    assert raw == serialised(prefix, stamp, numbers(seed))
+    assert stamp_reader('/tf', TYPE)(raw) == stamp
+
+
+@given(PREFIXES, st.lists(STAMPS, max_size=5))
+def test_in_bulk(prefix: str, stamps: list[int]) -> None:
+    transforms = np.array([numbers(k) for k in range(len(stamps))]).reshape(-1, len(FRAMES), 7)
+    rows = transforms_rows(np.array(stamps, dtype=np.int64), transforms, prefix)
+    assert len(rows) == len(stamps)
+    for stamp, each, row in zip(stamps, transforms, rows, strict=True):
+        assert row.tobytes() == serialised(prefix, stamp, each)
+
+
+def test_a_message_without_transforms_has_no_stamp() -> None:
+    empty = bytes(STORE.serialize_cdr(STORE.types[TYPE](transforms=[]), TYPE))
+    assert stamp_reader('/tf', TYPE)(empty) is None
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/'])
+def test_against_rclpy(prefix: str) -> None:
+    messages = pytest.importorskip('tf2_msgs.msg', reason='compares with ROS 2')
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    raw = TransformsCdr(prefix).fill(1_500_000_000, numbers(0))
+    again = serialize_message(deserialize_message(raw, messages.TFMessage))
+    # What only aligns may hold anything.
+    assert transforms_layout(prefix).layout.matches(again)
+    ours = TransformsCdr(prefix)
+    assert ours.load(again)
+    assert ours.to_bytes() == raw

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A viewer that joins an endless run late sees the robot, its path and where it is to go."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path as File
+import signal
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from nav_msgs.msg import Path
+from processes import PAPER, peer, processes, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from masmc_ros.log.state_transforms import StateTransforms
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.robot.description import robot_description
+
+
+def stamp(message: Path, pose: int | None = None) -> int:
+    """Return the stamp in ns of a path or of one of its poses."""
+    header = message.header if pose is None else message.poses[pose].header
+    return int(header.stamp.sec * 10**9 + header.stamp.nanosec)
+
+
+def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        run = started.start(
+            'composed',
+            *ros_arguments(
+                duration=0.0,
+                frame_prefix='left/',
+                plant__pacing='realtime',
+                plant__wait_for='[controller, trajectory]',
+                trajectory__window=0.2,
+                trajectory__horizon=0.4,
+            ),
+        )
+        driven = tester.collect(Path, 'path/actual')
+        tester.until(lambda: driven and stamp(driven[-1]) >= 1_000_000_000, 'a second of path')
+        # Late: the description and the desired path were published before.
+        described = tester.collect(String, 'robot_description')
+        desired = tester.collect(Path, 'path/desired')
+        tester.until(lambda: described and desired, 'what is latched')
+        assert len(described) == 1
+        values = load_scenario(str(PAPER), ['frame_prefix=left/'])['plant']
+        assert described[0].data == robot_description(values, 'left/')
+        first = desired[0]
+        tester.until(lambda: stamp(desired[-1]) >= stamp(first) + 500_000_000, 'a later piece')
+        for path in (*desired, *driven):
+            assert path.header.frame_id == 'left/odom'
+            assert {pose.header.frame_id for pose in path.poses} == {'left/odom'}
+        for piece in desired:
+            # Ahead of the robot's time, by the horizon or nearly.
+            assert stamp(piece, -1) > stamp(piece)
+        for path in driven:
+            assert stamp(path, -1) == stamp(path)
+            assert stamp(path, 0) == 0
+        before = len(driven)
+        assert tester.call(Trigger, 'plant/reset', Trigger.Request()).success
+        anew = tester.until(lambda: [p for p in driven[before:] if stamp(p) == 0], 'the new path')
+        assert len(anew[0].poses) == 1
+        run.signal(signal.SIGINT)
+        assert started.wait() == {'composed': 0}, started.output()
+
+
+def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
+    """The wheels have no tf2_msgs: another type stands in for it, which raw bytes do not mind."""
+    package = tmp_path / 'tf2_msgs'
+    package.mkdir()
+    (package / '__init__.py').touch()
+    (package / 'msg.py').write_text('from std_msgs.msg import String as TFMessage\n')
+    settings = ['duration=0.3', 'frame_prefix=left/', 'plant.tf_decimation=7']
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        frames = tester.collect(String, '/tf', raw=True)
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        started.start(
+            'composed',
+            *ros_arguments(
+                duration=0.3,
+                frame_prefix='left/',
+                plant__tf_decimation=7,
+                plant__wait_for='[controller, trajectory, peer]',
+            ),
+            environment={'PYTHONPATH': os.pathsep.join([str(tmp_path), *sys.path])},
+        )
+        tester.until(lambda: len(states) == 301, 'every state')
+        transforms = StateTransforms(load_scenario(str(PAPER), settings)['plant'])
+        expected = [made for raw in states if (made := transforms.of_state(raw)) is not None]
+        tester.until(lambda: len(frames) == len(expected), 'all frames')
+        assert len(expected) == 44
+        assert frames == expected
+        assert started.wait() == {'composed': 0}, started.output()
+
+
+@pytest.mark.parametrize('node', ['plant', 'trajectory'])
+def test_a_prefix_that_tf2_would_not_take_is_refused(tmp_path: File, node: str) -> None:
+    with processes(tmp_path) as started:
+        refused = started.start(node, *ros_arguments(frame_prefix='/left'))
+        assert refused.wait() == 2, started.output()
+        assert [line for line in refused.stderr() if 'frame_prefix' in line] == refused.stderr()
+        assert len(refused.stderr()) == 1

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live node shows a run to viewers and turns its gains, on real nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import re
+import signal
+import socket
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('foxglove')
+
+from foxglove_client import Viewer, viewer
+from processes import (
+    domain_variables,
+    NodeProcess,
+    PAPER,
+    PATIENCE,
+    Peer,
+    peer,
+    Processes,
+    processes,
+    ros_arguments,
+    shortened,
+    surroundings,
+)
+from rcl_interfaces.msg import Log
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from masmc_ros.log.cdr import JointStateCdr
+from masmc_ros.log.definitions import definition
+from masmc_ros.log.stamps import header_stamp, transforms_stamp
+from masmc_ros.log.text import text_of
+from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.nodes.live import SAMPLED
+from masmc_ros.nodes.scenario import load_scenario
+
+NODES = ('trajectory', 'controller', 'plant')
+
+
+def listening(tester: Peer, node: NodeProcess) -> int:
+    """Return the port on which a live node says that it listens."""
+    found = tester.until(lambda: re.search(r'ws://127\.0\.0\.1:(\d+)', '\n'.join(node.stderr())))
+    return int(found[1])
+
+
+class Run:
+    """A run by the wall clock with a live node, and a node of the test."""
+
+    def __init__(self, started: Processes, tester: Peer, live: NodeProcess) -> None:
+        self.tester = tester
+        self.live = live
+        self.port = listening(tester, live)
+        self.processes = started
+
+    def value(self, name: str) -> Any:
+        """Return a parameter of the controller, asked of itself."""
+        request = GetParameters.Request(names=[name])
+        response = self.tester.call(GetParameters, '/controller/get_parameters', request)
+        found = parameter_value_to_python(response.values[0])
+        return found if isinstance(found, float | str) else list(found)
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """Yield an endless run by the wall clock that is shown ten times a second."""
+    with processes(tmp_path_factory.mktemp('run')) as started, peer(started.domain) as tester:
+        live = started.start('live', '--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0')
+        started.start_all(
+            *ros_arguments(PAPER, duration=0.0, plant__pacing='realtime'), nodes=NODES
+        )
+        yield Run(started, tester, live)
+
+
+@pytest.fixture
+def shown(run: Run) -> Iterator[Viewer]:
+    """Yield a viewer that sees the controller's parameters."""
+    with viewer(run.port) as found:
+        found.until(lambda: '/controller.k_s1' in found.parameters(), 'parameters')
+        yield found
+
+
+def test_every_topic_is_offered_with_its_definition(shown: Viewer) -> None:
+    topics = {f'/{each.name.lstrip("/")}': each for each in (*TOPICS, *SYSTEM_TOPICS)}
+    shown.until(lambda: len(shown.channels) >= len(topics), 'all channels')
+    assert set(shown.channels) == set(topics)
+    for name, channel in shown.channels.items():
+        assert channel['encoding'] == 'cdr'
+        assert channel['schemaName'] == topics[name].type_name
+        assert channel['schemaEncoding'] == 'ros2msg'
+        assert channel['schema'] == definition(topics[name].type_name).text
+
+
+def test_messages_come_with_the_robots_time(shown: Viewer) -> None:
+    expected = {f'/{each.name.lstrip("/")}' for each in TOPICS}
+    shown.until(lambda: set(shown.messages) >= expected, 'a message of every topic')
+    shown.until(lambda: len(shown.messages['/joint_states']) > 5, 'motion')
+    for stamp, raw in shown.messages['/joint_states']:
+        assert stamp == header_stamp(raw)
+        assert deserialize_message(raw, JointState).name[-1] == 'arm_joint_2'
+    stamps = [stamp for stamp, _ in shown.messages['/joint_states']]
+    assert stamps == sorted(set(stamps))
+    assert set(shown.times) >= set(stamps[2:-1])
+    for stamp, raw in shown.messages['/tf']:
+        assert stamp == transforms_stamp(raw)
+    assert {stamp for stamp, _ in shown.messages['/tf']} == set(stamps)
+    assert '<robot' in text_of(shown.last('/robot_description'))
+
+
+def test_what_comes_every_tick_is_thinned(shown: Viewer) -> None:
+    shown.until(lambda: len(shown.messages.get('/joint_states', ())) > 10, 'motion')
+    for topic in SAMPLED & {'joint_states', 'effort_commands', 'controller/tracking_error'}:
+        stamps = [stamp for stamp, _ in shown.messages[f'/{topic}']]
+        ticks = (stamps[-1] - stamps[0]) / 1e6
+        assert len(stamps) < ticks / 10
+
+
+def test_a_gain_is_set_and_shown_as_it_is_in_force(run: Run, shown: Viewer) -> None:
+    assert shown.set_parameter('/controller.k_s1', 150) == 150.0
+    assert run.value('k_s1') == 150.0
+    assert shown.set_parameter('/controller.sigma', [1, 2.5, 3, 4]) == [1.0, 2.5, 3.0, 4.0]
+    assert run.value('sigma') == [1.0, 2.5, 3.0, 4.0]
+    assert shown.set_parameter('/controller.law', 'smc') == 'smc'
+    assert run.value('law') == 'smc'
+    assert shown.parameters('/controller.k_s1', '/controller.law') == {
+        '/controller.k_s1': 150.0,
+        '/controller.law': 'smc',
+    }
+    assert shown.statuses() == []
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'words'),
+    [
+        ('/controller.k_s1', -1, ('k_s1', '-1.0', '>= 0')),
+        ('/controller.k_s1', [1.0, 2.0], ('4 numbers',)),
+        ('/controller.k_s1', {'a': 1}, ('no value',)),
+        ('/controller.k_s3', 1.0, ('k_s3',)),
+        ('/controller.model_scale', 1.0, ('model_scale',)),
+        ('/somebody.k_s1', 1.0, ('/somebody', '/controller')),
+    ],
+)
+def test_a_refusal_is_told_and_the_old_value_shown(
+    run: Run, shown: Viewer, name: str, value: Any, words: tuple[str, ...]
+) -> None:
+    before = shown.parameters(name)
+    told = len(run.live.logged('ERROR'))
+    in_force = shown.set_parameter(name, value)
+    assert in_force == before.get(name)
+    assert shown.parameters(name) == before
+    shown.until(shown.statuses, 'the reason')
+    run.tester.until(lambda: len(run.live.logged('ERROR')) > told, 'a line in the log')
+    for text in (shown.statuses()[-1], run.live.logged('ERROR')[-1]):
+        for word in (name, *words):
+            assert word in text
+
+    def logged() -> bool:
+        logs = [deserialize_message(raw, Log) for _, raw in shown.messages.get('/rosout', ())]
+        return any(each.name == 'live' and name in each.msg for each in logs)
+
+    shown.until(logged, 'the line on /rosout')
+
+
+def test_changes_of_others_are_shown(run: Run, shown: Viewer) -> None:
+    shown.follow_parameters('/controller.k_s2', '/controller.boundary_layer')
+    # The answer to a request tells that the subscription was taken.
+    shown.parameters()
+    changes = [Parameter(name, value=0.25) for name in ('k_s2', 'boundary_layer')]
+    request = SetParametersAtomically.Request(
+        parameters=[change.to_parameter_msg() for change in changes]
+    )
+    name = '/controller/set_parameters_atomically'
+    assert run.tester.call(SetParametersAtomically, name, request).result.successful
+    for name in ('/controller.k_s2', '/controller.boundary_layer'):
+        shown.until(lambda name=name: 0.25 in shown.changes(name), name)
+    found = shown.parameters()
+    assert found['/controller.k_s2'] == found['/controller.boundary_layer'] == 0.25
+    assert found['/plant.robot.link_1_length'] == 0.514
+
+
+def test_who_comes_late_is_told_what_was_said_once(run: Run, shown: Viewer) -> None:
+    shown.set_parameter('/controller.observer_gain', 0.125)
+    shown.until(
+        lambda: any(
+            b'0.125' in raw for _, raw in shown.messages.get('/controller/parameters', ())
+        ),
+        'the change',
+    )
+    with viewer(run.port) as late:
+
+        def told() -> list[str]:
+            return [text_of(raw) for _, raw in late.messages.get('/controller/parameters', ())]
+
+        late.until(lambda: any('0.125' in text for text in told()), 'the change')
+        assert '"k_s1"' in told()[0]
+        for topic in ('/robot_description', '/path/desired', '/plant/parameters'):
+            assert late.last(topic)
+
+
+def test_viewers_come_and_go(run: Run) -> None:
+    for _ in range(3):
+        with viewer(run.port) as passing:
+            assert passing.last('/joint_states')
+
+
+def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_path: Path) -> None:
+    file = shortened(tmp_path, 0.5)
+    stretches = Simulation(load_scenario(str(file))).run()
+    expected = np.concatenate([stretch.position for stretch in stretches])
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        live = started.start('live', '--ros-args', '-p', 'port:=0')
+        port = listening(tester, live)
+        nodes = started.start_all(
+            *ros_arguments(file, plant__wait_for='[controller,trajectory,live]'), nodes=NODES
+        )
+        for node in nodes.values():
+            assert node.wait() == 0, started.output()
+        assert live.process.poll() is None
+        with viewer(port) as late:
+            state = JointStateCdr()
+            assert state.load(late.last('/joint_states'))
+            assert late.last('/tf')
+        live.signal(signal.SIGINT)
+        assert live.wait() == 0
+        # Best effort: a state that is late on a busy machine may be missing, even the last one.
+        tick = state.stamp_ns // 1_000_000
+        assert tick > 0
+        assert np.array_equal(state.position, expected[tick])
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_well_with_viewers_looking(tmp_path: Path, number: signal.Signals) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        live = started.start('live', '--ros-args', '-p', 'port:=0')
+        with viewer(listening(tester, live)) as looking:
+            looking.until(lambda: len(looking.channels) > 10, 'channels')
+            live.signal(number)
+            assert live.wait() == 0
+        assert [line for line in live.stderr() if not line.startswith('[INFO]')] == []
+
+
+def test_a_port_that_is_taken_is_told_in_one_line(tmp_path: Path) -> None:
+    with socket.socket() as taken, processes(tmp_path) as started:
+        taken.bind(('127.0.0.1', 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        live = started.start('live', '--ros-args', '-p', f'port:={port}')
+        assert live.wait() == 2
+        assert len(live.stderr()) == 1
+        assert str(port) in live.stderr()[0]
+
+
+def test_without_the_library_it_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / 'foxglove.py').write_text("raise ImportError('not here')", encoding='utf-8')
+    with processes(tmp_path) as started:
+        environment = {
+            **surroundings(),
+            **domain_variables(started.domain),
+            'PYTHONPATH': os.pathsep.join([str(tmp_path), surroundings()['PYTHONPATH']]),
+        }
+        result = subprocess.run(
+            [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'live'],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+    assert result.returncode == 2
+    assert result.stderr.count('\n') == 1
+    assert 'pip install foxglove-sdk' in result.stderr

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc view` serves a log as a viewer reads it, and opens installed viewers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.client import HTTPConnection, HTTPResponse
+import os
+from pathlib import Path
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from typing import NamedTuple
+from urllib.parse import parse_qs, urlsplit
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+import pytest
+from viewed_run import computed_run, ROOT
+
+from masmc_ros.cli.file_server import FileServer
+
+PATIENCE = 60.0
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return computed_run(tmp_path_factory.mktemp('a run'), 0.5)
+
+
+class Served(NamedTuple):
+    process: subprocess.Popen[str]
+    lines: list[str]
+    url: str
+
+
+@contextmanager
+def viewing(log: Path, *arguments: str, path: str = '/usr/bin:/bin') -> Iterator[Served]:
+    """Yield a running `masmc view` that has said what to do."""
+    with subprocess.Popen(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'view', str(log), *arguments],
+        env={**os.environ, 'PATH': path, 'PYTHONPATH': os.pathsep.join(sys.path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        # Whatever goes wrong, reading what it says comes to an end.
+        guard = threading.Timer(PATIENCE, process.kill)
+        guard.start()
+        try:
+            assert process.stdout is not None
+            lines = []
+            for line in process.stdout:
+                lines.append(line.rstrip('\n'))
+                if 'Ctrl-C' in line:
+                    break
+            urls = re.findall(r'http://\S+', '\n'.join(lines))
+            yield Served(process, lines, urls[0] if urls else '')
+        finally:
+            guard.cancel()
+            process.kill()
+
+
+def ask(url: str, method: str = 'GET', **headers: str) -> tuple[HTTPResponse, bytes]:
+    parts = urlsplit(url)
+    connection = HTTPConnection(parts.hostname or '', parts.port, timeout=PATIENCE)
+    try:
+        connection.request(method, parts.path, headers=headers)
+        response = connection.getresponse()
+        return response, response.read()
+    finally:
+        connection.close()
+
+
+class Remote:
+    """A file at an address as a viewer reads it: by ranges; seekable for the MCAP reader."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._size = int(ask(url, 'HEAD')[0].headers['Content-Length'])
+        self._position = 0
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        self._position = offset + (0, self._position, self._size)[whence]
+        return self._position
+
+    def tell(self) -> int:
+        return self._position
+
+    def read(self, count: int = -1) -> bytes:
+        end = self._size if count < 0 else min(self._size, self._position + count)
+        if end == self._position:
+            return b''
+        response, data = ask(self._url, Range=f'bytes={self._position}-{end - 1}')
+        assert response.status == 206
+        self._position = end
+        return data
+
+
+def test_a_viewer_reads_the_log_by_ranges(log: Path) -> None:
+    with viewing(log) as served, log.open('rb') as stream:
+        remote = make_reader(Remote(served.url))
+        local = make_reader(stream)
+        assert list(remote.iter_messages()) == list(local.iter_messages())
+
+
+def test_what_it_says_leads_to_the_file_and_the_layout(log: Path) -> None:
+    with viewing(log) as served:
+        text = '\n'.join(served.lines)
+        addresses = re.findall(r'(?:https://app\.foxglove\.dev/|foxglove://open)\?\S+', text)
+        assert len(addresses) == 2
+        for address in addresses:
+            query = parse_qs(urlsplit(address).query)
+            assert query == {'ds': ['remote-file'], 'ds.url': [served.url]}
+        assert str(ROOT / 'config' / 'foxglove.json') in text
+        assert urlsplit(served.url).hostname == '127.0.0.1'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_when_it_is_told(log: Path, number: signal.Signals) -> None:
+    with viewing(log) as served:
+        served.process.send_signal(number)
+        assert served.process.wait(PATIENCE) == 0
+        assert served.process.stderr is not None
+        assert served.process.stderr.read().strip() == ''
+
+
+@pytest.fixture(scope='module')
+def small() -> Iterator[tuple[FileServer, bytes]]:
+    """Yield a server of a small file in this process, and the file's content."""
+    import tempfile
+
+    content = bytes(range(256)) * 4
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'a file.mcap'
+        path.write_bytes(content)
+        with FileServer(path) as server:
+            thread = threading.Thread(target=server.serve_forever)
+            thread.start()
+            try:
+                yield server, content
+            finally:
+                server.shutdown()
+                thread.join()
+
+
+@given(st.integers(0, 1200), st.integers(0, 1200))
+@settings(max_examples=60, deadline=None)
+def test_any_range_has_the_files_bytes(
+    small: tuple[FileServer, bytes], first: int, length: int
+) -> None:
+    server, content = small
+    response, data = ask(server.url, Range=f'bytes={first}-{first + length}')
+    if first >= len(content):
+        assert response.status == 416
+        assert response.headers['Content-Range'] == f'bytes */{len(content)}'
+        return
+    assert data == content[first : first + length + 1]
+    assert int(response.headers['Content-Length']) == len(data)
+    if len(data) < len(content):
+        assert response.status == 206
+        last = first + len(data) - 1
+        assert response.headers['Content-Range'] == f'bytes {first}-{last}/{len(content)}'
+
+
+@pytest.mark.parametrize(
+    ('header', 'start', 'end'),
+    [
+        ('bytes=100-', 100, 1024),
+        ('bytes=-100', 924, 1024),
+        ('bytes=-5000', 0, 1024),
+        ('bytes=', 0, 1024),
+        ('bytes=5-3', 0, 1024),
+        ('bytes=0-1,5-6', 0, 1024),
+        ('lines=1-2', 0, 1024),
+    ],
+)
+def test_ranges_in_other_words(
+    small: tuple[FileServer, bytes], header: str, start: int, end: int
+) -> None:
+    server, content = small
+    response, data = ask(server.url, Range=header)
+    assert data == content[start:end]
+    assert response.status == (200 if len(data) == len(content) else 206)
+
+
+def test_pages_may_ask_for_ranges_and_see_the_size(small: tuple[FileServer, bytes]) -> None:
+    server, content = small
+    response, _ = ask(server.url, 'OPTIONS', Origin='https://app.foxglove.dev')
+    assert response.status == 204
+    assert 'Range' in response.headers['Access-Control-Allow-Headers']
+    assert response.headers['Access-Control-Allow-Private-Network'] == 'true'
+    response, data = ask(server.url, 'HEAD')
+    assert data == b''
+    assert response.headers['Content-Length'] == str(len(content))
+    assert response.headers['Accept-Ranges'] == 'bytes'
+    for method in ('HEAD', 'GET', 'OPTIONS'):
+        assert ask(server.url, method)[0].headers['Access-Control-Allow-Origin'] == '*'
+    exposed = response.headers['Access-Control-Expose-Headers']
+    assert {'Content-Length', 'Content-Range', 'Accept-Ranges'} <= set(exposed.split(', '))
+
+
+def test_nothing_else_is_served(small: tuple[FileServer, bytes]) -> None:
+    server, _ = small
+    root = f'http://127.0.0.1:{server.server_port}'
+    secret = urlsplit(server.url).path.split('/')[1]
+    for path in ('/', '/a%20file.mcap', f'/{secret}/', f'/{secret}/../../etc/passwd'):
+        response, data = ask(f'{root}{path}')
+        assert (response.status, data) == (404, b'')
+    assert ask(server.url, 'POST')[0].status == 501
+
+
+@pytest.mark.parametrize('status', [0, 1])
+def test_an_installed_viewer_opens_the_file(log: Path, tmp_path: Path, status: int) -> None:
+    program = tmp_path / 'foxglove-studio'
+    opened = tmp_path / 'opened'
+    program.write_text(f'#!/bin/sh\nprintf "%s" "$1" > "{opened}"\nexit {status}\n')
+    program.chmod(0o755)
+    with viewing(log, path=f'{tmp_path}:/usr/bin:/bin') as served:
+        assert opened.read_text() == str(log.resolve())
+        if status:  # it is something else of that name
+            assert served.url
+        else:
+            assert served.process.wait(PATIENCE) == 0
+            assert not served.url
+            assert any('foxglove.json' in line for line in served.lines)
+
+
+def test_what_cannot_be_shown_is_told_in_one_line(log: Path, tmp_path: Path) -> None:
+    text = tmp_path / 'text.mcap'
+    text.write_text('no log')
+    torn = tmp_path / 'torn.mcap'
+    torn.write_bytes(log.read_bytes()[:-100])
+    short = tmp_path / 'short.mcap'
+    short.write_bytes(log.read_bytes()[:8])
+    with socket.socket() as taken:
+        taken.bind(('127.0.0.1', 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        for arguments, words in (
+            ((str(tmp_path / 'none.mcap'),), ('none.mcap',)),
+            ((str(tmp_path),), ('folder',)),
+            ((str(text),), ('text.mcap', 'MCAP')),
+            ((str(torn),), ('torn.mcap', 'cut off')),
+            ((str(short),), ('short.mcap',)),
+            ((str(log), '--port', port), (port,)),
+            ((str(log), '--port', '70000'), ('70000',)),
+            ((str(log), '--port', 'x'), ('port',)),
+            ((), ('RUN.mcap',)),
+        ):
+            result = subprocess.run(
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'view', *arguments],
+                env={
+                    **os.environ,
+                    'PATH': '/usr/bin:/bin',
+                    'PYTHONPATH': os.pathsep.join(sys.path),
+                },
+                capture_output=True,
+                text=True,
+                timeout=PATIENCE,
+            )
+            assert result.returncode == 2, arguments
+            assert result.stdout == ''
+            assert result.stderr.count('\n') == 1, result.stderr
+            for word in words:
+                assert word in result.stderr
