@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import paper_like, run_of, ticks
+from report_runs import paper_like, run_of, ticks, without_error
 from robots import all_angles, Angles, Machine, machines, PROPERTY
 
 from masmc_ros.errors import InputError
@@ -235,10 +235,19 @@ def test_folder_that_cannot_be_written(
 
 
 def test_one_bad_run_leaves_no_folder(two_runs: list[Run], tmp_path: Path) -> None:
-    bad = run_of(np.zeros((1, 4)), np.zeros(1), path='short.mcap')
-    with pytest.raises(InputError, match=r'^short\.mcap: '):
+    bad = replace(two_runs[0], path=Path('bad.mcap'), metadata={'parameters': [{'plant': '['}]})
+    with pytest.raises(InputError, match=r'^bad\.mcap: '):
         write_report([*two_runs, bad], tmp_path / 'report')
     assert not (tmp_path / 'report').exists()
+
+
+def test_run_without_errors_is_in_the_table(two_runs: list[Run], tmp_path: Path) -> None:
+    bare = replace(without_error(paper_like('bag.mcap')), metadata={}, reference=None)
+    names = [path.name for path in write_report([*two_runs, bare], tmp_path)]
+    assert 'comparison.png' in names
+    assert not any(name.startswith('bag') for name in names)
+    (line,) = (tmp_path / 'table.md').read_text().splitlines()[4:]
+    assert line.startswith('| bag | 10-20 | - | - | - | - | - | - | ')
 
 
 def test_report_of_nothing_is_refused(tmp_path: Path) -> None:

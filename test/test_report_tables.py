@@ -7,6 +7,7 @@ import csv
 from dataclasses import astuple, replace
 import io
 import json
+import math
 from typing import Any
 
 from hypothesis import given
@@ -18,7 +19,19 @@ from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import Metrics, metrics
 from masmc_ros.report.table import csv_table, markdown_table, number, text_table
 
-KNOWN = Metrics(10.0, 20.0, 0.020688, 0.0752, 0.0395656, 0.0601855, 3.4239, 236554.4, None)
+KNOWN = Metrics(
+    begin=10.0,
+    end=20.0,
+    end_effector_rms=0.020688,
+    end_effector_max=0.0752,
+    platform_rms=0.0395656,
+    platform_max=0.0601855,
+    end_effector_settling=1.934,
+    platform_settling=math.inf,
+    torque_rms=3.4239,
+    torque_variation=236554.4,
+    estimate_norm=None,
+)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +92,8 @@ def test_text_table_is_aligned() -> None:
     ends = [len(head.rstrip()), len(units), len(rule), len(first), len(second)]
     assert len(set(ends)) == 1
     assert first.split() == [
-        'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '3.4239', '236550', '-',
+        'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '1.9340', 'does', 'not',
+        '3.4239', '236550', '-',
     ]  # fmt: skip
     # Every column ends where its rule ends.
     edges = [
@@ -92,7 +106,7 @@ def test_text_table_is_aligned() -> None:
 def test_markdown_table_has_a_cell_for_every_head() -> None:
     lines = markdown_table({'a|b': KNOWN}).splitlines()
     assert len(lines) == 3
-    assert {line.replace(r'\|', '').count('|') for line in lines} == {10}
+    assert {line.replace(r'\|', '').count('|') for line in lines} == {12}
     assert '| 75.200 |' in lines[2]
 
 

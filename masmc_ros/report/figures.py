@@ -28,7 +28,8 @@ def draw_figures(
 ) -> Iterator[tuple[str, bytes]]:
     """Yield file name and PNG of every figure: three a run, then all runs in one.
 
-    A run whose log does not tell the positions has no figure of its path.
+    A run whose log does not tell the positions has no figure of its path, one whose log does
+    not tell the errors none of these.
     """
     runs = [each.run for each in compared]
     with paper_style():
