@@ -36,15 +36,18 @@ setup(
     maintainer_email='developers@masmc-ros.invalid',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['report/page/*']},
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.
     install_requires=[
+        'jinja2',
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
         'numba',
         'numpy',
+        'plotly>=6',
         'PyYAML',
         'rosbags',
         'tqdm',
@@ -54,7 +57,8 @@ setup(
             f'ros-jazzy-rclpy[fastrtps]; {WHEELS}',
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
-        'test': ['hypothesis', 'mpmath', 'pytest', 'sympy'],
+        'parquet': ['pyarrow'],
+        'test': ['hypothesis', 'mpmath', 'pyarrow', 'pytest', 'sympy'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

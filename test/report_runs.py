@@ -97,3 +97,12 @@ def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any)
 def without_error(run: Run) -> Run:
     """Return a run whose log lacks the controller's own errors."""
     return replace(run, tracking_error=None, tracking_error_times=None)
+
+
+def with_change(run: Run, time: float, node: str, **values: Any) -> Run:
+    """Return a run in which a node's parameters were changed, `time` in s from its start."""
+    stamp = round((float(run.times[0]) + time) * 1e9)
+    change = {'node': node, 'tick': round(time * 100), 'stamp': stamp, 'parameters': values}
+    earlier = run.metadata.get('parameter_changes', [])
+    record = {'000000': json.dumps(change)}
+    return replace(run, metadata={**run.metadata, 'parameter_changes': [*earlier, record]})

@@ -204,8 +204,13 @@ def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> N
     folder = tmp_path / 'new' / 'report'
     written = write_report(two_runs, folder)
     assert sorted(written) == sorted(folder.iterdir())
-    assert [path.name for path in written[:3]] == ['table.txt', 'table.md', 'metrics.csv']
-    assert 'smc, tanh δ 0.2' in written[0].read_text()
+    assert [path.name for path in written[:4]] == [
+        'report.html',
+        'table.txt',
+        'table.md',
+        'metrics.csv',
+    ]
+    assert 'smc, tanh δ 0.2' in written[1].read_text()
     assert sum(path.suffix == '.png' for path in written) == 7
 
 
@@ -219,19 +224,19 @@ def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ('place', 'named'),
-    [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/table.txt')],
+    [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/report.html')],
 )
 def test_folder_that_cannot_be_written(
     two_runs: list[Run], tmp_path: Path, place: str, named: str
 ) -> None:
     (tmp_path / 'file').write_text('mine')
-    (tmp_path / 'folder' / 'table.txt').mkdir(parents=True)
+    (tmp_path / 'folder' / 'report.html').mkdir(parents=True)
     with pytest.raises(InputError) as caught:
         write_report(two_runs[:1], tmp_path / place)
     assert str(caught.value).startswith(f'{tmp_path / named}: cannot be written (')
     assert '\n' not in str(caught.value)
     assert (tmp_path / 'file').read_text() == 'mine'
-    assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['table.txt']
+    assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['report.html']
 
 
 def test_one_bad_run_leaves_no_folder(two_runs: list[Run], tmp_path: Path) -> None:

@@ -6,14 +6,13 @@ from __future__ import annotations
 import csv
 from dataclasses import astuple, replace
 import io
-import json
 import math
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from report_runs import paper_like
+from report_runs import paper_like, with_change
 
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import Metrics, metrics
@@ -51,8 +50,7 @@ def test_label_tells_the_law(parameters: dict[str, Any], label: str) -> None:
 
 def test_label_tells_that_parameters_were_changed() -> None:
     run = paper_like()
-    change = {'000000': json.dumps({'node': 'controller', 'tick': 5, 'parameters': {}})}
-    changed = replace(run, metadata={**run.metadata, 'parameter_changes': [change]})
+    changed = with_change(run, 5.0, 'controller', k_s1=150.0)
     assert labels([changed]) == ['smc, tanh δ 0.2, changed']
 
 

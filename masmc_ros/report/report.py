@@ -13,6 +13,7 @@ from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.figures import draw_figures
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
+from masmc_ros.report.page import report_page
 from masmc_ros.report.table import csv_table, markdown_table, text_table
 from masmc_ros.report.tracking import tracking
 
@@ -27,7 +28,7 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
         directory: the folder.
 
     Returns:
-        The files: table.txt, table.md, metrics.csv, then the figures.
+        The files: report.html, table.txt, table.md, metrics.csv, then the figures.
 
     Raises:
         InputError: for a run without what a report needs and for a folder that cannot be
@@ -43,6 +44,7 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
     directory = Path(directory)
     _make(directory)
     files = {
+        'report.html': report_page(compared, reached).encode(),
         'table.txt': text_table(rows).encode(),
         'table.md': markdown_table(rows).encode(),
         'metrics.csv': csv_table(rows).encode(),
