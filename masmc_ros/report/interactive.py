@@ -16,7 +16,15 @@ from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.parameters import run_changes
 from masmc_ros.report.thinning import envelope
-from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, time_plot
+from masmc_ros.report.time_plot import (
+    COLOURS,
+    INK,
+    Line,
+    lines,
+    page_layout,
+    scatter,
+    time_plot,
+)
 from masmc_ros.report.tracking import Tracking
 
 Floats = NDArray[np.float64]
@@ -135,13 +143,4 @@ def _path(run: Run, tracked: Tracking) -> go.Figure:
 
 def _add_path(figure: go.Figure, name: str, points: Floats, colour: str, dash: str) -> None:
     kept = envelope(points, _PATH_BUCKETS)
-    figure.add_trace(
-        go.Scatter(
-            x=points[kept, 0],
-            y=points[kept, 1],
-            name=name,
-            mode='lines',
-            line={'width': 1.5, 'dash': dash},
-            meta=colour,
-        )
-    )
+    figure.add_trace(scatter(name, points[kept, 0], points[kept, 1], colour, dash))

@@ -26,6 +26,9 @@ INK = 'ink'
 _SOLID = 4
 """Lines of a plot that are told apart by their colours alone."""
 
+_NAMED = 8
+"""Changes whose names there is room for; those of more are seen by pointing at them."""
+
 
 class Line(NamedTuple):
     """A signal to draw; `name` is HTML as plotly takes it."""
@@ -68,8 +71,9 @@ def time_plot(
         is_logarithmic: whether the ordinate is.
     """
     figure = go.Figure(layout=page_layout())
-    for line in drawn:
-        figure.add_trace(scatter(line.name, line.times, line.values, line.colour, line.dash))
+    for name, times, values, colour, dash in drawn:
+        kept = envelope(values[:, None])
+        figure.add_trace(scatter(name, times[kept], values[kept], colour, dash))
     figure.update_xaxes(title='time (s)', range=list(span))
     figure.update_yaxes(title=quantity)
     if is_logarithmic:
@@ -80,14 +84,14 @@ def time_plot(
 
 
 def scatter(name: str, x: Floats, y: Floats, colour: str, dash: str) -> go.Scatter:
-    """Return a line through the samples (n) that its outline needs; the page colours it."""
-    kept = envelope(y[:, None])
+    """Return a line through the points (n); the page colours it."""
     return go.Scatter(
-        x=x[kept],
-        y=y[kept],
+        x=x,
+        y=y,
         name=name,
         mode='lines',
-        line={'width': 1.5, 'dash': dash},
+        # It is thinned already, and plotly's own way shows corners.
+        line={'width': 1.5, 'dash': dash, 'simplify': False},
         meta=colour,
     )
 
@@ -96,8 +100,8 @@ def page_layout() -> dict[str, Any]:
     """Return what all plots of the page have in common."""
     return {
         'template': None,
-        'margin': {'l': 64, 'r': 12, 't': 8, 'b': 48},
-        'legend': {'orientation': 'h', 'x': 0.0, 'y': 1.02, 'yanchor': 'bottom'},
+        'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
+        'legend': {'orientation': 'h', 'x': 0.0, 'y': 0.0, 'yref': 'container'},
         'hovermode': 'closest',
         'showlegend': True,
         'font': {'size': 13},
@@ -106,10 +110,12 @@ def page_layout() -> dict[str, Any]:
 
 def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
     """Mark changes: those of one tick together, as a symbol at the upper edge."""
-    times, texts = [], []
+    times, names, texts = [], [], []
     for time, group in groupby(changes, key=lambda change: change.time):
+        together = list(group)
         times.append(time)
-        texts.append('<br>'.join(map(change_text, group)))
+        names.append(', '.join(escape(change.name) for change in together))
+        texts.append('<br>'.join(map(_change_text, together)))
         figure.add_vline(time, line={'width': 1.2, 'dash': 'dot', 'color': '#8C8C8C'})
     figure.add_trace(
         go.Scatter(
@@ -117,8 +123,11 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
             y=[1.0] * len(times),
             yaxis='y2',
             name='parameters changed',
-            mode='markers',
+            showlegend=len(times) > _NAMED,
+            mode='markers+text' if len(times) <= _NAMED else 'markers',
             marker={'symbol': 'triangle-down', 'size': 12},
+            text=names,
+            textposition='bottom right',
             meta=INK,
             cliponaxis=False,
             hovertext=texts,
@@ -130,7 +139,7 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
     )
 
 
-def change_text(change: Change) -> str:
+def _change_text(change: Change) -> str:
     """Return a change as the HTML that plotly takes, such as 'controller k_s1: 1.0 → 2.0'."""
     return escape(
         f'{change.node} {change.name}: {value_text(change.old)} → {value_text(change.new)}'

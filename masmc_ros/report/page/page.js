@@ -12,6 +12,7 @@
       if (trace.marker) trace.marker.color = colour(trace.meta);
     }
     layout.paper_bgcolor = layout.plot_bgcolor = 'rgba(0,0,0,0)';
+    layout.modebar = { bgcolor: 'rgba(0,0,0,0)', color: colour('faint'), activecolor: colour('ink') };
     layout.font.color = colour('ink');
     layout.hoverlabel = { bgcolor: colour('paper'), font: { color: colour('ink') } };
     for (const axis of [layout.xaxis, layout.yaxis]) {
@@ -20,11 +21,13 @@
     }
   };
 
-  // Where fingers scroll the page, the plots' buttons zoom.
+  // Where fingers scroll the page, the plots' buttons zoom. No button shares data with a server.
   const isTouched = matchMedia('(pointer: coarse)').matches;
   const config = {
     responsive: true,
     displaylogo: false,
+    showSendToCloud: false,
+    plotlyServerURL: '',
     displayModeBar: isTouched || undefined,
     doubleClick: 'reset',
     modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
