@@ -26,17 +26,19 @@ def envelope(values: NDArray[np.float64], buckets: int = BUCKETS) -> NDArray[np.
     if size <= 2:
         return np.arange(n)
     count = -(-n // size)
-    padding = np.zeros((count * size - n, values.shape[1]))
+    # The last stretch is filled up with what is never the best of it.
+    padding = np.full((count * size - n, values.shape[1]), -np.inf)
+
+    def best(score: NDArray[np.float64]) -> NDArray[np.intp]:
+        stretches = np.concatenate((score, padding)).reshape(count, size, -1)
+        return (stretches.argmax(axis=1) + size * np.arange(count)[:, None]).ravel()
+
     is_gap = np.isnan(values)
-    chosen = [np.array([0, n - 1])]
-    for score in (
-        np.where(is_gap, -np.inf, values),
-        np.where(is_gap, -np.inf, -values),
-        is_gap.astype(np.float64),
-    ):
-        # Samples of nothing come last: the first of equals is taken, which is a real one.
-        stretches = np.concatenate((score, padding - np.inf)).reshape(count, size, -1)
-        best = stretches.argmax(axis=1) + size * np.arange(count)[:, None]
-        chosen.append(best.ravel())
-    # Where there is no gap, the third picks the first sample of the stretch, which does no harm.
+    gaps = best(is_gap.astype(np.float64))
+    chosen = (
+        [0, n - 1],
+        best(np.where(is_gap, -np.inf, values)),
+        best(np.where(is_gap, -np.inf, -values)),
+        gaps[is_gap.any(axis=1)[gaps]],
+    )
     return np.unique(np.concatenate(chosen))

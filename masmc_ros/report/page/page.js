@@ -46,7 +46,7 @@
       isLinking = true;
       const others = overTime.filter((other) => other !== chart);
       const range = [...chart.layout.xaxis.range];
-      await Promise.all(others.map((other) => Plotly.relayout(other, { 'xaxis.range': range })));
+      await Promise.all(others.map((other) => Plotly.relayout(other, { 'xaxis.range': [...range] })));
       isLinking = false;
     });
 
