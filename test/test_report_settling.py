@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 import numpy as np
 import pytest
-from report_runs import run_of, ticks
+from report_runs import run_of, ticks, with_change
 
 from masmc_ros.report.metrics import metrics
 from masmc_ros.report.settling import FLOOR, settling_band, settling_time
 
 NEAR_THE_BAND = st.sampled_from([0.0, 0.5, 1.0]).flatmap(lambda x: st.floats(-0.04 * x, x))
+
 
 @given(st.floats(0.1, 10.0), st.floats(1.0, 5.0))
 def test_exponential_settles_after_four_time_constants(size: float, rate: float) -> None:
@@ -49,6 +50,24 @@ def test_who_leaves_the_band_again_has_not_settled(at: float, settled: float) ->
     errors = np.exp(-t)[:, None] * [1.0, 0.0]
     errors[np.isclose(t, at)] = 0.1
     assert settling_time(t, errors) == settled
+
+
+@pytest.mark.parametrize(
+    ('changed', 'settled'),
+    [(0.0, math.inf), (5.0, math.inf), (9.0, 14.0), (13.0, 14.0), (19.9, 14.0)],
+)
+def test_a_change_of_parameters_begins_anew(changed: float, settled: float) -> None:
+    t = ticks()
+    errors = np.where(t < 14.0, 1.0, 0.0)[:, None] * [1.0, 0.0]
+    error = np.hstack((errors, errors))
+    run = with_change(run_of(error, t), changed, 'controller', k_s1=1.0)
+    assert metrics(run).platform_settling == settled
+
+
+def test_a_change_shortly_before_the_end_is_no_excuse() -> None:
+    t = ticks()
+    errors = np.where(t < 15.5, 1.0, 0.0)[:, None] * [1.0, 0.0]
+    assert settling_time(t, errors, 15.4) == math.inf
 
 
 def test_what_is_no_number_has_not_settled() -> None:

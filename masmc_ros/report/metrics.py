@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_changes
 from masmc_ros.report.settling import settling_time
 from masmc_ros.report.tracking import Tracking, tracking
 
@@ -70,6 +72,7 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         run.torque,
         run.parameter_estimate,
         window or second_half(run.times - begun),
+        max((change.time for change in run_changes(run)), default=-math.inf),
     )
 
 
@@ -86,6 +89,7 @@ def measure(
     torque: Floats,
     estimate: Floats | None,
     window: Window,
+    changed: float = -math.inf,
 ) -> Metrics:
     """Compute the metrics of signals.
 
@@ -96,9 +100,10 @@ def measure(
         torque: (M, 4) in N m.
         estimate: (L, 7) base inertial parameters over time, or None.
         window: begin <= t < end, s.
+        changed: time of the last change of parameters, s.
     """
     begin, end = window
-    settling = [settling_time(times, part) for part in (error[:, :2], error[:, 2:])]
+    settling = [settling_time(times, part, changed) for part in (error[:, :2], error[:, 2:])]
     error = error[_within(times, begin, end)]
     torque = torque[_within(torque_times, begin, end)]
     if estimate is not None and not len(estimate):

@@ -17,11 +17,14 @@ FLOOR = 1.0e-3
 """Least band in m: what starts on its reference has nothing to take 2 % of."""
 
 STAY = 0.5
-"""Part of the run, at its end, in which the error must not leave the band any more.
+"""Part of the time since the last change of parameters for which the error must stay, at its end.
 
 Otherwise an oscillation that happens to be near zero when the log ends would be settled: under
 smc the paper's run has such a burst once in ten seconds, the period of its path.
 """
+
+LEAST_STAY = 0.25
+"""The same as a part of the whole time, for changes shortly before the end."""
 
 
 def settling_band(errors: Floats) -> float:
@@ -29,7 +32,7 @@ def settling_band(errors: Floats) -> float:
     return float(np.maximum(BAND * np.linalg.norm(errors[0]), FLOOR))
 
 
-def settling_time(times: Floats, errors: Floats) -> float | None:
+def settling_time(times: Floats, errors: Floats, changed: float = -math.inf) -> float | None:
     """Return the time after which |e| stays in the band until the log ends.
 
     The settling time of a step response (Ogata, Modern Control Engineering), with the error in
@@ -38,16 +41,18 @@ def settling_time(times: Floats, errors: Floats) -> float | None:
     Args:
         times: (n) s, ascending.
         errors: (n, m) m; one that is not a number is outside.
+        changed: time of the last change of parameters, s.
 
     Returns:
-        s from the first error; infinity where it does not settle in the first half of the
-        time; None without errors.
+        s from the first error; infinity where it does not settle, or does not stay for long
+        enough (see STAY, LEAST_STAY); None without errors.
     """
     if not len(errors):
         return None
     outside = np.flatnonzero(~(np.linalg.norm(errors, axis=1) <= settling_band(errors)))
     first = int(outside[-1]) + 1 if len(outside) else 0
     begin, end = float(times[0]), float(times[-1])
-    if first == len(times) or end - times[first] < STAY * (end - begin):
+    stay = max(STAY * (end - max(begin, changed)), LEAST_STAY * (end - begin))
+    if first == len(times) or end - times[first] < stay:
         return math.inf
     return float(times[first]) - begin

@@ -60,7 +60,7 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
         'E and F: distance of the end effector and of the platform point F from where they'
         ' should be.\n'
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
-        f' {FLOOR * _MILLIMETRES:g} mm if that is more, in the first half of the run.\n'
+        f' {FLOOR * _MILLIMETRES:g} mm if that is more.\n'
         'Torque variation: sum of the changes of all four commands, per second.\n'
     )
 

@@ -39,6 +39,6 @@ def envelope(values: NDArray[np.float64], buckets: int = BUCKETS) -> NDArray[np.
         [0, n - 1],
         best(np.where(is_gap, -np.inf, values)),
         best(np.where(is_gap, -np.inf, -values)),
-        gaps[is_gap.any(axis=1)[gaps]],
+        gaps[np.any(is_gap[gaps], axis=1)],
     )
     return np.unique(np.concatenate(chosen))
