@@ -215,6 +215,14 @@ def test_parquet_without_pyarrow_is_one_line(
     assert not (tmp_path / 'x').exists()
 
 
+def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> None:
+    assert main(['export', str(tmp_path / 'none.mcap'), '--output', str(tmp_path / 'x')]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f'masmc export: {tmp_path / "none.mcap"}: cannot be read')
+    assert message.count('\n') == 1
+    assert not (tmp_path / 'x').exists()
+
+
 def test_document_names_every_column() -> None:
     text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
     for column in COLUMNS:

@@ -8,11 +8,14 @@ from pathlib import Path
 import re
 from typing import Any
 
+from logged_runs import numbers as numbers_of_a_run
+from logged_runs import write_run
 import numpy as np
 import pytest
 from report_html import numbers, Page
 from report_runs import paper_like, run_of, ticks, with_change, without_error
 
+from masmc_ros.cli.main import main
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.labels import labels
@@ -248,7 +251,7 @@ BARE: dict[str, Any] = {'metadata': {}, 'reference': None}
         (
             replace(paper_like(), reference=None),
             ['path', 'error_E', 'error_F', 'torque'],
-            'No ref',
+            'No reference: where',
         ),
         (replace(paper_like(), **BARE), ['path', 'error_E', 'error_F', 'torque'], 'No parameters'),
         (replace(without_error(paper_like()), **BARE), ['path', 'torque'], 'No errors: neither'),
@@ -271,6 +274,21 @@ def test_what_is_missing_is_said(run: Run, plots: list[str], said: str) -> None:
     assert said in box.text
     for name in plots:
         assert found.figure(f'run-1-{name}')['data']
+
+
+def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, folder = tmp_path / 'lab.mcap', tmp_path / 'report'
+    told = numbers_of_a_run(40)
+    write_run(log, told, '/left/', everything=False)
+    assert main(['report', str(log), '--output', str(folder)]) == 0
+    assert 'report.html' in capsys.readouterr().out
+    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    assert found.figures() == ['run-1-path', 'run-1-torque']
+    (path,) = found.figure('run-1-path')['data']
+    assert numbers(path['x']).tolist() == told.position[:, 0].tolist()
+    wheel = found.figure('run-1-torque')['data'][0]
+    assert numbers(wheel['y']).tolist() == told.effort[:, 3].tolist()
+    assert len(found.root.all('li')) == 7
 
 
 def test_whole_log_lacks_nothing(both: Page) -> None:

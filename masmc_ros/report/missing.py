@@ -21,9 +21,9 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     if not run_parameters(run):
         yield 'No parameters: law, gains and robot are not known.'
     elif run_robot(run) is None:
-        yield "No parameters of the robot: the end effector's position cannot be computed."
+        yield 'No parameters of the robot: E and F cannot be computed from the joints.'
     if run.reference is None:
-        yield f'No {REFERENCE_TOPIC}: where the robot should be follows from its errors only.'
+        yield f'No {REFERENCE_TOPIC}: where the robot should be, only its errors can tell.'
     if not has_own_error and len(tracked.error):
         yield (
             f'No {telemetry_topic("tracking_error")}: the errors are computed from the states and'
