@@ -36,15 +36,18 @@ setup(
     maintainer_email='developers@masmc-ros.invalid',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['report/page/*']},
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.
     install_requires=[
+        'jinja2',
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
         'numba',
         'numpy',
+        'plotly>=6',
         'PyYAML',
         'rosbags',
         'tqdm',
@@ -55,7 +58,16 @@ setup(
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
         'live': ['foxglove-sdk'],
-        'test': ['foxglove-sdk', 'hypothesis', 'mpmath', 'pytest', 'sympy', 'websockets'],
+        'parquet': ['pyarrow'],
+        'test': [
+            'foxglove-sdk',
+            'hypothesis',
+            'mpmath',
+            'pyarrow',
+            'pytest',
+            'sympy',
+            'websockets',
+        ],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.reader import Run
 from masmc_ros.robot.parameters import ROBOT
 
@@ -61,15 +60,13 @@ def run_of(
         sliding_surface_times=None,
         parameter_estimate=None,
         parameter_estimate_times=None,
+        parameters={'controller': {**PARAMETERS, **parameters}},
+        changes=(),
+        restarted=(),
         topics={},
-        metadata=record({'controller': {**PARAMETERS, **parameters}}),
+        metadata={},
         attachments={},
     )
-
-
-def record(nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, list[dict[str, str]]]:
-    """Return a log's metadata with these parameters by node."""
-    return {'parameters': [{node: json.dumps(values) for node, values in nodes.items()}]}
 
 
 def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any) -> Run:
@@ -97,3 +94,14 @@ def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any)
 def without_error(run: Run) -> Run:
     """Return a run whose log lacks the controller's own errors."""
     return replace(run, tracking_error=None, tracking_error_times=None)
+
+
+def with_change(run: Run, time: float, node: str, **values: Any) -> Run:
+    """Return a run in which a node's parameters were changed, `time` in s from its start."""
+    stamp = round((float(run.times[0]) + time) * 1e9)
+    known = dict(run.parameters.get(node.rpartition('/')[2], {}))
+    for earlier in run.changes:
+        if earlier.node.rpartition('/')[2] == node.rpartition('/')[2]:
+            known.update(earlier.parameters)
+    change = ParameterRecord(node, round(time * 100), stamp, {**known, **values}, tuple(values))
+    return replace(run, changes=(*run.changes, change))

@@ -10,14 +10,16 @@ from itertools import chain
 from pathlib import Path
 
 from hypothesis import given
+from logged_runs import numbers, write_run
 import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import paper_like, run_of, ticks
+from report_runs import paper_like, run_of, ticks, without_error
 from robots import all_angles, Angles, Machine, machines, PROPERTY
 
+from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
@@ -129,7 +131,7 @@ def test_further_runs_are_named_by_their_logs() -> None:
         paper_like('first.mcap'),
         paper_like('x/my run.mcap'),
         paper_like('y/my run.mcap'),
-        replace(paper_like('bag.mcap'), metadata={}),
+        replace(paper_like('bag.mcap'), parameters={}),
         paper_like('z.mcap', law='rasmc'),
     ]
     assert [names[0] for names in figure_names(runs)] == [
@@ -149,14 +151,14 @@ def test_no_two_figures_share_a_name() -> None:
 
 
 def test_log_without_positions_has_no_path() -> None:
-    bare = replace(paper_like('bag.mcap'), metadata={}, reference=None)
+    bare = replace(paper_like('bag.mcap'), parameters={}, reference=None)
     assert list(figures([bare])) == ['bag_end_effector.png', 'bag_platform.png', 'comparison.png']
 
 
 def test_any_name_of_a_file_can_be_drawn() -> None:
     stems = ('_hidden', 'cost $x_{$', '$\\frac$', 'a' * 150, '%s {} "')
     runs = [
-        replace(paper_like(f'{stem}.mcap', scale=2.0**i), metadata={})
+        replace(paper_like(f'{stem}.mcap', scale=2.0**i), parameters={})
         for i, stem in enumerate(stems)
     ]
     compared = [
@@ -204,8 +206,13 @@ def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> N
     folder = tmp_path / 'new' / 'report'
     written = write_report(two_runs, folder)
     assert sorted(written) == sorted(folder.iterdir())
-    assert [path.name for path in written[:3]] == ['table.txt', 'table.md', 'metrics.csv']
-    assert 'smc, tanh δ 0.2' in written[0].read_text()
+    assert [path.name for path in written[:4]] == [
+        'report.html',
+        'table.txt',
+        'table.md',
+        'metrics.csv',
+    ]
+    assert 'smc, tanh δ 0.2' in written[1].read_text()
     assert sum(path.suffix == '.png' for path in written) == 7
 
 
@@ -219,26 +226,36 @@ def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ('place', 'named'),
-    [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/table.txt')],
+    [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/report.html')],
 )
 def test_folder_that_cannot_be_written(
     two_runs: list[Run], tmp_path: Path, place: str, named: str
 ) -> None:
     (tmp_path / 'file').write_text('mine')
-    (tmp_path / 'folder' / 'table.txt').mkdir(parents=True)
+    (tmp_path / 'folder' / 'report.html').mkdir(parents=True)
     with pytest.raises(InputError) as caught:
         write_report(two_runs[:1], tmp_path / place)
     assert str(caught.value).startswith(f'{tmp_path / named}: cannot be written (')
     assert '\n' not in str(caught.value)
     assert (tmp_path / 'file').read_text() == 'mine'
-    assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['table.txt']
+    assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['report.html']
 
 
-def test_one_bad_run_leaves_no_folder(two_runs: list[Run], tmp_path: Path) -> None:
-    bad = run_of(np.zeros((1, 4)), np.zeros(1), path='short.mcap')
-    with pytest.raises(InputError, match=r'^short\.mcap: '):
-        write_report([*two_runs, bad], tmp_path / 'report')
+def test_one_bad_log_leaves_no_folder(tmp_path: Path) -> None:
+    write_run(tmp_path / 'good.mcap', numbers(40))
+    (tmp_path / 'bad.mcap').write_text('no log')
+    logs = [str(tmp_path / name) for name in ('good.mcap', 'bad.mcap')]
+    assert main(['report', *logs, '--output', str(tmp_path / 'report')]) == 2
     assert not (tmp_path / 'report').exists()
+
+
+def test_run_without_errors_is_in_the_table(two_runs: list[Run], tmp_path: Path) -> None:
+    bare = replace(without_error(paper_like('bag.mcap')), parameters={}, reference=None)
+    names = [path.name for path in write_report([*two_runs, bare], tmp_path)]
+    assert 'comparison.png' in names
+    assert not any(name.startswith('bag') for name in names)
+    (line,) = (tmp_path / 'table.md').read_text().splitlines()[4:]
+    assert line.startswith('| bag | 10-20 | - | - | - | - | - | - | ')
 
 
 def test_report_of_nothing_is_refused(tmp_path: Path) -> None:

@@ -6,19 +6,31 @@ from __future__ import annotations
 import csv
 from dataclasses import astuple, replace
 import io
-import json
+import math
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
-from report_runs import paper_like
+from report_runs import paper_like, with_change
 
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import Metrics, metrics
 from masmc_ros.report.table import csv_table, markdown_table, number, text_table
 
-KNOWN = Metrics(10.0, 20.0, 0.020688, 0.0752, 0.0395656, 0.0601855, 3.4239, 236554.4, None)
+KNOWN = Metrics(
+    begin=10.0,
+    end=20.0,
+    end_effector_rms=0.020688,
+    end_effector_max=0.0752,
+    platform_rms=0.0395656,
+    platform_max=0.0601855,
+    end_effector_settling=1.934,
+    platform_settling=math.inf,
+    torque_rms=3.4239,
+    torque_variation=236554.4,
+    estimate_norm=None,
+)
 
 
 @pytest.mark.parametrize(
@@ -38,8 +50,7 @@ def test_label_tells_the_law(parameters: dict[str, Any], label: str) -> None:
 
 def test_label_tells_that_parameters_were_changed() -> None:
     run = paper_like()
-    change = {'000000': json.dumps({'node': 'controller', 'tick': 5, 'parameters': {}})}
-    changed = replace(run, metadata={**run.metadata, 'parameter_changes': [change]})
+    changed = with_change(run, 5.0, 'controller', k_s1=150.0)
     assert labels([changed]) == ['smc, tanh δ 0.2, changed']
 
 
@@ -49,7 +60,7 @@ def test_runs_under_one_law_are_told_apart_by_file() -> None:
 
 
 def test_log_of_another_recorder_goes_by_its_file() -> None:
-    assert labels([replace(paper_like('bags/lab.mcap'), metadata={})]) == ['lab']
+    assert labels([replace(paper_like('bags/lab.mcap'), parameters={})]) == ['lab']
 
 
 @given(st.lists(st.sampled_from(['a', 'x/a', 'y/a', 'b', 'q' * 60, 'x/' + 'q' * 60]), min_size=1))
@@ -79,7 +90,8 @@ def test_text_table_is_aligned() -> None:
     ends = [len(head.rstrip()), len(units), len(rule), len(first), len(second)]
     assert len(set(ends)) == 1
     assert first.split() == [
-        'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '3.4239', '236550', '-',
+        'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '1.9340', 'does', 'not',
+        '3.4239', '236550', '-',
     ]  # fmt: skip
     # Every column ends where its rule ends.
     edges = [
@@ -92,7 +104,7 @@ def test_text_table_is_aligned() -> None:
 def test_markdown_table_has_a_cell_for_every_head() -> None:
     lines = markdown_table({'a|b': KNOWN}).splitlines()
     assert len(lines) == 3
-    assert {line.replace(r'\|', '').count('|') for line in lines} == {10}
+    assert {line.replace(r'\|', '').count('|') for line in lines} == {12}
     assert '| 75.200 |' in lines[2]
 
 

@@ -66,6 +66,12 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.param import param
 
         return param(options)
+    if options.command == 'export':
+        from masmc_ros.cli.export import export
+
+        return export(
+            options.logs, options.output, options.format, overwrite=options.overwrite
+        )
     from masmc_ros.cli.demo import demo
 
     return demo(options.output, composed=options.composed)
@@ -124,6 +130,7 @@ def _parser() -> argparse.ArgumentParser:
         'stays as it is; a log that is complete is not touched.',
     )
     recover.add_argument('logs', nargs='+', metavar='RUN.mcap', help='log to complete')
+
     param = commands.add_parser(
         'param',
         help='parameters of running nodes where the ros2 command is not installed',
@@ -133,8 +140,8 @@ def _parser() -> argparse.ArgumentParser:
 
     report = commands.add_parser(
         'report',
-        help="metrics and the paper's figures from logged runs",
-        description="Metrics and the paper's Figures 3-8 from logged runs.",
+        help="metrics, an interactive page and the paper's figures from logged runs",
+        description="Metrics, an interactive page and the paper's Figures 3-8 from logged runs.",
     )
     report.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
     report.add_argument('--output', default='report', help='folder for the report (%(default)s)')
@@ -149,6 +156,21 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument(
         '--port', type=int, default=0, help='port to serve it at; 0 is any free one (%(default)s)'
     )
+
+    export = commands.add_parser(
+        'export',
+        help='logged runs as tables or arrays',
+        description='Logged runs as tables with a row a state, or as arrays: number for number.',
+    )
+    export.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
+    export.add_argument('--output', default='export', help='folder for the files (%(default)s)')
+    export.add_argument(
+        '--format',
+        default='csv',
+        choices=('csv', 'parquet', 'npz'),
+        help='csv, parquet (with pyarrow) or npz (NumPy) (%(default)s)',
+    )
+    export.add_argument('--overwrite', action='store_true', help='replace files that are there')
     return parser
 
 

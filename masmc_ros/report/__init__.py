@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics, tables and figures from logged runs; `report.write_report` makes all of them."""
+"""What logged runs say: `report.write_report` for people, `export.write_export` for programs."""

@@ -25,20 +25,25 @@ _HEADROOM = 1.15
 """Height of the lower panel over the largest error in the window."""
 
 
-def end_effector_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure:
+def end_effector_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure | None:
     """Draw the errors of x_E and y_E over the whole run and, enlarged, once settled."""
     return _error_figure(tracked, reached, label, 'E', 0, reached.end_effector_rms)
 
 
-def platform_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure:
+def platform_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure | None:
     """Draw the errors of x_F and y_F over the whole run and, enlarged, once settled."""
     return _error_figure(tracked, reached, label, 'F', 2, reached.platform_rms)
 
 
 def _error_figure(
-    tracked: Tracking, reached: Metrics, label: str, point: str, first: int, rms: float
-) -> Figure:
-    """Draw columns `first` and `first` + 1 of the errors, those of one point, in mm."""
+    tracked: Tracking, reached: Metrics, label: str, point: str, first: int, rms: float | None
+) -> Figure | None:
+    """Draw columns `first` and `first` + 1 of the errors, those of one point, in mm.
+
+    Returns None where there are no errors in the window.
+    """
+    if rms is None:
+        return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     error = tracked.error[:, first : first + 2] * _MILLIMETRES

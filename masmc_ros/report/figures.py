@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-import re
 
 from matplotlib.figure import Figure
 
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
 from masmc_ros.report.error_figure import end_effector_figure, platform_figure
+from masmc_ros.report.files import file_stem
 from masmc_ros.report.labels import law_of
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.path_figure import path_figure
@@ -28,7 +28,8 @@ def draw_figures(
 ) -> Iterator[tuple[str, bytes]]:
     """Yield file name and PNG of every figure: three a run, then all runs in one.
 
-    A run whose log does not tell the positions has no figure of its path.
+    A run whose log does not tell the positions has no figure of its path, one whose log does
+    not tell the errors none of these.
     """
     runs = [each.run for each in compared]
     with paper_style():
@@ -61,18 +62,8 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
         law = law_of(run)
         first = None if law is None else numbers.pop(law, None)
         if first is None:
-            stem = _free(re.sub(r'[^\w.-]+', '_', run.path.stem), taken)
+            stem = file_stem(run.path.stem, taken)
             names.append([f'{stem}_{kind}.png' for kind in KINDS])
         else:
             names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(KINDS)])
     return names
-
-
-def _free(stem: str, taken: set[str]) -> str:
-    """Take a name that no other run has, upper and lower case alike, numbered if need be."""
-    name, number = stem, 1
-    while name.lower() in taken:
-        number += 1
-        name = f'{stem}_{number}'
-    taken.add(name.lower())
-    return name

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.errors import InputError
 from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_changes
+from masmc_ros.report.settling import settling_time
 from masmc_ros.report.tracking import Tracking, tracking
 
 Floats = NDArray[np.float64]
@@ -20,6 +22,8 @@ Window = tuple[float, float]
 class Metrics:
     """Errors and torques of a run over the window begin <= t < end, SI units.
 
+    The settling times are over the whole run. What the log does not tell is None.
+
     Attributes:
         begin: s from the first state.
         end: s from the first state.
@@ -27,21 +31,25 @@ class Metrics:
         end_effector_max: largest |e_E|, m.
         platform_rms: root mean square of |e_F|, m.
         platform_max: largest |e_F|, m.
-        torque_rms: root mean square of the Euclidean norm of the four commanded torques, N m;
-            None without commands in the window.
+        end_effector_settling: s from the first error until |e_E| stays small for good, see
+            `settling_time`; infinity where it does not.
+        platform_settling: likewise of |e_F|.
+        torque_rms: root mean square of the Euclidean norm of the four commanded torques, N m.
         torque_variation: total variation of the commands per time, summed over the joints,
             sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
-            command, large for one that chatters; None likewise.
+            command, large for one that chatters.
         estimate_norm: Euclidean norm of the last estimate of the base inertial parameters,
-            whose units are mixed (kg, kg m2, kg m); None where the log has none.
+            whose units are mixed (kg, kg m2, kg m).
     """
 
     begin: float
     end: float
-    end_effector_rms: float
-    end_effector_max: float
-    platform_rms: float
-    platform_max: float
+    end_effector_rms: float | None
+    end_effector_max: float | None
+    platform_rms: float | None
+    platform_max: float | None
+    end_effector_settling: float | None
+    platform_settling: float | None
     torque_rms: float | None
     torque_variation: float | None
     estimate_norm: float | None
@@ -54,23 +62,18 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         run: the run.
         window: begin <= t < end in s from the first state; by default the second half.
         tracked: the run's tracking, if it is known already.
-
-    Raises:
-        InputError: where the log has no error in the window.
     """
     tracked = tracking(run) if tracked is None else tracked
     begun = run.times[0]
-    try:
-        return measure(
-            tracked.times,
-            tracked.error,
-            run.torque_times - begun,
-            run.torque,
-            run.parameter_estimate,
-            window or second_half(run.times - begun),
-        )
-    except InputError as error:
-        raise InputError(f'{run.path}: {error}') from error
+    return measure(
+        tracked.times,
+        tracked.error,
+        run.torque_times - begun,
+        run.torque,
+        run.parameter_estimate,
+        window or second_half(run.times - begun),
+        max((change.time for change in run_changes(run)), default=-math.inf),
+    )
 
 
 def second_half(times: Floats) -> Window:
@@ -86,6 +89,7 @@ def measure(
     torque: Floats,
     estimate: Floats | None,
     window: Window,
+    changed: float = -math.inf,
 ) -> Metrics:
     """Compute the metrics of signals.
 
@@ -96,26 +100,23 @@ def measure(
         torque: (M, 4) in N m.
         estimate: (L, 7) base inertial parameters over time, or None.
         window: begin <= t < end, s.
-
-    Raises:
-        InputError: where there is no error in the window.
+        changed: time of the last change of parameters, s.
     """
     begin, end = window
+    settling = [settling_time(times, part, changed) for part in (error[:, :2], error[:, 2:])]
     error = error[_within(times, begin, end)]
-    if not len(error):
-        raise InputError(
-            f'no tracking error in {begin:g} s <= t < {end:g} s; expected a longer run'
-        )
     torque = torque[_within(torque_times, begin, end)]
     if estimate is not None and not len(estimate):
         estimate = None
     return Metrics(
         begin=begin,
         end=end,
-        end_effector_rms=rms_norm(error[:, :2]),
-        end_effector_max=largest_norm(error[:, :2]),
-        platform_rms=rms_norm(error[:, 2:]),
-        platform_max=largest_norm(error[:, 2:]),
+        end_effector_rms=rms_norm(error[:, :2]) if len(error) else None,
+        end_effector_max=largest_norm(error[:, :2]) if len(error) else None,
+        platform_rms=rms_norm(error[:, 2:]) if len(error) else None,
+        platform_max=largest_norm(error[:, 2:]) if len(error) else None,
+        end_effector_settling=settling[0],
+        platform_settling=settling[1],
         torque_rms=rms_norm(torque) if len(torque) else None,
         torque_variation=total_variation(torque) / (end - begin) if len(torque) else None,
         estimate_norm=None if estimate is None else float(np.linalg.norm(estimate[-1])),

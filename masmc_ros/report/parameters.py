@@ -1,12 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that a log says its run started with."""
+"""What the parameters of a logged run say: which robot moved, and what changed when."""
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from typing import Any, NamedTuple
 
+from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.reader import Run
 from masmc_ros.robot.parameters import ROBOT, Robot
+
+
+class Change(NamedTuple):
+    """One parameter that changed while the robot ran."""
+
+    time: float
+    """Of the first tick that was computed with the new value, s from the first state."""
+    tick: int
+    node: str
+    name: str
+    old: Any
+    """None where the log does not tell it."""
+    new: Any
+
+
+def run_changes(run: Run) -> list[Change]:
+    """Return what changed while the robot ran, in order."""
+    in_force = {node: dict(values) for node, values in run.parameters.items()}
+    changes = []
+    for record in run.changes:
+        node = record.node.rpartition('/')[2]
+        time = record.stamp / NANOSECONDS - float(run.times[0])
+        known = in_force.setdefault(node, {})
+        changes += [
+            Change(time, record.tick, node, name, known.get(name), value)
+            for name, value in record.changes.items()
+        ]
+        known.update(record.parameters)
+    return changes
 
 
 def run_robot(run: Run) -> Robot | None:
@@ -14,12 +45,16 @@ def run_robot(run: Run) -> Robot | None:
 
     A simulated plant has the real lengths; the other nodes have what they believe.
     """
-    parameters = run.parameters
     for node in ('plant', 'controller', 'trajectory'):
-        values = parameters.get(node, {})
+        values = run.parameters.get(node, {})
         if all(_is_number(values.get(p.name)) for p in ROBOT):
             return Robot.from_values({p.name: values[p.name] for p in ROBOT})
     return None
+
+
+def value_text(value: Any) -> str:
+    """Return a parameter's value as a parameter file has it, '?' for one not known."""
+    return '?' if value is None else json.dumps(value, ensure_ascii=False)
 
 
 def _is_number(value: Any) -> bool:

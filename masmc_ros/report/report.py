@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.figures import draw_figures
+from masmc_ros.report.files import make_folder, whole_file
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
+from masmc_ros.report.page import report_page
 from masmc_ros.report.table import csv_table, markdown_table, text_table
 from masmc_ros.report.tracking import tracking
 
@@ -27,7 +28,7 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
         directory: the folder.
 
     Returns:
-        The files: table.txt, table.md, metrics.csv, then the figures.
+        The files: report.html, table.txt, table.md, metrics.csv, then the figures.
 
     Raises:
         InputError: for a run without what a report needs and for a folder that cannot be
@@ -41,44 +42,17 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
     reached = [metrics(each.run, tracked=each.tracked) for each in compared]
     rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
     directory = Path(directory)
-    _make(directory)
+    make_folder(directory)
     files = {
+        'report.html': report_page(compared, reached).encode(),
         'table.txt': text_table(rows).encode(),
         'table.md': markdown_table(rows).encode(),
         'metrics.csv': csv_table(rows).encode(),
         **dict(draw_figures(compared, reached)),
     }
-    return _write(files, directory)
-
-
-def _make(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _refused(directory, error) from error
-
-
-def _write(files: dict[str, bytes], directory: Path) -> list[Path]:
-    """Write files by name, each whole or not at all."""
     written = []
     for name, content in files.items():
-        path = directory / name
-        part = directory / f'.{name}.part'
-        try:
-            part.write_bytes(content)
-            part.replace(path)
-        except OSError as error:
-            # As far as that goes: where nothing can be written, nothing can be removed.
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-            raise _refused(path, error) from error
-        written.append(path)
+        with whole_file(directory / name) as stream:
+            stream.write(content)
+        written.append(directory / name)
     return written
-
-
-def _refused(path: Path, error: OSError) -> InputError:
-    reason = error.strerror or str(error)
-    return InputError(
-        f'{path}: cannot be written ({reason}); expected a folder for the report that can be'
-        ' made and written'
-    )

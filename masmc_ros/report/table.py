@@ -7,10 +7,12 @@ from collections.abc import Mapping
 import csv
 from dataclasses import asdict
 import io
+import math
 
 import numpy as np
 
 from masmc_ros.report.metrics import Metrics
+from masmc_ros.report.settling import BAND, FLOOR
 
 _HEADS = (
     ('run', ''),
@@ -19,6 +21,8 @@ _HEADS = (
     ('E max', '(mm)'),
     ('F RMS', '(mm)'),
     ('F max', '(mm)'),
+    ('E settles', '(s)'),
+    ('F settles', '(s)'),
     ('torque RMS', '(N·m)'),
     ('torque variation', '(N·m/s)'),
     ('estimate norm', '(mixed)'),
@@ -30,6 +34,8 @@ _UNITS = {
     'end_effector_max': 'm',
     'platform_rms': 'm',
     'platform_max': 'm',
+    'end_effector_settling': 's',
+    'platform_settling': 's',
     'torque_rms': 'N·m',
     'torque_variation': 'N·m/s',
     'estimate_norm': 'mixed',
@@ -40,19 +46,21 @@ _MILLIMETRES = 1.0e3
 
 def text_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as an aligned table, errors in mm, and what they mean."""
-    heads = [[name for name, _ in _HEADS], [unit for _, unit in _HEADS]]
-    body = [_cells(label, each) for label, each in rows.items()]
-    widths = [max(map(len, column)) for column in zip(*heads, *body, strict=True)]
+    top = [[name for name, _ in _HEADS], [unit for _, unit in _HEADS]]
+    body = [cells(label, each) for label, each in rows.items()]
+    widths = [max(map(len, column)) for column in zip(*top, *body, strict=True)]
     rule = ['-' * width for width in widths]
     lines = [
         # Names to the left, numbers to the right.
         '  '.join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip()
-        for line in (*heads, rule, *body)
+        for line in (*top, rule, *body)
     ]
     return '\n'.join(lines) + (
         '\n\n'
         'E and F: distance of the end effector and of the platform point F from where they'
         ' should be.\n'
+        f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
+        f' {FLOOR * _MILLIMETRES:g} mm if that is more.\n'
         'Torque variation: sum of the changes of all four commands, per second.\n'
     )
 
@@ -60,15 +68,18 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as a Markdown table, errors in mm."""
     lines = [
-        [f'{name} {unit}'.rstrip() for name, unit in _HEADS],
+        heads(),
         ['---'] + ['---:'] * (len(_HEADS) - 1),
-        *(_cells(label.replace('|', r'\|'), each) for label, each in rows.items()),
+        *(cells(label.replace('|', r'\|'), each) for label, each in rows.items()),
     ]
     return ''.join(f'| {" | ".join(line)} |\n' for line in lines)
 
 
 def csv_table(rows: Mapping[str, Metrics]) -> str:
-    """Return metrics by label as CSV: SI units, all digits, missing ones empty."""
+    """Return metrics by label as CSV: SI units, all digits, missing ones empty.
+
+    The settling time of what does not settle is `inf`.
+    """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
     writer.writerow(['run', *(f'{name} ({unit})' for name, unit in _UNITS.items())])
@@ -86,12 +97,24 @@ def number(value: float) -> str:
     return text.rstrip('.')
 
 
-def _cells(label: str, row: Metrics) -> list[str]:
+def heads() -> list[str]:
+    """Return what the columns of a table show, with units."""
+    return [f'{name} {unit}'.rstrip() for name, unit in _HEADS]
+
+
+def cells(label: str, row: Metrics) -> list[str]:
+    """Return one run's line of a table, a text a column."""
     errors = (row.end_effector_rms, row.end_effector_max, row.platform_rms, row.platform_max)
+    settling = (row.end_effector_settling, row.platform_settling)
     others = (row.torque_rms, row.torque_variation, row.estimate_norm)
     return [
         label,
         f'{row.begin:g}-{row.end:g}',
-        *(number(error * _MILLIMETRES) for error in errors),
-        *('-' if other is None else number(other) for other in others),
+        *(_known(None if error is None else error * _MILLIMETRES) for error in errors),
+        *('does not' if time == math.inf else _known(time) for time in settling),
+        *map(_known, others),
     ]
+
+
+def _known(value: float | None) -> str:
+    return '-' if value is None else number(value)

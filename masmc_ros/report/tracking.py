@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.errors import InputError
 from masmc_ros.log.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.robot.forward_kinematics import task_positions
@@ -22,7 +21,7 @@ class Tracking:
 
     Attributes:
         times: (K) of the errors.
-        error: (K, 4) e = x - x_d.
+        error: (K, 4) e = x - x_d; K = 0 where the log does not tell it.
         actual: (N, 4) x at every state; None where the log does not tell it.
         desired: (N, 4) x_d at every state, NaN where there is none; None likewise.
     """
@@ -37,11 +36,8 @@ def tracking(run: Run) -> Tracking:
     """Return the tracking of a run.
 
     The error is the controller's own where the log has it, and computed from the states and
-    the reference where not. Of actual and desired positions, one that is missing follows from
-    the other and the error.
-
-    Raises:
-        InputError: for a log that does not tell the error in either way.
+    the reference where not: for that, the log must tell the robot's parameters. Of actual and
+    desired positions, one that is missing follows from the other and the error.
     """
     robot = run_robot(run)
     actual = None if robot is None else task_positions(robot.geometry, run.position)
@@ -52,11 +48,7 @@ def tracking(run: Run) -> Tracking:
         known = np.isfinite(desired).all(axis=1)
         times, error = run.times[known], (actual - desired)[known]
     else:
-        missing = 'reference' if desired is None else "record of the robot's parameters"
-        raise InputError(
-            f'{run.path}: no controller/tracking_error and no {missing} in it; expected a log'
-            ' with one of these'
-        )
+        return Tracking(np.zeros(0), np.zeros((0, 4)), actual, desired)
     if actual is None and desired is not None:
         actual = desired + _at(run.times, times, error)
     elif desired is None and actual is not None:

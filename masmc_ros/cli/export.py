@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc export`: logged runs as tables and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tqdm import tqdm
+
+from masmc_ros.log.reader import read_run
+from masmc_ros.report.export import check_format, write_export
+
+
+def export(logs: Sequence[str], output: str, file_format: str, *, overwrite: bool) -> int:
+    """Read logs, write a file for each into a folder, print what is there."""
+    check_format(file_format)
+    runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
+    for path in write_export(runs, output, file_format, overwrite=overwrite):
+        print(f'{path}: {path.stat().st_size} bytes')
+    return 0

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The columns of an exported run: a row a state."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.names import DERIVATIVES, DRIVEN_JOINTS, JOINTS, TASK_AXES
+from masmc_ros.log.reader import Run
+from masmc_ros.robot.dynamics import BaseParameters
+
+Floats = NDArray[np.float64]
+_Part = tuple[Floats, NDArray[np.bool_]]
+
+_TASK = ('x_E', 'y_E', 'x_F', 'y_F')
+_LENGTHS = 2
+"""The first joints, which are lengths; the others are angles."""
+_ESTIMATE_UNITS = ('kg', 'kg_m2', 'kg_m', 'kg_m', 'kg_m', 'kg_m2', 'kg_m2')
+
+
+class Column(NamedTuple):
+    """A column; its name ends with its unit, `per` for a stroke."""
+
+    quantity: str
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """Return what stands above it."""
+        return f'{self.quantity}_{self.unit}'
+
+
+def _columns() -> tuple[Column, ...]:
+    units = ['m' if number < _LENGTHS else 'rad' for number in range(len(JOINTS))]
+    derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
+    return (
+        Column('time', 's'),
+        *(Column(f'position_{j}', unit) for j, unit in zip(JOINTS, units, strict=True)),
+        *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(JOINTS, units, strict=True)),
+        *(Column(f'applied_effort_{joint}', 'N_m') for joint in DRIVEN_JOINTS),
+        *(Column(f'command_{joint}', 'N_m') for joint in DRIVEN_JOINTS),
+        *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, _TASK)),
+        *(Column(f'error_{axis}', 'm') for axis in _TASK),
+        *(Column(f'surface_{axis}', 'm_per_s') for axis in _TASK),
+        *(
+            Column(f'estimate_{name}', unit)
+            for name, unit in zip(BaseParameters._fields, _ESTIMATE_UNITS, strict=True)
+        ),
+    )
+
+
+COLUMNS = _columns()
+
+
+def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the numbers of a run (n, len(COLUMNS)), and which of them the log has.
+
+    What was sent at other times than the states stands with the last state before it; of
+    several there, the last counts.
+    """
+    states = np.column_stack((run.times, run.position, run.velocity, run.applied_effort))
+    reference = run.reference
+    if reference is None:
+        reference = np.full((len(run.times), DERIVATIVES * TASK_AXES), np.nan)
+
+    def at_states(times: Floats | None, sent: Floats | None, width: int) -> _Part:
+        return _at_states(run.times, times, sent, width)
+
+    parts = (
+        (states, np.ones(states.shape, bool)),
+        at_states(run.torque_times, run.torque, len(DRIVEN_JOINTS)),
+        (reference, ~np.isnan(reference)),
+        at_states(run.tracking_error_times, run.tracking_error, TASK_AXES),
+        at_states(run.sliding_surface_times, run.sliding_surface, TASK_AXES),
+        at_states(
+            run.parameter_estimate_times, run.parameter_estimate, len(BaseParameters._fields)
+        ),
+    )
+    values, known = zip(*parts, strict=True)
+    return np.hstack(values), np.hstack(known)
+
+
+def _at_states(states: Floats, times: Floats | None, sent: Floats | None, width: int) -> _Part:
+    """Return what was sent (m, width) in the rows of the states (n), and which rows have it."""
+    values = np.zeros((len(states), width))
+    known = np.zeros((len(states), width), bool)
+    if times is not None and sent is not None:
+        rows = np.searchsorted(states, times, side='right') - 1
+        is_after = rows >= 0
+        values[rows[is_after]] = sent[is_after]
+        known[rows[is_after]] = True
+    return values, known

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logged runs as tables and arrays for other programs, number for number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import csv
+from importlib.util import find_spec
+import io
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.reader import Run
+from masmc_ros.report.columns import COLUMNS, table_of
+from masmc_ros.report.files import file_stem, make_folder, whole_file
+
+_BLOCK = 10_000
+"""Rows of a CSV file that are made into text at a time."""
+
+
+def write_export(
+    runs: Sequence[Run], directory: str | Path, file_format: str, *, overwrite: bool
+) -> list[Path]:
+    """Write one file a run, named by its log, into a folder, which is made if need be.
+
+    Args:
+        runs: the runs.
+        directory: the folder.
+        file_format: one of FORMATS.
+        overwrite: whether files that are there already may be replaced.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: for a file that is there or cannot be written, and where the format needs
+            what is not installed.
+    """
+    check_format(file_format)
+    directory = Path(directory)
+    taken: set[str] = set()
+    paths = [directory / f'{file_stem(run.path.stem, taken)}.{file_format}' for run in runs]
+    for path in paths:
+        if path.exists() and not overwrite:
+            raise InputError(f'{path}: is there already; add --overwrite to replace it')
+    make_folder(directory)
+    for run, path in zip(runs, paths, strict=True):
+        with whole_file(path) as stream:
+            FORMATS[file_format](run, stream)
+    return paths
+
+
+def check_format(file_format: str) -> None:
+    """Raise InputError where a format cannot be written on this machine."""
+    if file_format == 'parquet' and find_spec('pyarrow') is None:
+        raise InputError(
+            "parquet: needs pyarrow, which is not installed; pip install 'masmc_ros[parquet]', or"
+            ' take csv or npz'
+        )
+
+
+def _write_csv(run: Run, stream: BinaryIO) -> None:
+    """Write a table as CSV: floats in the shortest form that reads as the same number."""
+    values, known = table_of(run)
+    text = io.TextIOWrapper(stream, encoding='utf-8', newline='', write_through=True)
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow([column.name for column in COLUMNS])
+    for first in range(0, len(values), _BLOCK):
+        block = values[first : first + _BLOCK].astype(object)
+        block[~known[first : first + _BLOCK]] = None
+        writer.writerows(block.tolist())
+    text.detach()
+
+
+def _write_parquet(run: Run, stream: BinaryIO) -> None:
+    """Write a table as Parquet, nulls where the log has nothing, units as fields' metadata."""
+    # Imported here: it is not installed everywhere.
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    values, known = table_of(run)
+    fields = [pa.field(c.name, pa.float64(), metadata={'unit': c.unit}) for c in COLUMNS]
+    arrays = [
+        pa.array(np.ascontiguousarray(column), mask=~present, from_pandas=False)
+        for column, present in zip(values.T, known.T, strict=True)
+    ]
+    parquet.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), stream)
+
+
+def _write_npz(run: Run, stream: BinaryIO) -> None:
+    """Write the signals as they are in the log, each with its own times."""
+    arrays = {
+        'time_s': run.times,
+        'position': run.position,
+        'velocity': run.velocity,
+        'applied_effort': run.applied_effort,
+        'command_time_s': run.torque_times,
+        'command': run.torque,
+        'reference': run.reference,
+        'error_time_s': run.tracking_error_times,
+        'error': run.tracking_error,
+        'surface_time_s': run.sliding_surface_times,
+        'surface': run.sliding_surface,
+        'estimate_time_s': run.parameter_estimate_times,
+        'estimate': run.parameter_estimate,
+    }
+    there = {name: values for name, values in arrays.items() if values is not None}
+    np.savez(stream, allow_pickle=False, **there)
+
+
+FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {
+    'csv': _write_csv,
+    'parquet': _write_parquet,
+    'npz': _write_npz,
+}
+"""What writes a run, by the name of the format and of its files."""

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files and folders for results: what is there is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+import re
+from typing import BinaryIO
+
+from masmc_ros.errors import InputError
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; InputError where that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refused(folder, error) from error
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """Write a file that takes its name, or another's place, once it is complete.
+
+    Raises:
+        InputError: where it cannot be written. What was there before is there still.
+    """
+    part = path.with_name(f'.{path.name}.part')
+    try:
+        with part.open('wb') as stream:
+            yield stream
+        part.replace(path)
+    except BaseException as error:
+        # As far as that goes: where nothing can be written, nothing can be removed.
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _refused(path, error) from error
+        raise
+
+
+def file_stem(name: str, taken: set[str]) -> str:
+    """Turn a name into that of a file, numbered if need be, which is `taken` from then on.
+
+    Names that differ by upper and lower case only are the same on some machines.
+    """
+    stem = re.sub(r'[^\w.-]+', '_', name)
+    free, number = stem, 1
+    while free.lower() in taken:
+        number += 1
+        free = f'{stem}_{number}'
+    taken.add(free.lower())
+    return free
+
+
+def _refused(path: Path, error: OSError) -> InputError:
+    reason = error.strerror or str(error)
+    return InputError(
+        f'{path}: cannot be written ({reason}); expected a folder that can be made and written'
+    )

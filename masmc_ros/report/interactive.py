@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The interactive plots of the page: which there are for a run, and for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from itertools import cycle, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+import plotly.graph_objects as go
+
+from masmc_ros.log.reader import Run
+from masmc_ros.report.comparison_figure import Compared
+from masmc_ros.report.parameters import run_changes
+from masmc_ros.report.thinning import envelope
+from masmc_ros.report.time_plot import (
+    COLOURS,
+    INK,
+    Line,
+    lines,
+    page_layout,
+    scatter,
+    time_plot,
+)
+from masmc_ros.report.tracking import Tracking
+
+Floats = NDArray[np.float64]
+
+_MILLIMETRES = 1.0e3
+_AXES = ('x<sub>E</sub>', 'y<sub>E</sub>', 'x<sub>F</sub>', 'y<sub>F</sub>')
+_DRIVES = ('right wheel', 'left wheel', 'arm joint 1', 'arm joint 2')
+_ESTIMATES = (
+    'M (kg)',
+    'J (kg·m²)',
+    'c (kg·m)',
+    'p<sub>1</sub> (kg·m)',
+    'p<sub>2</sub> (kg·m)',
+    'i<sub>1</sub> (kg·m²)',
+    'i<sub>2</sub> (kg·m²)',
+)
+_PATH_BUCKETS = 500
+_DASHES = ('solid', 'dash', 'dot', 'dashdot')
+
+
+class Plot(NamedTuple):
+    """A plot of the page.
+
+    Attributes:
+        name: without spaces, unlike that of the run's other plots.
+        title: what it shows.
+        figure: the plot.
+        is_over_time: whether its abscissa is the time that all such plots share.
+    """
+
+    name: str
+    title: str
+    figure: go.Figure
+    is_over_time: bool = True
+
+
+def span_of(runs: Sequence[Run]) -> tuple[float, float]:
+    """Return the time from the first state to the last of the longest run, s."""
+    return 0.0, max(float(run.times[-1] - run.times[0]) for run in runs)
+
+
+def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) -> list[Plot]:
+    """Return |e_E| and |e_F| of all runs that have errors; none where no run has."""
+    told = [each for each in compared if len(each.tracked.error)]
+    if not told:
+        return []
+    plots = []
+    for point, name, first in (('E', 'end effector', 0), ('F', 'platform point F', 2)):
+        drawn = []
+        styles = cycle(product(_DASHES, COLOURS))
+        for each, (dash, colour) in zip(told, styles, strict=False):
+            errors = each.tracked.error[:, first : first + 2] * _MILLIMETRES
+            size = np.linalg.norm(errors, axis=1)
+            # A logarithm has no place for zero.
+            size[size == 0.0] = np.nan
+            drawn.append(Line(escape(each.label), each.tracked.times, size, colour, dash))
+        figure = time_plot(drawn, f'|e<sub>{point}</sub>| (mm)', span, is_logarithmic=True)
+        title = f'Distance of the {name} from its reference, all runs'
+        plots.append(Plot(f'comparison_{point}', title, figure))
+    return plots
+
+
+def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
+    """Return the plots of one run: of everything that its log tells."""
+    run, tracked = each.run, each.tracked
+    changes = run_changes(run)
+    begun = run.times[0]
+    plots = [Plot('path', 'Paths in the plane', _path(run, tracked), is_over_time=False)]
+
+    def add(
+        name: str, title: str, quantity: str, names: Sequence[str], times: Floats, values: Floats
+    ) -> None:
+        figure = time_plot(lines(names, times, values), quantity, span, changes)
+        plots.append(Plot(name, title, figure))
+
+    if len(tracked.error):
+        for point, name, first in (('E', 'the end effector', 0), ('F', 'platform point F', 2)):
+            errors = tracked.error[:, first : first + 2] * _MILLIMETRES
+            names = [f'e of {axis}' for axis in _AXES[first : first + 2]]
+            title = f'Tracking error of {name}'
+            add(f'error_{point}', title, 'error (mm)', names, tracked.times, errors)
+    if run.sliding_surface is not None and run.sliding_surface_times is not None:
+        times = run.sliding_surface_times - begun
+        names = [f's of {axis}' for axis in _AXES]
+        add('surface', 'Sliding surface', 's (m/s)', names, times, run.sliding_surface)
+    if len(run.torque):
+        times = run.torque_times - begun
+        add('torque', 'Torques commanded', 'torque (N·m)', _DRIVES, times, run.torque)
+    else:
+        times = run.times - begun
+        add('torque', 'Torques applied', 'torque (N·m)', _DRIVES, times, run.applied_effort)
+    if run.parameter_estimate is not None and run.parameter_estimate_times is not None:
+        times = run.parameter_estimate_times - begun
+        title = 'Estimates of the base inertial parameters'
+        add('estimate', title, 'estimate', _ESTIMATES, times, run.parameter_estimate)
+    return plots
+
+
+def _path(run: Run, tracked: Tracking) -> go.Figure:
+    """Draw the paths of E and F, or where these are not known, of the middle of the axle."""
+    figure = go.Figure(layout=page_layout())
+    if tracked.actual is None:
+        _add_path(figure, 'middle of the axle', run.position[:, :2], 'green', 'solid')
+    for name, colour, first in (('E', 'blue', 0), ('F', 'vermillion', 2)):
+        for kind, values, tone, dash in (
+            ('actual', tracked.actual, colour, 'solid'),
+            ('desired', tracked.desired, INK, 'dash' if name == 'E' else 'dot'),
+        ):
+            if values is not None:
+                points = values[:, first : first + 2]
+                _add_path(figure, f'{name} {kind}', points, tone, dash)
+    figure.update_xaxes(title='x (m)')
+    figure.update_yaxes(title='y (m)', scaleanchor='x')
+    return figure
+
+
+def _add_path(figure: go.Figure, name: str, points: Floats, colour: str, dash: str) -> None:
+    kept = envelope(points, _PATH_BUCKETS)
+    figure.add_trace(scatter(name, points[kept, 0], points[kept, 1], colour, dash))

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a log does not tell, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, telemetry_topic
+from masmc_ros.log.reader import Run
+from masmc_ros.report.parameters import run_robot
+from masmc_ros.report.tracking import Tracking
+
+
+def missing(run: Run, tracked: Tracking) -> list[str]:
+    """Return a sentence for everything that a report lacks because the log lacks it."""
+    return list(_sentences(run, tracked))
+
+
+def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
+    for node in run.restarted:
+        yield f'{node} was started again while the robot ran: it began from nothing there.'
+    has_own_error = run.tracking_error is not None
+    if not run.parameters:
+        yield 'No parameters: law, gains and robot are not known.'
+    elif run_robot(run) is None:
+        yield 'No parameters of the robot: E and F cannot be computed from the joints.'
+    if run.reference is None:
+        yield f'No {REFERENCE_TOPIC}: where the robot should be, only its errors can tell.'
+    if not has_own_error and len(tracked.error):
+        yield (
+            f'No {telemetry_topic("tracking_error")}: the errors are computed from the states and'
+            ' the reference.'
+        )
+    elif not len(tracked.error):
+        yield (
+            f'No errors: neither {telemetry_topic("tracking_error")}, nor both the reference and'
+            ' the parameters of the robot.'
+        )
+    if tracked.actual is None:
+        yield 'No positions of E and F: the path is that of the middle of the axle.'
+    if not len(run.torque):
+        yield f'No {COMMAND_TOPIC}: the torques are those that the robot says were applied.'
+    if run.sliding_surface is None:
+        yield f'No {telemetry_topic("sliding_surface")}.'
+    if run.parameter_estimate is None:
+        yield f'No {telemetry_topic("parameter_estimate")}.'

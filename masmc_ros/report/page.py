@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report as one page that needs nothing but a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from masmc_ros import __version__
+from masmc_ros.report.comparison_figure import Compared
+from masmc_ros.report.interactive import comparison_plots, Plot, run_plots, span_of
+from masmc_ros.report.metrics import Metrics
+from masmc_ros.report.missing import missing
+from masmc_ros.report.parameters import run_changes, value_text
+from masmc_ros.report.settling import BAND, FLOOR
+from masmc_ros.report.table import cells, heads
+
+_SOURCES = Path(__file__).with_name('page')
+_ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
+
+
+def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str:
+    """Return the report of runs as HTML: the same text for the same runs.
+
+    Scripts, styles and data are in the page, and its content security policy keeps the
+    browser from loading anything else.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(_SOURCES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    span = span_of([each.run for each in compared])
+    return environment.get_template('page.html').render(
+        version=__version__,
+        heads=heads(),
+        rows=[cells(each.label, row) for each, row in zip(compared, reached, strict=True)],
+        band=f'{BAND:.0%}',
+        floor=f'{FLOOR * 1e3:g} mm',
+        comparison=_plots('all', comparison_plots(compared, span)),
+        runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
+        plotly=_script(get_plotlyjs()),
+        script=_script((_SOURCES / 'page.js').read_text(encoding='utf-8')),
+        style=Markup((_SOURCES / 'page.css').read_text(encoding='utf-8')),
+    )
+
+
+def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, Any]:
+    """Return what the template shows of a run."""
+    run = each.run
+    changes = run_changes(run)
+    later: dict[tuple[str, str], list[str]] = {}
+    for change in changes:
+        text = f'{value_text(change.new)} from {change.time:.3f} s'
+        later.setdefault((change.node, change.name), []).append(text)
+    return {
+        'id': f'run-{number}',
+        'label': each.label,
+        'path': str(run.path),
+        'states': len(run.times),
+        'duration': f'{run.times[-1] - run.times[0]:g}',
+        'missing': missing(run, each.tracked),
+        'changes': [
+            (f'{c.time:.3f}', c.tick, c.node, c.name, value_text(c.old), value_text(c.new))
+            for c in changes
+        ],
+        'plots': _plots(f'run-{number}', run_plots(each, span)),
+        'parameters': {
+            node: [
+                (name, value_text(value), ', '.join(later.get((node, name), ())))
+                for name, value in sorted(values.items())
+            ]
+            for node, values in run.parameters.items()
+        },
+        'versions': [
+            item for record in run.metadata.get('versions', ()) for item in record.items()
+        ],
+        'topics': sorted(run.topics.items()),
+        'attachments': [(name, len(content)) for name, content in run.attachments.items()],
+    }
+
+
+def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, Any]]:
+    return [
+        {
+            'id': f'{prefix}-{plot.name}',
+            'title': plot.title,
+            'is_over_time': plot.is_over_time,
+            'data': _json(plot),
+        }
+        for plot in plots
+    ]
+
+
+def _json(plot: Plot) -> Markup:
+    """Return a plot as JSON that may stand in a script element."""
+    text = plot.figure.to_json(engine='json')
+    for letter, escape in _ESCAPES.items():
+        text = text.replace(letter, escape)
+    return Markup(text)
+
+
+def _script(text: str) -> Markup:
+    """Return a script that its own text does not end."""
+    return Markup(text.replace('</script', '<\\/script'))

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a tracking error takes to become small and stay small."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+BAND = 0.02
+"""Band around zero, as part of the first error: the 2 % of a step response's settling time."""
+
+FLOOR = 1.0e-3
+"""Least band in m: what starts on its reference has nothing to take 2 % of."""
+
+STAY = 0.5
+"""Part of the time since the last change of parameters for which the error must stay, at its end.
+
+Otherwise an oscillation that happens to be near zero when the log ends would be settled: under
+smc the paper's run has such a burst once in ten seconds, the period of its path.
+"""
+
+LEAST_STAY = 0.25
+"""The same as a part of the whole time, for changes shortly before the end."""
+
+
+def settling_band(errors: Floats) -> float:
+    """Return the band in m of errors (n, m) in m, n > 0: BAND of the first, at least FLOOR."""
+    return float(np.maximum(BAND * np.linalg.norm(errors[0]), FLOOR))
+
+
+def settling_time(times: Floats, errors: Floats, changed: float = -math.inf) -> float | None:
+    """Return the time after which |e| stays in the band until the log ends.
+
+    The settling time of a step response (Ogata, Modern Control Engineering), with the error in
+    the place of the distance from the final value.
+
+    Args:
+        times: (n) s, ascending.
+        errors: (n, m) m; one that is not a number is outside.
+        changed: time of the last change of parameters, s.
+
+    Returns:
+        s from the first error; infinity where it does not settle, or does not stay for long
+        enough (see STAY, LEAST_STAY); None without errors.
+    """
+    if not len(errors):
+        return None
+    outside = np.flatnonzero(~(np.linalg.norm(errors, axis=1) <= settling_band(errors)))
+    first = int(outside[-1]) + 1 if len(outside) else 0
+    begin, end = float(times[0]), float(times[-1])
+    stay = max(STAY * (end - max(begin, changed)), LEAST_STAY * (end - begin))
+    if first == len(times) or end - times[first] < stay:
+        return math.inf
+    return float(times[first]) - begin

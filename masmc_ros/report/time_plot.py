@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interactive plots of signals over time, with the parameters' changes marked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+import plotly.graph_objects as go
+
+from masmc_ros.report.parameters import Change, value_text
+from masmc_ros.report.thinning import envelope
+
+Floats = NDArray[np.float64]
+
+COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
+"""The page's names of Okabe and Ito's colours; it gives them a tone for light and for dark."""
+
+INK = 'ink'
+"""The colour of the text."""
+
+_SOLID = 4
+"""Lines of a plot that are told apart by their colours alone."""
+
+_NAMED = 8
+"""Changes whose names there is room for; those of more are seen by pointing at them."""
+
+
+class Line(NamedTuple):
+    """A signal to draw; `name` is HTML as plotly takes it."""
+
+    name: str
+    times: Floats
+    values: Floats
+    colour: str
+    dash: str = 'solid'
+
+
+def lines(names: Sequence[str], times: Floats, values: Floats) -> list[Line]:
+    """Return the columns of values (n, m), m < 8, as lines that differ.
+
+    From the fifth on they are dashed too: more colours are hard to tell apart.
+    """
+    return [
+        Line(name, times, column, colour, 'solid' if number < _SOLID else 'dash')
+        for number, (name, column, colour) in enumerate(
+            zip(names, values.T, COLOURS, strict=False)
+        )
+    ]
+
+
+def time_plot(
+    drawn: Sequence[Line],
+    quantity: str,
+    span: tuple[float, float],
+    changes: Sequence[Change] = (),
+    *,
+    is_logarithmic: bool = False,
+) -> go.Figure:
+    """Draw lines over time.
+
+    Args:
+        drawn: times in s from the first state.
+        quantity: what the ordinate shows, with its unit.
+        span: begin and end of the abscissa in s.
+        changes: of parameters, each marked by a vertical line and a symbol that tells it.
+        is_logarithmic: whether the ordinate is.
+    """
+    figure = go.Figure(layout=page_layout())
+    for name, times, values, colour, dash in drawn:
+        kept = envelope(values[:, None])
+        figure.add_trace(scatter(name, times[kept], values[kept], colour, dash))
+    figure.update_xaxes(title='time (s)', range=list(span))
+    figure.update_yaxes(title=quantity)
+    if is_logarithmic:
+        figure.update_yaxes(type='log', dtick=1, tickformat='~g')
+    if changes:
+        _mark(figure, changes)
+    return figure
+
+
+def scatter(name: str, x: Floats, y: Floats, colour: str, dash: str) -> go.Scatter:
+    """Return a line through the points (n); the page colours it."""
+    return go.Scatter(
+        x=x,
+        y=y,
+        name=name,
+        mode='lines',
+        # It is thinned already, and plotly's own way shows corners.
+        line={'width': 1.5, 'dash': dash, 'simplify': False},
+        meta=colour,
+    )
+
+
+def page_layout() -> dict[str, Any]:
+    """Return what all plots of the page have in common."""
+    return {
+        'template': None,
+        'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
+        'legend': {'orientation': 'h', 'x': 0.0, 'y': 0.0, 'yref': 'container'},
+        'hovermode': 'closest',
+        'showlegend': True,
+        'font': {'size': 13},
+    }
+
+
+def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
+    """Mark changes: those of one tick together, as a symbol at the upper edge."""
+    times, names, texts = [], [], []
+    for time, group in groupby(changes, key=lambda change: change.time):
+        together = list(group)
+        times.append(time)
+        names.append(', '.join(escape(change.name) for change in together))
+        texts.append('<br>'.join(map(_change_text, together)))
+        figure.add_vline(time, line={'width': 1.2, 'dash': 'dot', 'color': '#8C8C8C'})
+    figure.add_trace(
+        go.Scatter(
+            x=times,
+            y=[1.0] * len(times),
+            yaxis='y2',
+            name='parameters changed',
+            showlegend=len(times) > _NAMED,
+            mode='markers+text' if len(times) <= _NAMED else 'markers',
+            marker={'symbol': 'triangle-down', 'size': 12},
+            text=names,
+            textposition='bottom right',
+            meta=INK,
+            cliponaxis=False,
+            hovertext=texts,
+            hovertemplate='%{x:.3f} s<br>%{hovertext}<extra></extra>',
+        )
+    )
+    figure.update_layout(
+        yaxis2={'overlaying': 'y', 'range': [0.0, 1.0], 'visible': False, 'fixedrange': True}
+    )
+
+
+def _change_text(change: Change) -> str:
+    """Return a change as the HTML that plotly takes, such as 'controller k_s1: 1.0 → 2.0'."""
+    return escape(
+        f'{change.node} {change.name}: {value_text(change.old)} → {value_text(change.new)}'
+    )

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A report's page as a browser's parser takes it, for tests."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+import json
+from typing import Any
+
+import numpy as np
+
+VOID = frozenset(('meta', 'br', 'link', 'img'))
+ADDRESSES = frozenset(('src', 'href', 'action', 'data', 'poster', 'srcset', 'formaction'))
+
+
+@dataclass
+class Element:
+    """An element: its name, attributes, text within and elements within, at any depth."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str = ''
+    within: list[Element] = field(default_factory=list)
+
+    def all(self, tag: str, **attributes: str) -> list[Element]:
+        """Return the elements within of a name and with these attributes."""
+        return [
+            e for e in self.within if e.tag == tag and attributes.items() <= e.attributes.items()
+        ]
+
+
+class Page(HTMLParser):
+    """A page; raises AssertionError where elements are not nested."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.root = Element('', {})
+        self._open = [self.root]
+        self.feed(html)
+        self.close()
+        assert [e.tag for e in self._open] == ['']
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        element = Element(tag, {name: value or '' for name, value in attrs})
+        for outer in self._open:
+            outer.within.append(element)
+        if tag not in VOID:
+            self._open.append(element)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop().tag == tag
+
+    def handle_data(self, data: str) -> None:
+        for outer in self._open:
+            outer.text += data
+
+    def addresses(self) -> list[str]:
+        """Return everything that elements refer to."""
+        return [
+            value
+            for element in self.root.within
+            for name, value in element.attributes.items()
+            if name in ADDRESSES
+        ]
+
+    def table(self, **attributes: str) -> list[list[str]]:
+        """Return the texts of a table's cells by row."""
+        (table,) = self.root.all('table', **attributes)
+        return [
+            [cell.text for cell in row.within if cell.tag in ('th', 'td')]
+            for row in table.all('tr')
+        ]
+
+    def figure(self, name: str) -> dict[str, Any]:
+        """Return the data and layout of a plot."""
+        (data,) = self.root.all('script', id=f'{name}-data')
+        figure: dict[str, Any] = json.loads(data.text)
+        return figure
+
+    def figures(self) -> list[str]:
+        """Return the names of all plots."""
+        return [e.attributes['id'] for e in self.root.all('div') if is_plot(e)]
+
+
+def is_plot(element: Element) -> bool:
+    """Tell whether an element is the place of a plot."""
+    return 'plot' in element.attributes.get('class', '').split()
+
+
+def numbers(values: Any) -> np.ndarray:
+    """Return the numbers of a trace, which plotly writes as base64 or as a list."""
+    if isinstance(values, dict):
+        return np.frombuffer(base64.b64decode(values['bdata']), np.dtype(values['dtype']))
+    return np.asarray(values, dtype=float)

@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's page: what is in it, and that it needs nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+import re
+from typing import Any
+
+from logged_runs import numbers as numbers_of_a_run
+from logged_runs import write_run
+import numpy as np
+import pytest
+from report_html import numbers, Page
+from report_runs import paper_like, run_of, ticks, with_change, without_error
+
+from masmc_ros.cli.main import main
+from masmc_ros.log.reader import Run
+from masmc_ros.report.comparison_figure import Compared
+from masmc_ros.report.labels import labels
+from masmc_ros.report.metrics import metrics
+from masmc_ros.report.page import report_page
+from masmc_ros.report.tracking import tracking
+
+NETWORK = re.compile(r'(?:https?:)?//[\w.-]+\.\w+', re.IGNORECASE)
+TIMES = ticks()
+
+
+def html(*runs: Run) -> str:
+    """Return the report of runs."""
+    compared = [
+        Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
+    ]
+    return report_page(compared, [metrics(run) for run in runs])
+
+
+def page(*runs: Run) -> Page:
+    """Return the report of runs as a parser takes it."""
+    return Page(html(*runs))
+
+
+def with_telemetry(run: Run) -> Run:
+    """Return a run with a surface and estimates at every second state."""
+    random = np.random.default_rng(7)
+    times = run.times[::2]
+    return replace(
+        run,
+        sliding_surface=random.standard_normal((len(times), 4)),
+        sliding_surface_times=times,
+        parameter_estimate=random.standard_normal((len(times), 7)),
+        parameter_estimate_times=times,
+    )
+
+
+@pytest.fixture(scope='module')
+def changed() -> Run:
+    run = with_telemetry(paper_like('a.mcap', k_s1=100.0))
+    run = with_change(run, 5.0, '/left/controller', k_s1=[1.0, 2.0, 3.0, 4.0], sigma=4.0)
+    return with_change(run, 12.34, 'controller', k_s1=150.0)
+
+
+@pytest.fixture(scope='module')
+def both(changed: Run) -> Page:
+    return page(changed, paper_like('b.mcap', law='rasmc', scale=0.5))
+
+
+def test_page_refers_to_nothing_outside(both: Page) -> None:
+    assert both.addresses()
+    assert all(address.startswith('#') for address in both.addresses())
+    scripts = [e for e in both.root.all('script') if 'type' not in e.attributes]
+    assert len(scripts) == 2
+    assert not any('src' in e.attributes for e in both.root.all('script'))
+    assert not both.root.all('link')
+    (style,) = both.root.all('style')
+    assert 'url(' not in style.text
+    assert '@import' not in style.text
+    # plotly's own script has addresses for what is not used here: the policy forbids them.
+    (plotly,) = (e for e in scripts if 'plotly.js v' in e.text)
+    everything = both.root.text.replace(plotly.text, '')
+    assert not NETWORK.findall(everything)
+    (policy,) = both.root.all('meta', **{'http-equiv': 'Content-Security-Policy'})
+    rules = dict(rule.split(maxsplit=1) for rule in policy.attributes['content'].split('; '))
+    assert rules.pop('default-src') == "'none'"
+    assert not any(NETWORK.search(rule) or '*' in rule for rule in rules.values())
+
+
+def test_links_within_the_page_lead_somewhere(both: Page) -> None:
+    names = [e.attributes['id'] for e in both.root.within if 'id' in e.attributes]
+    assert len(set(names)) == len(names)
+    assert {address[1:] for address in both.addresses()} <= set(names)
+    told = [e.attributes['aria-labelledby'] for e in both.root.within if 'aria-labelledby' in
+            e.attributes]  # fmt: skip
+    assert set(told) <= set(names)
+
+
+def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
+    assert len(both.figures()) == 2 + 6 + 4
+    for name in both.figures():
+        (title,) = both.root.all('figcaption', id=f'{name}-title')
+        assert title.text
+        layout = both.figure(name)['layout']
+        texts = [layout[axis]['title']['text'] for axis in ('xaxis', 'yaxis')]
+        units = re.findall(r'\((mm|m|s|m/s|N·m)\)', ' '.join(texts))
+        assert len(units) == (1 if name.endswith('estimate') else 2), texts
+        traces = both.figure(name)['data']
+        if name.endswith('estimate'):
+            assert all(re.search(r'\(kg(·m²?)?\)$', trace['name']) for trace in traces[:7])
+        drawn = [(t['meta'], t['line'].get('dash')) for t in traces if t['mode'] == 'lines']
+        assert len(set(drawn)) == len(drawn)
+
+
+def test_all_time_axes_are_one(both: Page) -> None:
+    over_time = [e.attributes['id'] for e in both.root.all('div', **{'class': 'plot over-time'})]
+    assert len(over_time) == len(both.figures()) - 2
+    for name in over_time:
+        assert both.figure(name)['layout']['xaxis']['range'] == [0.0, 20.0]
+
+
+def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
+    head, first, second = both.table(id='metrics')
+    assert head[:3] == ['run', 'window (s)', 'E RMS (mm)']
+    assert (first[0], second[0]) == ('smc, tanh δ 0.2, changed', 'rasmc, tanh δ 0.2')
+    rms = metrics(changed).end_effector_rms
+    assert rms is not None
+    assert float(first[2]) == pytest.approx(1e3 * rms, rel=1e-4)
+    settles = first[head.index('E settles (s)')]
+    assert float(settles) == pytest.approx(metrics(changed).end_effector_settling or 0.0, rel=1e-4)
+    assert first[head.index('F settles (s)')] == 'does not'
+
+
+@pytest.mark.parametrize(
+    ('name', 'signal', 'times', 'scale'),
+    [
+        ('error_E', 'tracking_error', 'tracking_error_times', 1e3),
+        ('error_F', 'tracking_error', 'tracking_error_times', 1e3),
+        ('surface', 'sliding_surface', 'sliding_surface_times', 1.0),
+        ('torque', 'torque', 'torque_times', 1.0),
+        ('estimate', 'parameter_estimate', 'parameter_estimate_times', 1.0),
+    ],
+)
+def test_plots_draw_the_logs_numbers(
+    both: Page, changed: Run, name: str, signal: str, times: str, scale: float
+) -> None:
+    traces = [t for t in both.figure(f'run-1-{name}')['data'] if t['mode'] == 'lines']
+    columns = getattr(changed, signal).T
+    columns = {'error_E': columns[:2], 'error_F': columns[2:]}.get(name, columns)
+    assert len(traces) == len(columns)
+    logged = getattr(changed, times).tolist()
+    for trace, values in zip(traces, columns, strict=True):
+        x, y = numbers(trace['x']).tolist(), numbers(trace['y']).tolist()
+        at = dict(zip(logged, (values * scale).tolist(), strict=True))
+        assert y == [at[time] for time in x]
+        assert (x[0], x[-1]) == (logged[0], logged[-1])
+        # Nothing that stands out is lost.
+        assert (min(y), max(y)) == (min(at.values()), max(at.values()))
+
+
+def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
+    tracked = tracking(changed)
+    traces = {trace['name']: trace for trace in both.figure('run-1-path')['data']}
+    for name, values, first in (
+        ('E actual', tracked.actual, 0),
+        ('E desired', tracked.desired, 0),
+        ('F actual', tracked.actual, 2),
+        ('F desired', tracked.desired, 2),
+    ):
+        assert values is not None
+        points = {(x, y) for x, y in values[:, first : first + 2].tolist()}
+        trace = traces.pop(name)
+        drawn = list(zip(numbers(trace['x']).tolist(), numbers(trace['y']).tolist(), strict=True))
+        assert set(drawn) <= points
+        assert drawn[0] == tuple(values[0, first : first + 2])
+        assert drawn[-1] == tuple(values[-1, first : first + 2])
+    assert not traces
+    layout = both.figure('run-1-path')['layout']
+    assert layout['yaxis']['scaleanchor'] == 'x'  # a metre is as long in x as in y
+
+
+def test_changes_stand_in_every_plot_over_time(both: Page) -> None:
+    for name in both.figures():
+        figure = both.figure(name)
+        marks = [t for t in figure['data'] if t['mode'] != 'lines']
+        lines = [shape['x0'] for shape in figure['layout'].get('shapes', ())]
+        if not name.startswith('run-1') or name.endswith('path'):
+            assert not marks
+            assert not lines
+            continue
+        (mark,) = marks
+        assert lines == [5.0, 12.34]
+        assert numbers(mark['x']).tolist() == [5.0, 12.34]
+        assert mark['text'] == ['k_s1, sigma', 'k_s1']
+        assert mark['hovertext'] == [
+            'controller k_s1: 100.0 → [1.0, 2.0, 3.0, 4.0]<br>controller sigma: ? → 4.0',
+            'controller k_s1: [1.0, 2.0, 3.0, 4.0] → 150.0',
+        ]
+
+
+def test_changes_and_start_values_are_in_tables(both: Page) -> None:
+    _, *rows = both.table(**{'class': 'changes'})
+    assert rows == [
+        ['5.000', '500', 'controller', 'k_s1', '100.0', '[1.0, 2.0, 3.0, 4.0]'],
+        ['5.000', '500', 'controller', 'sigma', '?', '4.0'],
+        ['12.340', '1234', 'controller', 'k_s1', '[1.0, 2.0, 3.0, 4.0]', '150.0'],
+    ]
+    tables = both.root.all('table', **{'class': 'parameters'})
+    starts = {
+        tuple(cell.text for cell in row.within if cell.tag in ('th', 'td'))
+        for row in tables[0].all('tr')
+    }
+    assert ('k_s1', '100.0', '[1.0, 2.0, 3.0, 4.0] from 5.000 s, 150.0 from 12.340 s') in starts
+    assert ('law', '"smc"', '') in starts
+
+
+def test_changes_count_from_the_first_state_of_a_wall_clock() -> None:
+    late = 1.7e9
+    run = paper_like()
+    run = replace(
+        run,
+        times=run.times + late,
+        torque_times=run.torque_times + late,
+        tracking_error_times=run.times + late,
+    )
+    found = page(with_change(run, 5.0, 'controller', k_s1=1.0)).figure('run-1-torque')
+    (mark,) = (t for t in found['data'] if t['mode'] != 'lines')
+    assert numbers(mark['x']) == pytest.approx([5.0], abs=1e-6)
+    assert numbers(found['data'][0]['x'])[-1] == pytest.approx(20.0, abs=1e-6)
+
+
+def test_origin_is_told(changed: Run) -> None:
+    told = replace(
+        changed,
+        topics={'/joint_states': 2001, '/odom': 101},
+        metadata={'versions': [{'masmc_ros': '9.8.7', 'numpy': '6.5.4'}]},
+        attachments={'paper.yaml': b'12345'},
+    )
+    found = page(told)
+    _, *rows = found.table(**{'class': 'topics'})
+    assert rows == [['/joint_states', '2001'], ['/odom', '101']]
+    details = [e.text for e in found.root.all('dd')]
+    assert details == ['a.mcap', '9.8.7', '6.5.4', '5 bytes']
+
+
+BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
+
+
+@pytest.mark.parametrize(
+    ('run', 'plots', 'said'),
+    [
+        (without_error(paper_like()), ['path', 'error_E', 'error_F', 'torque'], 'computed from'),
+        (
+            replace(paper_like(), reference=None),
+            ['path', 'error_E', 'error_F', 'torque'],
+            'No reference: where',
+        ),
+        (replace(paper_like(), **BARE), ['path', 'error_E', 'error_F', 'torque'], 'No parameters'),
+        (replace(without_error(paper_like()), **BARE), ['path', 'torque'], 'No errors: neither'),
+        (
+            replace(
+                without_error(paper_like()),
+                torque=np.zeros((0, 4)),
+                torque_times=np.zeros(0),
+                **BARE,
+            ),
+            ['path', 'torque'],
+            'No effort_commands',
+        ),
+    ],
+)
+def test_what_is_missing_is_said(run: Run, plots: list[str], said: str) -> None:
+    found = page(run)
+    assert [n.removeprefix('run-1-') for n in found.figures() if n.startswith('run')] == plots
+    (box,) = found.root.all('div', **{'class': 'missing'})
+    assert said in box.text
+    for name in plots:
+        assert found.figure(f'run-1-{name}')['data']
+
+
+def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, folder = tmp_path / 'lab.mcap', tmp_path / 'report'
+    told = numbers_of_a_run(40)
+    write_run(log, told, '/left/', everything=False)
+    assert main(['report', str(log), '--output', str(folder)]) == 0
+    assert 'report.html' in capsys.readouterr().out
+    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    assert found.figures() == ['run-1-path', 'run-1-torque']
+    (path,) = found.figure('run-1-path')['data']
+    assert numbers(path['x']).tolist() == told.position[:, 0].tolist()
+    wheel = found.figure('run-1-torque')['data'][0]
+    assert numbers(wheel['y']).tolist() == told.effort[:, 3].tolist()
+    assert len(found.root.all('li')) == 7
+
+
+def test_a_node_that_was_started_again_is_told() -> None:
+    (box,) = page(replace(paper_like(), restarted=('controller',))).root.all(
+        'div', **{'class': 'missing'}
+    )
+    assert 'controller was started again' in box.text
+
+
+def test_whole_log_lacks_nothing(both: Page) -> None:
+    boxes = both.root.all('div', **{'class': 'missing'})
+    assert len(boxes) == 1  # only the second run lacks surface and estimates
+    assert 'controller/sliding_surface' in boxes[0].text
+
+
+@pytest.mark.parametrize('count', [1, 2])
+def test_shortest_runs_have_a_page(count: int) -> None:
+    run = run_of(np.ones((count, 4)), TIMES[:count])
+    assert 'run-1-error_E' in page(run).figures()
+
+
+def test_diverged_run_has_a_page() -> None:
+    run = paper_like()
+    assert run.tracking_error is not None
+    error = run.tracking_error.copy()
+    error[1500:1700], error[1700:] = np.inf, np.nan
+    found = page(replace(run, tracking_error=error)).figure('run-1-error_E')
+    assert np.isnan(numbers(found['data'][0]['y'])).any()
+
+
+EVIL = '</script><script>alert(1)</script><!-- "\' & <b>'
+
+
+def test_texts_of_logs_are_no_markup() -> None:
+    run = replace(paper_like(f'{EVIL.replace("/", "∕")}.mcap', law=EVIL, **{EVIL: EVIL}))
+    run = with_change(run, 5.0, EVIL.replace('/', ''), **{EVIL: EVIL})
+    run = replace(
+        run,
+        topics={EVIL: 1},
+        metadata={'versions': [{EVIL: EVIL}]},
+        attachments={EVIL: b''},
+    )
+    found, plain = page(run), page(with_change(paper_like(), 5.0, 'controller', k_s1=1.0))
+    assert len(found.root.all('script')) == len(plain.root.all('script'))
+    assert not found.root.all('b')
+    assert EVIL in found.root.text
+    # plotly takes texts for markup too.
+    for name in found.figures():
+        for trace in found.figure(name)['data']:
+            for text in (trace['name'], *trace.get('text', ()), *trace.get('hovertext', ())):
+                assert not set(re.findall(r'<(\w+)', text)) - {'sub', 'br'}
+
+
+@pytest.mark.parametrize(
+    'name', ['{{ 7 * 7 }}', '&amp;', '%s {} {0}', '\\u003c', '=cmd', 'δ 机器人']
+)
+def test_any_name_of_a_file_comes_back(name: str) -> None:
+    run = replace(paper_like(f'{name}.mcap'), parameters={})
+    assert page(run).table(id='metrics')[1][0] == name
+
+
+def test_same_runs_give_the_same_page(changed: Run) -> None:
+    assert html(changed) == html(changed)
+
+
+def test_page_of_two_long_runs_is_of_moderate_size() -> None:
+    t = ticks(20.0, 0.001)
+    chatter = np.where(np.arange(len(t)) % 2, 90.0, -90.0)[:, None] * np.ones(4)
+    random = np.random.default_rng(3)
+    run = with_telemetry(run_of(random.standard_normal((len(t), 4)), t, torque=chatter))
+    assert len(html(run, replace(run, path=Path('b.mcap'))).encode()) < 10e6
