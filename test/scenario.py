@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import numpy as np
 from robots import Array, DEFAULT, Machine
@@ -13,9 +14,13 @@ from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.control_tick import control_tick
+from masmc_ros.loop.controller_records import MEMORY, SETTINGS
 from masmc_ros.loop.plant import initial_state, plant_tick
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+
+
+_GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
 
 def axes(*values: float) -> Array:
@@ -47,6 +52,8 @@ class Scenario:
     pose: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 2))
     joints: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 4, -math.pi / 2))
     rates: Array = field(default_factory=lambda: np.zeros(AXES))
+    extra: tuple[tuple[str, object], ...] = ()
+    """Further fields of the controller's SETTINGS: what lets adaptation last, limits."""
     line: Array = field(
         default_factory=lambda: np.array(
             [
@@ -76,11 +83,28 @@ class Run:
     position: Array
     velocity: Array
     applied: Array
+    raw_torque: Array
     torque: Array
     error: Array
     surface: Array
     estimate: Array
     singular: int = 0
+
+
+def records(scenario: Scenario) -> tuple[Any, Any]:
+    """Return the controller's settings and its memory at the start."""
+    settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
+    settings['geometry'] = scenario.robot.geometry
+    settings['nominal'] = scenario.model_scale * np.array(scenario.robot.theta)
+    settings['law'] = BUILT_IN.index(scenario.law)
+    settings['switching'] = SWITCHING.index(scenario.switching)
+    for name in _GAINS:
+        settings[name] = getattr(scenario, name)
+    for name, value in scenario.extra:
+        settings[name] = value
+    settings['has_limits'] = settings['torque_limit'].any() | settings['torque_rate_limit'].any()
+    memory['estimate'], memory['predicted'] = settings['nominal'], np.nan
+    return settings, memory
 
 
 class Loop:
@@ -91,16 +115,14 @@ class Loop:
         self.scenario = scenario
         robot = scenario.robot
         self._geometry, self._theta = np.array(robot.geometry), np.array(robot.theta)
-        self._nominal = scenario.model_scale * self._theta
-        self._estimate = self._nominal.copy()
-        self._disturbance, self._predicted = np.zeros(AXES), np.full(AXES, np.nan)
+        self._settings, self._memory = records(scenario)
         n = scenario.ticks
         self._reference = scenario.reference
         self.run = Run(
             np.full((n + 1, 7), np.nan),
             np.full((n + 1, 7), np.nan),
             np.zeros((n + 1, AXES)),
-            *(np.full((n, AXES), np.nan) for _ in range(3)),
+            *(np.full((n, AXES), np.nan) for _ in range(4)),
             np.full((n, BASE_PARAMETERS), np.nan),
         )
         initial_state(
@@ -124,25 +146,15 @@ class Loop:
             s.phase,
             s.limit,
             s.steps,
-            self._nominal,
-            s.period,
-            BUILT_IN.index(s.law),
-            SWITCHING.index(s.switching),
-            s.k_s1,
-            s.k_s2,
-            s.sigma,
-            s.gamma,
-            s.boundary_layer,
-            s.observer_gain,
-            self._estimate,
-            self._disturbance,
-            self._predicted,
+            self._settings,
+            self._memory,
             first,
             last == s.ticks,
             self._reference[first:last],
             r.position[first : last + 1],
             r.velocity[first : last + 1],
             r.applied[first : last + 1],
+            r.raw_torque[first:last],
             r.torque[first:last],
             r.error[first:last],
             r.surface[first:last],
@@ -152,25 +164,14 @@ class Loop:
     def tick(self, k: int) -> None:
         """Compute one tick as the nodes do: the controller's, then the plant's."""
         s, r = self.scenario, self.run
-        r.estimate[k] = self._estimate
+        r.estimate[k] = self._memory['estimate'][0]
         r.singular += control_tick(
-            self._geometry,
-            self._nominal,
-            s.period,
-            BUILT_IN.index(s.law),
-            SWITCHING.index(s.switching),
-            s.k_s1,
-            s.k_s2,
-            s.sigma,
-            s.gamma,
-            s.boundary_layer,
-            s.observer_gain,
+            self._settings,
+            self._memory,
             r.position[k],
             r.velocity[k],
             self._reference[k],
-            self._estimate,
-            self._disturbance,
-            self._predicted,
+            r.raw_torque[k],
             r.torque[k],
             r.error[k],
             r.surface[k],

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.compiled import kernel
+from masmc_ros.control.limits import clipped
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
-from masmc_ros.loop.control_tick import control
-from masmc_ros.loop.plant import advance, limited, load_state, store_state
+from masmc_ros.loop.control_tick import control, workspace
+from masmc_ros.loop.plant import advance, load_state, store_state
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
 
@@ -23,25 +22,15 @@ def closed_loop(
     phase: Any,
     limit: Any,
     steps: int,
-    nominal: Any,
-    period: float,
-    law: int,
-    switching: int,
-    k_s1: Any,
-    k_s2: Any,
-    sigma: Any,
-    gamma: Any,
-    boundary_layer: float,
-    observer_gain: float,
-    estimate: Any,
-    disturbance: Any,
-    predicted: Any,
+    settings: Any,
+    memory: Any,
     first: int,
     final: bool,
     reference: Any,
     position: Any,
     velocity: Any,
     effort: Any,
+    raw_torque: Any,
     torque: Any,
     error: Any,
     surface: Any,
@@ -51,55 +40,38 @@ def closed_loop(
 
     Arguments as in `control_tick` and `plant_tick`. Rows are ticks: `reference` (n, 12) is
     read; row 0 of `position`, `velocity` (n + 1, 7) and `effort` (n + 1, 4) is the state
-    at the start, the rest is written, and `torque`, `error`, `surface` (n, 4) and
+    at the start, the rest is written, and `raw_torque`, `torque`, `error`, `surface` (n, 4) and
     `estimates` (n, 7) with it. When `final`, the last tick's command is computed and not
     applied, so that row n of the state stays unwritten.
     """
     lengths = as_geometry(geometry)
     base = as_base_parameters(theta)
-    model = as_base_parameters(nominal)
-    reaching = np.empty(AXES)
-    gradient = np.empty(BASE_PARAMETERS)
-    matrix = np.empty((AXES, AXES))
-    work = np.empty((AXES, AXES + 1))
-    zeta = np.empty(AXES)
+    gains, state_of_law = settings[0], memory[0]
+    period = gains['period']
+    estimate = state_of_law['estimate']
+    work = workspace()
     n = len(reference)
     singular = 0
     for k in range(n):
         for j in range(BASE_PARAMETERS):
             estimates[k, j] = estimate[j]
         if control(
-            lengths,
-            model,
-            period,
-            law,
-            switching,
-            k_s1,
-            k_s2,
-            sigma,
-            gamma,
-            boundary_layer,
-            observer_gain,
+            gains,
+            state_of_law,
             position[k],
             velocity[k],
             reference[k],
-            estimate,
-            disturbance,
-            predicted,
+            raw_torque[k],
             torque[k],
             error[k],
             surface[k],
-            reaching,
-            gradient,
-            matrix,
             work,
-            zeta,
         ):
             singular += 1
         if final and k == n - 1:
             break
         for i in range(AXES):
-            effort[k + 1, i] = limited(torque[k, i], limit[i])
+            effort[k + 1, i] = clipped(torque[k, i], limit[i])
         state = advance(
             lengths,
             base,

@@ -3,24 +3,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from masmc_ros.compiled import formula, kernel
 from masmc_ros.control.implicit import disturbance_estimate, implicit_reaching
-from masmc_ros.control.laws.update import updated_estimate
+from masmc_ros.control.limits import limited
 from masmc_ros.control.reaching import explicit_reaching, IMPLICIT
 from masmc_ros.control.surface import (
     reference_acceleration,
     reference_velocity,
     sliding_surface,
 )
+from masmc_ros.loop.adaptation_tick import adapt
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
     inertia,
+    inertia_solve,
     inertia_times,
     Quad,
     Regressor,
@@ -28,7 +30,14 @@ from masmc_ros.robot.dynamics import (
     regressor_times,
     regressor_transpose_times,
 )
-from masmc_ros.robot.geometry import Geometry, joint_torque, Posture, posture, quasi_velocity
+from masmc_ros.robot.geometry import (
+    Geometry,
+    joint_torque,
+    Posture,
+    posture,
+    quasi_force,
+    quasi_velocity,
+)
 from masmc_ros.robot.kinematics import (
     is_singular,
     quasi_force_from_task,
@@ -146,126 +155,202 @@ def torque_and_gradient(
         gradient[j] = slope[j]
 
 
+class Workspace(NamedTuple):
+    """Arrays that one tick writes before it reads them."""
+
+    reaching: Any  # u (4), N
+    gradient: Any  # Y' J^-1 s (7)
+    normal: Any  # (7)
+    matrix: Any  # H_x (4, 4), kg
+    elimination: Any  # (4, 5)
+    zeta: Any  # (4)
+
+
+@formula
+def workspace() -> Workspace:
+    """Make the arrays where the compiler sees that nothing else refers to them."""
+    return Workspace(
+        np.empty(AXES),
+        np.empty(BASE_PARAMETERS),
+        np.empty(BASE_PARAMETERS),
+        np.empty((AXES, AXES)),
+        np.empty((AXES, AXES + 1)),
+        np.empty(AXES),
+    )
+
+
+@formula
+def implicit_law(
+    settings: Any, memory: Any, geometry: Geometry, bend: Posture, surface: Any, work: Workspace
+) -> None:
+    """Write the reaching force u (4, N) of the implicit law, and what it predicts."""
+    predicted, disturbance = memory['predicted'], memory['disturbance']
+    k_s1, k_s2, period = settings['k_s1'], settings['k_s2'], settings['period']
+    task_inertia(as_base_parameters(settings['nominal']), geometry, bend, work.matrix)
+    disturbance_estimate(
+        AXES,
+        work.matrix,
+        surface,
+        predicted,
+        settings['observer_gain'] / period,
+        disturbance,
+    )
+    implicit_reaching(
+        AXES,
+        work.matrix,
+        period,
+        k_s1,
+        k_s2,
+        surface,
+        predicted,
+        work.zeta,
+        work.elimination,
+    )
+    for i in range(AXES):
+        work.reaching[i] = (
+            -(k_s1[i] * predicted[i] + k_s2[i] * work.zeta[i]) - disturbance[i]
+        )
+
+
+@formula
+def limit_torque(settings: Any, commanded: Any, raw_torque: Any, torque: Any) -> bool:
+    """Write the torque (4, N m) within its limits; tell whether any of it was cut.
+
+    `commanded` (4) is the last tick's torque and becomes this one's.
+    """
+    saturated = False
+    for i in range(AXES):
+        torque[i] = limited(
+            raw_torque[i],
+            commanded[i],
+            settings['torque_limit'][i],
+            settings['torque_rate_limit'][i],
+            settings['period'],
+        )
+        commanded[i] = torque[i]
+        saturated |= torque[i] != raw_torque[i]
+    return saturated
+
+
+@formula
+def correct_prediction(
+    settings: Any,
+    geometry: Geometry,
+    bend: Posture,
+    raw_torque: Any,
+    torque: Any,
+    predicted: Any,
+) -> None:
+    """Add to s+ (4, m/s) what limits change in it: T J H^-1 (torque - raw torque).
+
+    The disturbance estimate then takes for a disturbance only what is one.
+    """
+    force = quasi_force(
+        geometry,
+        torque[0] - raw_torque[0],
+        torque[1] - raw_torque[1],
+        torque[2] - raw_torque[2],
+        torque[3] - raw_torque[3],
+    )
+    h = inertia(as_base_parameters(settings['nominal']), geometry, bend)
+    a = inertia_solve(h, force[0], force[1], force[2], force[3])
+    change = task_velocity(geometry, bend, a[0], a[1], a[2], a[3])
+    predicted[0] += settings['period'] * change[0]
+    predicted[1] += settings['period'] * change[1]
+    predicted[2] += settings['period'] * change[2]
+    predicted[3] += settings['period'] * change[3]
+
+
 @formula
 def control(
-    geometry: Geometry,
-    nominal: BaseParameters,
-    period: float,
-    law: int,
-    switching: int,
-    k_s1: Any,
-    k_s2: Any,
-    sigma: Any,
-    gamma: Any,
-    boundary_layer: float,
-    observer_gain: float,
+    settings: Any,
+    memory: Any,
     position: Any,
     velocity: Any,
     reference: Any,
-    estimate: Any,
-    disturbance: Any,
-    predicted: Any,
+    raw_torque: Any,
     torque: Any,
     error: Any,
     surface: Any,
-    reaching: Any,
-    gradient: Any,
-    matrix: Any,
-    work: Any,
-    zeta: Any,
+    work: Workspace,
 ) -> bool:
-    """Compute one tick; see `control_tick`. The last five arrays are workspace."""
+    """Compute one tick; see `control_tick`."""
+    geometry = as_geometry(settings['geometry'])
     bend = posture(position[2], position[5], position[6])
     v, v_r, a_r = surface_and_reference(
-        geometry, bend, position, velocity, reference, sigma, error, surface
+        geometry, bend, position, velocity, reference, settings['sigma'], error, surface
     )
+    switching = settings['switching']
     if switching == IMPLICIT:
-        task_inertia(nominal, geometry, bend, matrix)
-        disturbance_estimate(
-            AXES, matrix, surface, predicted, observer_gain / period, disturbance
-        )
-        implicit_reaching(
-            AXES, matrix, period, k_s1, k_s2, surface, predicted, zeta, work
-        )
-        for i in range(AXES):
-            reaching[i] = -(k_s1[i] * predicted[i] + k_s2[i] * zeta[i]) - disturbance[i]
+        implicit_law(settings, memory, geometry, bend, surface, work)
     else:
         for i in range(AXES):
-            reaching[i] = explicit_reaching(
-                switching, surface[i], k_s1[i], k_s2[i], boundary_layer
+            work.reaching[i] = explicit_reaching(
+                switching,
+                surface[i],
+                settings['k_s1'][i],
+                settings['k_s2'][i],
+                settings['boundary_layer'],
             )
-    y = regressor(geometry, bend, v, v_r, a_r)
     torque_and_gradient(
         geometry,
         bend,
-        y,
-        as_base_parameters(estimate),
+        regressor(geometry, bend, v, v_r, a_r),
+        as_base_parameters(memory['estimate']),
         surface,
-        reaching,
-        torque,
-        gradient,
+        work.reaching,
+        raw_torque,
+        work.gradient,
     )
-    for j in range(BASE_PARAMETERS):
-        estimate[j] = updated_estimate(law, estimate[j], gradient[j], gamma[j], period)
+    saturated = False
+    if settings['has_limits']:
+        saturated = limit_torque(settings, memory['commanded'], raw_torque, torque)
+        if saturated and switching == IMPLICIT:
+            correct_prediction(
+                settings, geometry, bend, raw_torque, torque, memory['predicted']
+            )
+    else:
+        for i in range(AXES):
+            torque[i] = raw_torque[i]
+            memory['commanded'][i] = torque[i]
+    adapt(settings, surface, saturated, work.gradient, work.normal, memory['estimate'])
     return is_singular(bend)
 
 
 @kernel
 def control_tick(
-    geometry: Any,
-    nominal: Any,
-    period: float,
-    law: int,
-    switching: int,
-    k_s1: Any,
-    k_s2: Any,
-    sigma: Any,
-    gamma: Any,
-    boundary_layer: float,
-    observer_gain: float,
+    settings: Any,
+    memory: Any,
     position: Any,
     velocity: Any,
     reference: Any,
-    estimate: Any,
-    disturbance: Any,
-    predicted: Any,
+    raw_torque: Any,
     torque: Any,
     error: Any,
     surface: Any,
 ) -> bool:
     """Compute the torque of one tick; True where the arm is close to singular.
 
-    In: lengths (5), nominal theta (7), period in s, positions of law and switching in their
-    lists, gains per axis (4) and per parameter (7), state as positions and velocities (7, in
-    the order of joint_states), reference (12: x_d, xdot_d, xddot_d).
-    In and out: theta_hat (7), disturbance estimate d (4, N) and s+ (4, m/s, not-a-number
-    where there is none), which the next tick takes up.
-    Out: torque (4, N m), e (4, m) and s (4, m/s).
+    In: one record of SETTINGS; the state as positions and velocities (7, in the order of
+    joint_states), reference (12: x_d, xdot_d, xddot_d).
+    In and out: one record of MEMORY, which the next tick takes up.
+    Out: the law's torque (4, N m) and that within the limits, e (4, m) and s (4, m/s).
     """
     return control(
-        as_geometry(geometry),
-        as_base_parameters(nominal),
-        period,
-        law,
-        switching,
-        k_s1,
-        k_s2,
-        sigma,
-        gamma,
-        boundary_layer,
-        observer_gain,
+        settings[0],
+        memory[0],
         position,
         velocity,
         reference,
-        estimate,
-        disturbance,
-        predicted,
+        raw_torque,
         torque,
         error,
         surface,
-        np.empty(AXES),
-        np.empty(BASE_PARAMETERS),
-        np.empty((AXES, AXES)),
-        np.empty((AXES, AXES + 1)),
-        np.empty(AXES),
+        workspace(),
     )
+
+
+@kernel
+def limit_command(settings: Any, memory: Any, raw_torque: Any, torque: Any) -> bool:
+    """Write the torque (4, N m) of a law in plain Python within its limits."""
+    return limit_torque(settings[0], memory[0]['commanded'], raw_torque, torque)

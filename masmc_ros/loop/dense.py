@@ -96,6 +96,7 @@ def tick_input(
     velocity: NDArray[np.float64],
     reference: NDArray[np.float64],
     estimate: NDArray[np.float64],
+    commanded: NDArray[np.float64],
 ) -> TickInput:
     """Return what a law in plain Python is given: state, reference and dense matrices."""
     error, surface, v_r, a_r = (np.empty(AXES) for _ in range(4))
@@ -136,5 +137,6 @@ def tick_input(
         task_inertia=inertia_x,
         regressor=y_matrix,
         estimate=estimate.copy(),
+        commanded=commanded.copy(),
         singular=bool(singular),
     )

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from masmc_ros.compiled import formula, kernel
+from masmc_ros.control.limits import clipped
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.loop.disturbance import sinusoid
 from masmc_ros.portable_math import sin_cos
@@ -124,13 +125,6 @@ def disturbed(torque: Any, amplitude: Any, frequency: Any, phase: Any, time: flo
 
 
 @formula
-def limited(value: float, limit: float) -> float:
-    """Clip a torque to [-limit, limit]; a limit of 0 is none."""
-    clipped = limit if value > limit else (-limit if value < -limit else value)
-    return clipped if limit > 0.0 else value
-
-
-@formula
 def advance(
     geometry: Geometry,
     theta: BaseParameters,
@@ -226,7 +220,7 @@ def plant_tick(
     lengths = as_geometry(geometry)
     base = as_base_parameters(theta)
     for i in range(4):
-        applied[i] = limited(command[i], limit[i])
+        applied[i] = clipped(command[i], limit[i])
     state = advance(
         lengths,
         base,

@@ -38,6 +38,8 @@ class Stretch:
     """(n, 7) in the same order."""
     applied: Array
     """(n, 4) torque held over the interval that ended at the tick."""
+    raw_torque: Array
+    """(n, 4) torque that the law asked for, before the controller's limits."""
     torque: Array
     """(n, 4) command computed at the tick."""
     reference: Array
@@ -101,7 +103,7 @@ class Simulation:
         position, velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
         applied = np.empty((n + 1, AXES))
         position[0], velocity[0], applied[0] = plant.position, plant.velocity, plant.applied
-        torque, error, surface = (np.empty((n, AXES)) for _ in range(3))
+        raw_torque, torque, error, surface = (np.empty((n, AXES)) for _ in range(4))
         estimate = np.empty((n, BASE_PARAMETERS))
         singular = closed_loop(
             plant.geometry,
@@ -111,25 +113,15 @@ class Simulation:
             plant.phase,
             plant.limit,
             plant.steps,
-            controller.nominal,
-            controller.period,
-            controller.law,
-            controller.switching,
-            controller.k_s1,
-            controller.k_s2,
-            controller.sigma,
-            controller.gamma,
-            controller.boundary_layer,
-            controller.observer_gain,
-            controller.estimate,
-            controller.disturbance,
-            controller.predicted,
+            controller.settings,
+            controller.memory,
             first,
             final,
             reference,
             position,
             velocity,
             applied,
+            raw_torque,
             torque,
             error,
             surface,
@@ -145,6 +137,7 @@ class Simulation:
             position[:n],
             velocity[:n],
             applied[:n],
+            raw_torque,
             torque,
             reference,
             error,
@@ -161,6 +154,7 @@ class Simulation:
             'position': np.empty((n, 7)),
             'velocity': np.empty((n, 7)),
             'applied': np.empty((n, AXES)),
+            'raw_torque': np.empty((n, AXES)),
             'torque': np.empty((n, AXES)),
             'error': np.empty((n, AXES)),
             'surface': np.empty((n, AXES)),
@@ -172,6 +166,7 @@ class Simulation:
             rows['position'][k] = plant.position
             rows['velocity'][k] = plant.velocity
             rows['applied'][k] = plant.applied
+            rows['raw_torque'][k] = controller.raw_torque
             rows['torque'][k] = controller.torque
             rows['error'][k] = controller.error
             rows['surface'][k] = controller.surface
