@@ -52,8 +52,6 @@ class Scenario:
     pose: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 2))
     joints: Array = field(default_factory=lambda: axes(0.0, 0.0, math.pi / 4, -math.pi / 2))
     rates: Array = field(default_factory=lambda: np.zeros(AXES))
-    extra: tuple[tuple[str, object], ...] = ()
-    """Further fields of the controller's SETTINGS: what lets adaptation last, limits."""
     line: Array = field(
         default_factory=lambda: np.array(
             [
@@ -66,6 +64,8 @@ class Scenario:
         )
     )
     """Offset, slope, amplitude, frequency and phase of each task axis (5, 4)."""
+    extra: tuple[tuple[str, object], ...] = ()
+    """Further fields of the controller's SETTINGS: what lets adaptation last, limits."""
 
     @property
     def reference(self) -> Array:

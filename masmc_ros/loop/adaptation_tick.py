@@ -55,7 +55,7 @@ def adapt(
         project(settings, normal, estimate)
 
 
-@formula
+@kernel
 def project(settings: Any, normal: Any, estimate: Any) -> None:
     """Move theta_hat (7) into the box, and to where bodies can have it; see docs/adaptation.md.
 

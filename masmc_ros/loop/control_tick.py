@@ -232,7 +232,7 @@ def limit_torque(settings: Any, commanded: Any, raw_torque: Any, torque: Any) ->
     return saturated
 
 
-@formula
+@kernel
 def correct_prediction(
     settings: Any,
     geometry: Geometry,
