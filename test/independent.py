@@ -184,7 +184,8 @@ class Simulator:
             for bound in (self._extra['torque_limit'], self._extra['torque_rate_limit'])
         )
         step = self.scenario.period * rate
-        torque = np.clip(np.clip(raw, self._commanded - step, self._commanded + step), -limit, limit)
+        reached = np.clip(raw, self._commanded - step, self._commanded + step)
+        torque = np.clip(reached, -limit, limit)
         self._commanded = torque
         return torque
 

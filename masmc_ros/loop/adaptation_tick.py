@@ -13,7 +13,7 @@ from masmc_ros.control.adaptation import (
     within_box,
 )
 from masmc_ros.control.laws.update import updated_estimate
-from masmc_ros.loop.arrays import as_base_parameters, as_geometry
+from masmc_ros.loop.arrays import as_geometry
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.consistency import weakest_motion, write_normal
 from masmc_ros.robot.dynamics import BaseParameters

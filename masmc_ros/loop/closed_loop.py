@@ -7,26 +7,23 @@ from typing import Any
 
 from masmc_ros.compiled import kernel
 from masmc_ros.control.limits import clipped
-from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.loop.control_tick import control, workspace
-from masmc_ros.loop.plant import advance, load_state, store_state
+from masmc_ros.loop.plant_tick import advance_true_state, observe
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
 
 @kernel
 def closed_loop(
-    geometry: Any,
-    theta: Any,
-    amplitude: Any,
-    frequency: Any,
-    phase: Any,
-    limit: Any,
-    steps: int,
+    plant: Any,
+    plant_memory: Any,
+    delayed: Any,
     settings: Any,
     memory: Any,
     first: int,
     final: bool,
     reference: Any,
+    true_position: Any,
+    true_velocity: Any,
     position: Any,
     velocity: Any,
     effort: Any,
@@ -38,23 +35,21 @@ def closed_loop(
 ) -> int:
     """Run ticks first ... first + n - 1 and return at how many the arm was close to singular.
 
-    Arguments as in `control_tick` and `plant_tick`. Rows are ticks: `reference` (n, 12) is
-    read; row 0 of `position`, `velocity` (n + 1, 7) and `effort` (n + 1, 4) is the state
-    at the start, the rest is written, and `raw_torque`, `torque`, `error`, `surface` (n, 4) and
-    `estimates` (n, 7) with it. When `final`, the last tick's command is computed and not
-    applied, so that row n of the state stays unwritten.
+    Records and `delayed` as in `control_tick` and `plant_tick`. Rows are ticks: `reference`
+    (n, 12) is read; row 0 of the states (n + 1, 7), true and measured, and of `effort`
+    (n + 1, 4) is what is so at the start, the rest is written, and `raw_torque`, `torque`,
+    `error`, `surface` (n, 4) and `estimates` (n, 7) with it. When `final`, the last tick's
+    command is computed and not applied, so that row n of the states stays unwritten. A plant
+    that is measured exactly needs no true states apart: pass the measured ones twice.
     """
-    lengths = as_geometry(geometry)
-    base = as_base_parameters(theta)
+    model, state = plant[0], plant_memory[0]
     gains, state_of_law = settings[0], memory[0]
-    period = gains['period']
-    estimate = state_of_law['estimate']
     work = workspace()
     n = len(reference)
     singular = 0
     for k in range(n):
         for j in range(BASE_PARAMETERS):
-            estimates[k, j] = estimate[j]
+            estimates[k, j] = state_of_law['estimate'][j]
         if control(
             gains,
             state_of_law,
@@ -71,18 +66,11 @@ def closed_loop(
         if final and k == n - 1:
             break
         for i in range(AXES):
-            effort[k + 1, i] = clipped(torque[k, i], limit[i])
-        state = advance(
-            lengths,
-            base,
-            load_state(position[k], velocity[k]),
-            effort[k + 1],
-            amplitude,
-            frequency,
-            phase,
-            (first + k) * period,
-            period,
-            steps,
-        )
-        store_state(lengths, state, position[k + 1], velocity[k + 1])
+            effort[k + 1, i] = clipped(torque[k, i], model['limit'][i])
+        advance_true_state(model, state, first + k, effort[k + 1])
+        observe(model, state, delayed, first + k + 1, position[k + 1], velocity[k + 1])
+        if not model['is_exact']:
+            for i in range(7):
+                true_position[k + 1, i] = state['position'][i]
+                true_velocity[k + 1, i] = state['velocity'][i]
     return singular

@@ -17,6 +17,7 @@ from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.forward_kinematics import task_positions
 from masmc_ros.robot.parameters import ROBOT, Robot
 
 Array = NDArray[np.float64]
@@ -33,9 +34,13 @@ class Stretch:
     first: int
     """Tick of row 0."""
     position: Array
-    """(n, 7) in the order of joint_states."""
+    """(n, 7) as measured, in the order of joint_states."""
     velocity: Array
-    """(n, 7) in the same order."""
+    """(n, 7) as measured, in the same order."""
+    true_position: Array
+    """(n, 7) as they are."""
+    true_velocity: Array
+    """(n, 7) as they are."""
     applied: Array
     """(n, 4) torque held over the interval that ended at the tick."""
     raw_torque: Array
@@ -45,13 +50,17 @@ class Stretch:
     reference: Array
     """(n, 12) x_d, xdot_d, xddot_d."""
     error: Array
-    """(n, 4) e."""
+    """(n, 4) e, of the measured state."""
     surface: Array
     """(n, 4) s."""
     estimate: Array
     """(n, 7) theta_hat used in the tick's torque."""
     singular: int
     """Number of ticks at which the arm was close to singular."""
+
+    def true_error(self, geometry: Array) -> Array:
+        """Return x - x_d (n, 4) of the true state in m, for the true lengths (5)."""
+        return task_positions(geometry, self.true_position) - self.reference[:, :AXES]
 
 
 class Simulation:
@@ -90,9 +99,8 @@ class Simulation:
             yield stretch
 
     def _check_finite(self, stretch: Stretch) -> None:
-        finite = (
-            np.isfinite(stretch.torque).all(axis=1) & np.isfinite(stretch.position).all(axis=1)
-        )
+        finite = np.isfinite(stretch.torque).all(axis=1)
+        finite &= np.isfinite(stretch.true_position).all(axis=1)
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
@@ -101,23 +109,25 @@ class Simulation:
         n = len(reference)
         plant, controller = self.plant, self.controller
         position, velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
+        true_position, true_velocity = position, velocity
+        if not plant.is_exact:
+            true_position, true_velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
+        true_position[0], true_velocity[0] = plant.true_position, plant.true_velocity
         applied = np.empty((n + 1, AXES))
         position[0], velocity[0], applied[0] = plant.position, plant.velocity, plant.applied
         raw_torque, torque, error, surface = (np.empty((n, AXES)) for _ in range(4))
         estimate = np.empty((n, BASE_PARAMETERS))
         singular = closed_loop(
-            plant.geometry,
-            plant.theta,
-            plant.amplitude,
-            plant.frequency,
-            plant.phase,
-            plant.limit,
-            plant.steps,
+            plant.plant,
+            plant.memory,
+            plant.delayed,
             controller.settings,
             controller.memory,
             first,
             final,
             reference,
+            true_position,
+            true_velocity,
             position,
             velocity,
             applied,
@@ -128,14 +138,15 @@ class Simulation:
             estimate,
         )
         if not final:
-            plant.position[:] = position[n]
-            plant.velocity[:] = velocity[n]
+            plant.position[:], plant.velocity[:] = position[n], velocity[n]
             plant.applied[:] = applied[n]
             plant.tick = first + n
         return Stretch(
             first,
             position[:n],
             velocity[:n],
+            true_position[:n],
+            true_velocity[:n],
             applied[:n],
             raw_torque,
             torque,
@@ -153,6 +164,8 @@ class Simulation:
         rows: dict[str, Any] = {
             'position': np.empty((n, 7)),
             'velocity': np.empty((n, 7)),
+            'true_position': np.empty((n, 7)),
+            'true_velocity': np.empty((n, 7)),
             'applied': np.empty((n, AXES)),
             'raw_torque': np.empty((n, AXES)),
             'torque': np.empty((n, AXES)),
@@ -165,6 +178,8 @@ class Simulation:
             singular += controller.tick(plant.position, plant.velocity, reference[k])
             rows['position'][k] = plant.position
             rows['velocity'][k] = plant.velocity
+            rows['true_position'][k] = plant.true_position
+            rows['true_velocity'][k] = plant.true_velocity
             rows['applied'][k] = plant.applied
             rows['raw_torque'][k] = controller.raw_torque
             rows['torque'][k] = controller.torque
