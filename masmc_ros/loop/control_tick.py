@@ -16,8 +16,10 @@ from masmc_ros.control.surface import (
     reference_velocity,
     sliding_surface,
 )
+from masmc_ros.control.velocity_estimator import ESTIMATED
 from masmc_ros.loop.adaptation_tick import adapt
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
+from masmc_ros.loop.velocity_tick import estimate_rates, note_disturbance
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
@@ -53,19 +55,18 @@ from masmc_ros.robot.kinematics import (
 def surface_and_reference(
     geometry: Geometry,
     bend: Posture,
+    v: Quad,
     position: Any,
-    velocity: Any,
     reference: Any,
     sigma: Any,
     error: Any,
     surface: Any,
-) -> tuple[Quad, Quad, Quad]:
-    """Write e and s (4) and return v, v_r and a_r as quasi-velocities.
+) -> tuple[Quad, Quad]:
+    """Write e and s (4) and return v_r and a_r; all velocities are quasi-velocities.
 
     `reference` (12) holds x_d, xdot_d and xddot_d; v_r = J^-1 xdot_r and
     a_r = J^-1 (xddot_r - Jdot v_r).
     """
-    v = quasi_velocity(geometry, velocity[3], velocity[4], velocity[5], velocity[6])
     x = task_position(geometry, bend, position[0], position[1])
     x_dot = task_velocity(geometry, bend, v[0], v[1], v[2], v[3])
     # Axis by axis; the tuples are spelled out because compiled tuples have no loops.
@@ -98,7 +99,7 @@ def surface_and_reference(
         reference_acceleration(reference[10], rate_2, sigma[2]) - drift[2],
         reference_acceleration(reference[11], rate_3, sigma[3]) - drift[3],
     )
-    return v, v_r, a_r
+    return v_r, a_r
 
 
 @formula
@@ -277,8 +278,14 @@ def control(
     """Compute one tick; see `control_tick`."""
     geometry = as_geometry(settings['geometry'])
     bend = posture(position[2], position[5], position[6])
-    v, v_r, a_r = surface_and_reference(
-        geometry, bend, position, velocity, reference, settings['sigma'], error, surface
+    if settings['velocity_source'] == ESTIMATED:
+        estimate_rates(settings, memory, position)
+        rates = memory['rates']
+        v = quasi_velocity(geometry, rates[0], rates[1], rates[2], rates[3])
+    else:
+        v = quasi_velocity(geometry, velocity[3], velocity[4], velocity[5], velocity[6])
+    v_r, a_r = surface_and_reference(
+        geometry, bend, v, position, reference, settings['sigma'], error, surface
     )
     switching = settings['switching']
     if switching == IMPLICIT:
@@ -313,6 +320,8 @@ def control(
         for i in range(AXES):
             torque[i] = raw_torque[i]
             memory['commanded'][i] = torque[i]
+    if settings['velocity_source'] == ESTIMATED:
+        note_disturbance(memory, geometry, bend)
     adapt(settings, surface, saturated, work.gradient, work.normal, memory['estimate'])
     return is_singular(bend)
 

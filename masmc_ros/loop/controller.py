@@ -13,11 +13,13 @@ from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.plug_in import PlugInLaw
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.loop.adaptation_tick import project_estimate
 from masmc_ros.loop.control_tick import control_tick, limit_command
 from masmc_ros.loop.controller_records import MEMORY, SETTINGS
 from masmc_ros.loop.dense import tick_input
+from masmc_ros.loop.velocity_tick import estimated_velocity
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.parameters import Robot
 
@@ -34,6 +36,7 @@ _AS_THEY_ARE = (
     'e_modification',
     'dead_zone',
     'freeze_when_saturated',
+    'estimator_bandwidth',
 )
 """Parameters whose values compiled code reads under their own names."""
 
@@ -73,6 +76,7 @@ class Controller:
         """Forget what was learned and commanded: everything as at the start."""
         self.estimate[:] = self.nominal
         self.commanded[:] = 0.0
+        self.memory['follows'] = 0
         self._forget_disturbance()
         if not self.is_compiled:
             self._plug_in = self._new_plug_in(self.values)
@@ -90,6 +94,8 @@ class Controller:
         switched = now['switching'] != before['switching']
         if switched or (now['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self._forget_disturbance()
+        if now['velocity_source'] != before['velocity_source']:
+            self.memory['follows'] = 0
 
     @property
     def is_compiled(self) -> bool:
@@ -134,6 +140,7 @@ class Controller:
         settings['switching'] = SWITCHING.index(values['switching'])
         for name in _AS_THEY_ARE:
             settings[name] = values[name]
+        settings['velocity_source'] = SOURCES.index(values['velocity_source'])
         settings['has_limits'] = any(values['torque_limit']) or any(values['torque_rate_limit'])
         settings['projection_lower'] = values['projection.lower']
         settings['projection_upper'] = values['projection.upper']
@@ -155,6 +162,9 @@ class Controller:
         velocity: NDArray[np.float64],
         reference: NDArray[np.float64],
     ) -> bool:
+        if self.settings['velocity_source'][0] == ESTIMATED:
+            velocity = np.empty(7)
+            estimated_velocity(self.settings, self.memory, position, velocity)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
             for name, value in self.values.items()

@@ -7,6 +7,7 @@ from typing import Any
 
 from masmc_ros.control.laws import registry
 from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.control.velocity_estimator import SOURCES
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
@@ -81,6 +82,26 @@ LIMITS = (
 )
 
 
+ESTIMATOR = (
+    Parameter(
+        'velocity_source',
+        'measured',
+        'Rates as measured, or estimated from the joint angles alone',
+        choices=SOURCES,
+        read_only=False,
+    ),
+    Parameter(
+        'estimator_bandwidth',
+        1000.0,
+        'Bandwidth of the velocity estimator',
+        unit='rad/s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        read_only=False,
+    ),
+)
+
+
 def _gain(name: str, default: float, description: str, unit: str, **bounds: Any) -> Parameter:
     return Parameter(
         name,
@@ -146,5 +167,6 @@ def parameters() -> tuple[Parameter, ...]:
         ),
         *ADAPTATION,
         *LIMITS,
+        *ESTIMATOR,
         *registry.parameters(),
     )

@@ -33,6 +33,8 @@ SETTINGS = np.dtype(
         ('freeze_when_saturated', 'i8'),
         ('projection_lower', 'f8'),  # 0: no projection
         ('projection_upper', 'f8'),
+        ('velocity_source', 'i8'),  # position in SOURCES
+        ('estimator_bandwidth', 'f8'),
     ],
     align=True,
 )
@@ -44,6 +46,11 @@ MEMORY = np.dtype(
         ('disturbance', 'f8', AXES),  # d of the implicit law, N
         ('predicted', 'f8', AXES),  # s+ in m/s, not-a-number where there is none
         ('commanded', 'f8', AXES),  # torque of the last tick, N m
+        ('follows', 'i8'),  # whether the velocity estimator has begun
+        ('angles', 'f8', AXES),  # its estimates: rad, rad/s, rad/s2
+        ('rates', 'f8', AXES),
+        ('push', 'f8', AXES),
+        ('felt', 'f8', AXES),  # d as torques at the last tick, N m
     ],
     align=True,
 )

@@ -45,8 +45,9 @@ def _dense(
 ) -> bool:
     lengths = as_geometry(geometry)
     bend = posture(position[2], position[5], position[6])
-    v, v_ref, a_ref = surface_and_reference(
-        lengths, bend, position, velocity, reference, sigma, error, surface
+    v = quasi_velocity(lengths, velocity[3], velocity[4], velocity[5], velocity[6])
+    v_ref, a_ref = surface_and_reference(
+        lengths, bend, v, position, reference, sigma, error, surface
     )
     h = inertia(as_base_parameters(nominal), lengths, bend)
     task_inertia(as_base_parameters(nominal), lengths, bend, inertia_x)
