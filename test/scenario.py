@@ -176,6 +176,7 @@ class Loop:
             r.applied[first : last + 1],
             r.raw_torque[first:last],
             r.torque[first:last],
+            np.empty((0, AXES)),
             r.error[first:last],
             r.surface[first:last],
             r.estimate[first:last],

@@ -6,9 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.compiled import kernel
-from masmc_ros.control.limits import clipped
+from masmc_ros.control.command_interface import VELOCITY
 from masmc_ros.loop.control_tick import control, workspace
-from masmc_ros.loop.plant_tick import advance_true_state, observe
+from masmc_ros.loop.plant_tick import hold_command, observe
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
 
@@ -29,6 +29,7 @@ def closed_loop(
     effort: Any,
     raw_torque: Any,
     torque: Any,
+    rates: Any,
     error: Any,
     surface: Any,
     estimates: Any,
@@ -39,11 +40,13 @@ def closed_loop(
     (n, 12) is read; row 0 of the states (n + 1, 7), true and measured, and of `effort`
     (n + 1, 4) is what is so at the start, the rest is written, and `raw_torque`, `torque`,
     `error`, `surface` (n, 4) and `estimates` (n, 7) with it. When `final`, the last tick's
-    command is computed and not applied, so that row n of the states stays unwritten. A plant
+    command is computed and not applied, so that row n of the states stays unwritten. With
+    commanded rates they are written to `rates` (n, 4), which is not touched else. A plant
     that is measured exactly needs no true states apart: pass the measured ones twice.
     """
     model, state = plant[0], plant_memory[0]
     gains, state_of_law = settings[0], memory[0]
+    commands_rates = gains['command_interface'] == VELOCITY
     work = workspace()
     n = len(reference)
     singular = 0
@@ -63,11 +66,15 @@ def closed_loop(
             work,
         ):
             singular += 1
+        if commands_rates:
+            for i in range(AXES):
+                rates[k, i] = state_of_law['velocity_command'][i]
         if final and k == n - 1:
             break
-        for i in range(AXES):
-            effort[k + 1, i] = clipped(torque[k, i], model['limit'][i])
-        advance_true_state(model, state, first + k, effort[k + 1])
+        if commands_rates:
+            hold_command(model, state, first + k, rates[k], effort[k + 1])
+        else:
+            hold_command(model, state, first + k, torque[k], effort[k + 1])
         observe(model, state, delayed, first + k + 1, position[k + 1], velocity[k + 1])
         if not model['is_exact']:
             for i in range(7):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACES, VELOCITY
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.plug_in import PlugInLaw
 from masmc_ros.control.laws.update import BUILT_IN
@@ -16,11 +17,13 @@ from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.loop.adaptation_tick import project_estimate
-from masmc_ros.loop.control_tick import control_tick, limit_command
+from masmc_ros.loop.control_tick import control_tick
 from masmc_ros.loop.controller_records import MEMORY, SETTINGS
 from masmc_ros.loop.dense import tick_input
+from masmc_ros.loop.torque_limits import limit_command
 from masmc_ros.loop.velocity_tick import estimated_velocity
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.geometry import Geometry, quasi_velocity
 from masmc_ros.robot.parameters import Robot
 
 _AS_THEY_ARE = (
@@ -47,6 +50,7 @@ class Controller:
     `torque` (4, N m), `error` (4, m) and `surface` (4, m/s) are the last tick's results,
     `raw_torque` (4) what the law asked for before `torque_limit` and `torque_rate_limit`,
     `used_estimate` (7) the theta_hat in that torque, `estimate` (7) the next tick's.
+    With `command_interface` velocity `velocity_command` (4, rad/s) stands in for the torque.
     `commanded` (4, N m) is what the rate is limited against; who commands something else
     in the controller's place writes it there.
     """
@@ -63,6 +67,7 @@ class Controller:
         memory = self.memory
         self.estimate, self.disturbance = memory['estimate'][0], memory['disturbance'][0]
         self.predicted, self.commanded = memory['predicted'][0], memory['commanded'][0]
+        self.velocity_command = memory['velocity_command'][0]
         self.torque, self.raw_torque = np.zeros(AXES), np.zeros(AXES)
         self.error, self.surface = np.zeros(AXES), np.zeros(AXES)
         self.used_estimate = np.zeros(BASE_PARAMETERS)
@@ -99,8 +104,23 @@ class Controller:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the law in force is a built-in one, which whole runs are compiled with."""
-        return self._plug_in is None
+        """Whether the law in force is a built-in one, which whole runs are compiled with.
+
+        So is the kinematic law of commanded rates, whatever `law` says.
+        """
+        return self._plug_in is None or self.commands_rates
+
+    @property
+    def commands_rates(self) -> bool:
+        """Whether the command is `velocity_command` instead of `torque`."""
+        return bool(self.settings['command_interface'][0] == VELOCITY)
+
+    @property
+    def platform_command(self) -> tuple[float, float]:
+        """Forward speed in m/s and yaw rate in rad/s of `velocity_command`, for a base."""
+        rates = self.velocity_command.tolist()
+        forward, turn, _, _ = quasi_velocity(Geometry(*self.geometry.tolist()), *rates)
+        return forward, turn
 
     def tick(
         self,
@@ -113,7 +133,7 @@ class Controller:
         `position` and `velocity` (7) in the order of joint_states, `reference` (12).
         """
         self.used_estimate[:] = self.estimate
-        if self._plug_in is not None:
+        if self._plug_in is not None and not self.commands_rates:
             return self._tick_plug_in(self._plug_in, position, velocity, reference)
         return bool(
             control_tick(
@@ -140,6 +160,7 @@ class Controller:
         settings['switching'] = SWITCHING.index(values['switching'])
         for name in _AS_THEY_ARE:
             settings[name] = values[name]
+        settings['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
         settings['velocity_source'] = SOURCES.index(values['velocity_source'])
         settings['has_limits'] = any(values['torque_limit']) or any(values['torque_rate_limit'])
         settings['projection_lower'] = values['projection.lower']

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACE
 from masmc_ros.control.laws import registry
 from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.control.velocity_estimator import SOURCES
@@ -168,5 +169,6 @@ def parameters() -> tuple[Parameter, ...]:
         *ADAPTATION,
         *LIMITS,
         *ESTIMATOR,
+        COMMAND_INTERFACE,
         *registry.parameters(),
     )

@@ -35,6 +35,7 @@ SETTINGS = np.dtype(
         ('projection_upper', 'f8'),
         ('velocity_source', 'i8'),  # position in SOURCES
         ('estimator_bandwidth', 'f8'),
+        ('command_interface', 'i8'),  # position in COMMAND_INTERFACES
     ],
     align=True,
 )
@@ -46,6 +47,7 @@ MEMORY = np.dtype(
         ('disturbance', 'f8', AXES),  # d of the implicit law, N
         ('predicted', 'f8', AXES),  # s+ in m/s, not-a-number where there is none
         ('commanded', 'f8', AXES),  # torque of the last tick, N m
+        ('velocity_command', 'f8', AXES),  # rates of the last tick, rad/s
         ('follows', 'i8'),  # whether the velocity estimator has begun
         ('angles', 'f8', AXES),  # its estimates: rad, rad/s, rad/s2
         ('rates', 'f8', AXES),

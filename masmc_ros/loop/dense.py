@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from masmc_ros.compiled import kernel
 from masmc_ros.control.laws.plug_in import TickInput
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
-from masmc_ros.loop.control_tick import surface_and_reference, task_inertia
+from masmc_ros.loop.task_terms import surface_and_reference, task_inertia
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,

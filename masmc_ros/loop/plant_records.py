@@ -22,6 +22,9 @@ PLANT_SETTINGS = np.dtype(
         ('noise', 'f8', AXES),  # standard deviation in rad/s
         ('delay', 'i8'),  # ticks
         ('seed', 'i8'),
+        ('command_interface', 'i8'),  # position in COMMAND_INTERFACES
+        ('bandwidth', 'f8', AXES),  # of the drives' velocity loops, rad/s
+        ('inertia', 'f8', AXES),  # for which they are tuned, kg m2
     ],
     align=True,
 )
@@ -33,6 +36,7 @@ PLANT_MEMORY = np.dtype(
         ('velocity', 'f8', 7),
         ('odometry', 'f8', 3),  # x, y, yaw of the axle's middle by counting wheel angles
         ('wheels', 'f8', 2),  # angles counted so far, rad
+        ('wound', 'f8', AXES),  # integrals of the drives' velocity loops, N m
     ],
     align=True,
 )

@@ -6,11 +6,14 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.compiled import formula, kernel
+from masmc_ros.control.command_interface import VELOCITY
 from masmc_ros.control.limits import clipped
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.loop.measurement import measure
 from masmc_ros.loop.plant import advance, is_finite, load_state, PlantState, store_state
+from masmc_ros.loop.velocity_loop import hold_rates
 from masmc_ros.portable_math import sin_cos
+from masmc_ros.robot import AXES
 
 
 @formula
@@ -34,6 +37,20 @@ def advance_true_state(plant: Any, memory: Any, tick: int, applied: Any) -> bool
     )
     store_state(geometry, state, memory['position'], memory['velocity'])
     return is_finite(state)
+
+
+@formula
+def hold_command(plant: Any, memory: Any, tick: int, command: Any, applied: Any) -> bool:
+    """Move the true state on under a command (4); tell whether it is still finite.
+
+    `applied` (4, N m) is the torque that it comes to: within the motors' limits the command
+    itself, or the mean of what the drives make of commanded rates.
+    """
+    if plant['command_interface'] == VELOCITY:
+        return hold_rates(plant, memory, tick, command, applied)
+    for i in range(AXES):
+        applied[i] = clipped(command[i], plant['limit'][i])
+    return advance_true_state(plant, memory, tick, applied)
 
 
 @formula
@@ -62,15 +79,14 @@ def plant_tick(
 ) -> bool:
     """Advance the plant by one control period; tell whether its state is still finite.
 
-    In: one record of PLANT_SETTINGS; the tick that the command (4, N m) answers. In and out: one
+    In: one record of PLANT_SETTINGS; the tick that the command (4, N m or
+    rad/s) answers. In and out: one
     record of PLANT_MEMORY with the true state, and the measurements under way.
-    Out: the torque applied (4, N m), the command within the motors' limits, and what is
-    measured at the next tick, positions (7) and velocities (7) in the order of joint_states.
+    Out: the torque applied (4, N m), within the motors' limits, and what is measured at the
+    next tick, positions (7) and velocities (7) in the order of joint_states.
     """
     model, state = plant[0], memory[0]
-    for i in range(4):
-        applied[i] = clipped(command[i], model['limit'][i])
-    finite = advance_true_state(model, state, tick, applied)
+    finite = hold_command(model, state, tick, command, applied)
     observe(model, state, delayed, tick + 1, position, velocity)
     return finite
 
@@ -106,5 +122,7 @@ def plant_start(
         rates[2],
         rates[3],
     )
+    for i in range(AXES):
+        state['wound'][i] = 0.0
     store_state(as_geometry(model['geometry']), start, state['position'], state['velocity'])
     observe(model, state, delayed, 0, position, velocity)

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
 from masmc_ros.loop.plant_tick import plant_start, plant_tick
+from masmc_ros.loop.velocity_loop import joint_inertias
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES
 from masmc_ros.robot.parameters import Robot
@@ -76,6 +78,17 @@ PLANT = (
         length=4,
         minimum=0.0,
     ),
+    COMMAND_INTERFACE,
+    Parameter(
+        'velocity_loop.bandwidth',
+        (100.0, 100.0, 100.0, 100.0),
+        "Bandwidth of the drives' velocity loops, with commanded rates",
+        unit='rad/s',
+        length=4,
+        broadcast=True,
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
     Parameter(
         'encoder_resolution',
         (0.0, 0.0, 0.0, 0.0),
@@ -114,7 +127,8 @@ class SimulatedRobot:
 
     `position` (7), `velocity` (7) are what is measured at the tick, in the order of
     joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
-    `applied` (4) is the torque held over the interval just ended, in N m.
+    `applied` (4) is the torque over the interval just ended, in N m: that held, or with
+    commanded rates the mean of what the drives made of them.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
@@ -152,7 +166,7 @@ class SimulatedRobot:
         )
 
     def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a torque command (4, N m) for one control period.
+        """Hold a command (4) for one control period: N m, or rad/s by `command_interface`.
 
         Raises InputError where the state is no longer finite.
         """
@@ -184,6 +198,10 @@ def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDAr
     plant['noise'] = values['velocity_noise']
     plant['delay'] = round(values['measurement_delay'] / period)
     plant['seed'] = values['seed']
+    plant['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
+    plant['bandwidth'] = values['velocity_loop.bandwidth']
+    _, _, arm_1, arm_2 = values['initial_joints']
+    plant['inertia'] = joint_inertias(robot.geometry, robot.theta, arm_1, arm_2)
     plant['is_exact'] = not any(plant[name].any() for name in ('resolution', 'noise', 'delay'))
     return plant
 

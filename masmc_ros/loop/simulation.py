@@ -47,6 +47,8 @@ class Stretch:
     """(n, 4) torque that the law asked for, before the controller's limits."""
     torque: Array
     """(n, 4) command computed at the tick."""
+    rates: Array
+    """(n, 4) rad/s commanded at the tick in place of a torque; (0, 4) where a torque is."""
     reference: Array
     """(n, 12) x_d, xdot_d, xddot_d."""
     error: Array
@@ -72,6 +74,11 @@ class Simulation:
         Raises InputError where they do not fit together.
         """
         plant, control = values['plant'], values['controller']
+        if plant['command_interface'] != control['command_interface']:
+            raise InputError(
+                f'controller.command_interface = {control["command_interface"]}: expected '
+                f'{plant["command_interface"]}, which plant.command_interface is'
+            )
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
         self.plant = SimulatedRobot(robot, self.timing.period, plant)
@@ -116,6 +123,7 @@ class Simulation:
         applied = np.empty((n + 1, AXES))
         position[0], velocity[0], applied[0] = plant.position, plant.velocity, plant.applied
         raw_torque, torque, error, surface = (np.empty((n, AXES)) for _ in range(4))
+        rates = np.empty((n if controller.commands_rates else 0, AXES))
         estimate = np.empty((n, BASE_PARAMETERS))
         singular = closed_loop(
             plant.plant,
@@ -133,6 +141,7 @@ class Simulation:
             applied,
             raw_torque,
             torque,
+            rates,
             error,
             surface,
             estimate,
@@ -150,6 +159,7 @@ class Simulation:
             applied[:n],
             raw_torque,
             torque,
+            rates,
             reference,
             error,
             surface,
@@ -188,7 +198,10 @@ class Simulation:
             rows['estimate'][k] = controller.used_estimate
             if not (final and k == n - 1):
                 plant.advance(controller.torque)
-        return Stretch(first=first, reference=reference, singular=singular, **rows)
+        none = np.empty((0, AXES))
+        return Stretch(
+            first=first, reference=reference, rates=none, singular=singular, **rows
+        )
 
 
 def robot_of(values: Values) -> Robot:

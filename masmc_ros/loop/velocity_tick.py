@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.compiled import formula, kernel
+from masmc_ros.control.command_interface import EFFORT
 from masmc_ros.control.velocity_estimator import followed, gains
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.portable_math import sin_cos
@@ -65,7 +66,10 @@ def estimate_rates(settings: Any, memory: Any, position: Any) -> None:
             push[i] = 0.0
         return
     gain = gains(settings['estimator_bandwidth'], settings['period'])
-    a = expected_acceleration(settings, memory)
+    # What drives make of commanded rates is not known: all of it is a push.
+    a = (0.0, 0.0, 0.0, 0.0)
+    if settings['command_interface'] == EFFORT:
+        a = expected_acceleration(settings, memory)
     # Joint by joint; the tuple is spelled out because compiled tuples have no loops.
     for i in range(AXES):
         of_joint = a[0] if i == 0 else (a[1] if i == 1 else (a[2] if i == 2 else a[3]))
