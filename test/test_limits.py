@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import importlib
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +16,10 @@ from scenario import axes, Scenario, whole
 
 from masmc_ros.control.limits import limited
 from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.nodes.scenario import load_scenario
+
+PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 
 TORQUE = between(-50.0, 50.0)
 LIMIT = st.one_of(st.just(0.0), between(0.01, 40.0))
@@ -100,3 +106,39 @@ def test_after_saturation_a_constant_disturbance_is_still_rejected() -> None:
     run = whole(with_limits(push, axes(1.5, 1.5, 4.0, 1.5), axes(0.0, 0.0, 100.0, 100.0)))
     assert (run.raw_torque != run.torque).any(axis=1).sum() > 200
     assert np.abs(run.surface[-1000:]).max() < 1e-4
+
+
+PLUGGED_IN = '''
+import numpy as np
+
+
+class Push:
+    """Ask for the same torque at every tick; note what became of the last one."""
+
+    parameters = ()
+    commanded = []
+
+    def step(self, tick):
+        self.commanded.append(tick.commanded)
+        return np.array([5.0, -5.0, 1.0, 0.5]), tick.estimate
+'''
+
+
+def test_a_plugged_in_law_is_limited_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'pushing.py').write_text(PLUGGED_IN)
+    package = tmp_path / 'pushing-1.0.dist-info'
+    package.mkdir()
+    (package / 'METADATA').write_text('Metadata-Version: 2.1\nName: pushing\nVersion: 1.0\n')
+    (package / 'entry_points.txt').write_text('[masmc_ros.laws]\npush = pushing:Push\n')
+    monkeypatch.syspath_prepend(str(tmp_path))
+    limits = 'controller.torque_limit=[2.0, 3.0, 0.0, 0.0]', 'controller.torque_rate_limit=800'
+    simulation = Simulation(load_scenario(PAPER, ('controller.law=push', 'duration=0.01', *limits)))
+    (run,) = simulation.run()
+    commanded = importlib.import_module('pushing').Push.commanded
+    assert (run.raw_torque == [5.0, -5.0, 1.0, 0.5]).all()
+    steps = 0.8 * np.arange(1, 12)[:, None]
+    expected = np.sign(run.raw_torque) * np.minimum(steps, [2.0, 3.0, 1.0, 0.5])
+    assert run.torque == pytest.approx(expected, abs=1e-12)
+    assert (np.array(commanded)[1:] == run.torque[:-1]).all()

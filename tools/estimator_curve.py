@@ -100,11 +100,15 @@ def _table(estimates: list[Point], filters: list[Point], plain: Point) -> str:
     lines = ['| rates from | bandwidth (rad/s) | E RMS (mm) | torque variation (N·m/s) |']
     lines.append('|---|---:|---:|---:|')
     for name, points in (('estimator', estimates), ('first-order filter', filters)):
-        lines += [
-            f'| {name} | {p.bandwidth:.0f} | {p.error:.3f} | {p.variation:,.0f} |' for p in points
-        ]
-    lines.append(f'| measured, with noise | | {plain.error:.3f} | {plain.variation:,.0f} |')
-    return '\n'.join(lines).replace(',', ' ') + '\n'
+        for p in points:
+            row = f'{p.bandwidth:.0f} | {p.error:.3f} | {_spaced(p.variation)}'
+            lines.append(f'| {name} | {row} |')
+    lines.append(f'| measured, with noise | | {plain.error:.3f} | {_spaced(plain.variation)} |')
+    return '\n'.join(lines) + '\n'
+
+
+def _spaced(number: float) -> str:
+    return f'{number:,.0f}'.replace(',', ' ')
 
 
 def _draw(estimates: list[Point], filters: list[Point], plain: Point) -> None:
