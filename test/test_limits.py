@@ -134,8 +134,8 @@ def test_a_plugged_in_law_is_limited_and_told(
     (package / 'entry_points.txt').write_text('[masmc_ros.laws]\npush = pushing:Push\n')
     monkeypatch.syspath_prepend(str(tmp_path))
     limits = 'controller.torque_limit=[2.0, 3.0, 0.0, 0.0]', 'controller.torque_rate_limit=800'
-    simulation = Simulation(load_scenario(PAPER, ('controller.law=push', 'duration=0.01', *limits)))
-    (run,) = simulation.run()
+    settings = 'controller.law=push', 'duration=0.01', *limits
+    (run,) = Simulation(load_scenario(PAPER, settings)).run()
     commanded = importlib.import_module('pushing').Push.commanded
     assert (run.raw_torque == [5.0, -5.0, 1.0, 0.5]).all()
     steps = 0.8 * np.arange(1, 12)[:, None]

@@ -73,11 +73,14 @@ def test_whatever_the_gradients_the_estimate_stays_that_of_bodies(
 
 
 @PROPERTY
-@given(machines(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-2.0, 2.0))
+@given(machines(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-3.0, -0.5))
 def test_projection_comes_no_farther_from_any_robot_in_the_set(
     robot: Machine, lower: float, upper: float, seed: int, size: float
 ) -> None:
-    """A robot whose every mass and inertia is within the bounds, centres of mass the same."""
+    """A robot whose every mass and inertia is within the bounds, centres of mass the same.
+
+    Steps of up to a third of the model in one tick.
+    """
     rng = np.random.default_rng(seed)
     factors = {
         name: value * rng.uniform(lower, upper)
@@ -89,7 +92,7 @@ def test_projection_comes_no_farther_from_any_robot_in_the_set(
     bounds = np.sort([lower * projected.nominal, upper * projected.nominal], axis=0)
     if (other < bounds[0]).any() or (other > bounds[1]).any():
         return  # first moments of parts on both sides of the axle or a joint
-    for _ in range(20):
+    for _ in range(40):
         step = 10.0**size * rng.normal(size=7) * np.abs(projected.nominal)
         before = projected.estimate + step
         projected.move(step)

@@ -52,27 +52,48 @@ def moved_estimate(
 
 
 @formula
-def within_box(value: float, nominal: float, lower: float, upper: float) -> float:
-    """Return the value within [lower, upper] times the nominal one, of whichever sign."""
+def bounds(nominal: float, lower: float, upper: float) -> tuple[float, float]:
+    """Return the least and the largest of lower ... upper times a number of whichever sign."""
     one, other = lower * nominal, upper * nominal
-    low, high = (one, other) if nominal > 0.0 else (other, one)
-    return low if value < low else (high if value > high else value)
+    return (one, other) if nominal > 0.0 else (other, one)
+
+
+@formula
+def clip_to_box(n: int, nominal: Any, lower: float, upper: float, estimate: Any) -> None:
+    """Clip theta (n) to the box lower ... upper times the nominal one."""
+    for j in range(n):
+        low, high = bounds(nominal[j], lower, upper)
+        value = estimate[j]
+        estimate[j] = low if value < low else (high if value > high else value)
 
 
 @formula
 def move_into_half_space(
-    n: int, normal: Any, bound: float, gamma: Any, estimate: Any
+    n: int,
+    normal: Any,
+    bound: float,
+    gamma: Any,
+    nominal: Any,
+    lower: float,
+    upper: float,
+    estimate: Any,
 ) -> None:
-    """Move theta (n) to the nearest point with normal' theta >= bound, in the metric of Gamma.
+    """Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
 
-    In that metric, sqrt(d' Gamma d), in which the Lyapunov function of (19) measures the
-    estimation error, no point of the half-space comes farther away.
+    Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
+    the estimation error: no point of both comes farther away. Entries that reach their bound
+    stay there, and the others go on, at most n times.
     """
-    short = bound
-    slope = 0.0
-    for j in range(n):
-        short -= normal[j] * estimate[j]
-        slope += normal[j] * normal[j] / gamma[j]
-    if short > 0.0 and slope > 0.0:
+    for _ in range(n):
+        short = bound
+        slope = 0.0
+        for j in range(n):
+            short -= normal[j] * estimate[j]
+            low, high = bounds(nominal[j], lower, upper)
+            if (normal[j] > 0.0 and estimate[j] < high) or (normal[j] < 0.0 and estimate[j] > low):
+                slope += normal[j] * normal[j] / gamma[j]
+        if not (short > 0.0 and slope > 0.0):
+            return
         for j in range(n):
             estimate[j] += short * normal[j] / (gamma[j] * slope)
+        clip_to_box(n, nominal, lower, upper, estimate)

@@ -8,9 +8,9 @@ from typing import Any
 from masmc_ros.compiled import formula, kernel
 from masmc_ros.control.adaptation import (
     beyond_dead_zone,
+    clip_to_box,
     move_into_half_space,
     norm,
-    within_box,
 )
 from masmc_ros.control.laws.update import updated_estimate
 from masmc_ros.loop.arrays import as_geometry
@@ -18,13 +18,11 @@ from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.consistency import weakest_motion, write_normal
 from masmc_ros.robot.dynamics import BaseParameters
 
-_CUTS = 40
+_CUTS = 200
 _HALVINGS = 60
 
 MARGIN = 0.5
 """Projection keeps H(theta_hat) above this part of `projection.lower` times the nominal H."""
-
-_MARGIN_AIMED_AT = 0.6
 
 
 @formula
@@ -59,13 +57,15 @@ def adapt(
 def project(settings: Any, normal: Any, estimate: Any) -> None:
     """Move theta_hat (7) into the box, and to where bodies can have it; see docs/adaptation.md.
 
-    Every cut is the projection onto a half-space that holds all of that set, so that none
-    takes theta_hat farther from any theta in it. In the rare case that many cuts do not
-    suffice, the way to the nominal model, which is inside, is halved until they do.
+    Every cut is the projection onto a half-space that holds every robot whose bodies are
+    all above `projection.lower`, so that none takes theta_hat farther from the theta of such
+    a one. In the rare case that many cuts do not suffice, the way to the nominal model,
+    which is inside, is halved until they do.
     """
     geometry = as_geometry(settings['geometry'])
     nominal, lower = settings['nominal'], settings['projection_lower']
-    clip_to_box(settings, estimate)
+    upper = settings['projection_upper']
+    clip_to_box(BASE_PARAMETERS, nominal, lower, upper, estimate)
     for _ in range(_CUTS):
         x = weakest_motion(_above(estimate, nominal, MARGIN * lower), geometry)
         if x[0] > 0.0:
@@ -73,28 +73,16 @@ def project(settings: Any, normal: Any, estimate: Any) -> None:
         write_normal(geometry, x[1], x[2], x[3], x[4], normal)
         bound = 0.0
         for j in range(BASE_PARAMETERS):
-            bound += normal[j] * nominal[j]
-        bound *= _MARGIN_AIMED_AT * lower
-        move_into_half_space(BASE_PARAMETERS, normal, bound, settings['gamma'], estimate)
-        clip_to_box(settings, estimate)
+            bound += lower * normal[j] * nominal[j]
+        move_into_half_space(
+            BASE_PARAMETERS, normal, bound, settings['gamma'], nominal, lower, upper, estimate
+        )
     for _ in range(_HALVINGS):
         x = weakest_motion(_above(estimate, nominal, MARGIN * lower), geometry)
         if x[0] > 0.0:
             return
         for j in range(BASE_PARAMETERS):
             estimate[j] = nominal[j] + 0.5 * (estimate[j] - nominal[j])
-
-
-@formula
-def clip_to_box(settings: Any, estimate: Any) -> None:
-    """Clip theta_hat (7) to the box around the nominal one."""
-    for j in range(BASE_PARAMETERS):
-        estimate[j] = within_box(
-            estimate[j],
-            settings['nominal'][j],
-            settings['projection_lower'],
-            settings['projection_upper'],
-        )
 
 
 @formula
