@@ -24,6 +24,7 @@ from typing import Any
 
 from numba import config, njit
 
+_NUMERICAL_MODULES = ('compiled', 'portable_math', 'portable_random')
 _NUMERICAL_FOLDERS = ('robot', 'control', 'reference', 'loop')
 
 
@@ -55,7 +56,7 @@ def _cache_directory() -> Path:
     it inlines does. A directory per content of all numerical sources closes that gap.
     """
     package = Path(__file__).parent
-    sources = [package / 'compiled.py', package / 'portable_math.py']
+    sources = [package / f'{name}.py' for name in _NUMERICAL_MODULES]
     for folder in _NUMERICAL_FOLDERS:
         sources += sorted((package / folder).rglob('*.py'))
     digest = hashlib.sha256()

@@ -18,6 +18,7 @@ from scenario import axes, Run, Scenario, whole
 
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.control.velocity_estimator import ESTIMATED
 from masmc_ros.loop.closed_loop import closed_loop
 
 
@@ -39,6 +40,31 @@ def scenarios(ticks: int) -> dict[str, Scenario]:
         k_s2=axes(90.0, 0.0, 100.0, 70.0),
         gamma=np.linspace(0.5, 8.0, 7),
         rates=axes(1.0, -1.0, 0.3, -0.2),
+    )
+    runs['imperfect'] = Scenario(
+        'rasmc',
+        'implicit',
+        0.3,
+        ticks=ticks,
+        gamma=np.full(7, 0.01),
+        extra=(
+            ('torque_limit', axes(4.0, 4.0, 9.0, 6.0)),
+            ('torque_rate_limit', axes(0.0, 2e3, 9e3, 4e3)),
+            ('leakage', 0.1),
+            ('e_modification', 0.2),
+            ('dead_zone', 1e-3),
+            ('projection_lower', 0.5),
+            ('projection_upper', 2.0),
+            ('freeze_when_saturated', 1),
+            ('velocity_source', ESTIMATED),
+            ('estimator_bandwidth', 1000.0),
+        ),
+        measured=(
+            ('resolution', np.full(4, 1e-4)),
+            ('noise', np.full(4, 0.02)),
+            ('delay', 1),
+            ('seed', 3),
+        ),
     )
     return runs
 

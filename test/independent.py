@@ -112,6 +112,16 @@ class Simulator:
         self.v = scenario.rates.copy()
         self._disturbance = np.zeros(4)
         self._predicted: Array | None = None
+        self._commanded = np.zeros(4)
+        self._extra = {
+            'torque_limit': np.zeros(4),
+            'torque_rate_limit': np.zeros(4),
+            'leakage': 0.0,
+            'e_modification': 0.0,
+            'dead_zone': 0.0,
+            'freeze_when_saturated': 0,
+            **dict(scenario.extra),
+        }
 
     def run(self) -> Trace:
         """Compute every tick."""
@@ -159,12 +169,37 @@ class Simulator:
             u = self._implicit(np.linalg.inv(jacobian), m, s)
         else:
             u = -c.k_s1 * s - c.k_s2 * switching(c.switching, s, c.boundary_layer)
-        torque = y @ self.estimate + jacobian.T @ u
+        raw = y @ self.estimate + jacobian.T @ u
+        torque = self._limited(raw)
+        if self._predicted is not None:
+            acceleration = np.linalg.solve(c.model_scale * m.reduced_inertia, torque - raw)
+            self._predicted = self._predicted + c.period * jacobian @ acceleration
         if c.law == 'rasmc':
-            self.estimate = self.estimate - c.period * (
-                y.T @ np.linalg.solve(jacobian, s) / c.gamma
-            )
+            self._adapt(s, y.T @ np.linalg.solve(jacobian, s), saturated=(torque != raw).any())
         return torque
+
+    def _limited(self, raw: Array) -> Array:
+        limit, rate = (
+            np.where(bound > 0.0, bound, np.inf)
+            for bound in (self._extra['torque_limit'], self._extra['torque_rate_limit'])
+        )
+        step = self.scenario.period * rate
+        reached = np.clip(raw, self._commanded - step, self._commanded + step)
+        torque = np.clip(reached, -limit, limit)
+        self._commanded = torque
+        return torque
+
+    def _adapt(self, s: Array, gradient: Array, *, saturated: bool) -> None:
+        c, extra = self.scenario, self._extra
+        beyond = max(0.0, float(np.linalg.norm(s)) - extra['dead_zone'])
+        if saturated and extra['freeze_when_saturated']:
+            beyond = 0.0
+        slope = gradient * (beyond / np.linalg.norm(s)) / c.gamma
+        rate = extra['leakage'] + extra['e_modification'] * beyond
+        # theta+ = theta - T slope - T rate (theta+ - nominal)
+        self.estimate = (self.estimate - c.period * slope + c.period * rate * self.nominal) / (
+            1.0 + c.period * rate
+        )
 
     def _implicit(self, inverse: Array, m: Matrices, s: Array) -> Array:
         c = self.scenario

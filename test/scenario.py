@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import numpy as np
 from robots import Array, DEFAULT, Machine
@@ -13,9 +14,13 @@ from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.control_tick import control_tick
-from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.loop.controller_records import MEMORY, SETTINGS
+from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
+from masmc_ros.loop.plant_tick import plant_start, plant_tick
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+
+_GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
 
 def axes(*values: float) -> Array:
@@ -59,6 +64,10 @@ class Scenario:
         )
     )
     """Offset, slope, amplitude, frequency and phase of each task axis (5, 4)."""
+    extra: tuple[tuple[str, object], ...] = ()
+    """Further fields of the controller's SETTINGS: what lets adaptation last, limits."""
+    measured: tuple[tuple[str, object], ...] = ()
+    """Fields of the plant's PLANT_SETTINGS by which it is not measured exactly."""
 
     @property
     def reference(self) -> Array:
@@ -73,14 +82,45 @@ class Scenario:
 class Run:
     """What a run leaves behind; rows are ticks."""
 
+    true_position: Array
+    true_velocity: Array
     position: Array
     velocity: Array
     applied: Array
+    raw_torque: Array
     torque: Array
     error: Array
     surface: Array
     estimate: Array
     singular: int = 0
+
+
+def records(scenario: Scenario) -> tuple[Any, Any]:
+    """Return the controller's settings and its memory at the start."""
+    settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
+    settings['geometry'] = scenario.robot.geometry
+    settings['nominal'] = scenario.model_scale * np.array(scenario.robot.theta)
+    settings['law'] = BUILT_IN.index(scenario.law)
+    settings['switching'] = SWITCHING.index(scenario.switching)
+    for name in _GAINS:
+        settings[name] = getattr(scenario, name)
+    for name, value in scenario.extra:
+        settings[name] = value
+    settings['has_limits'] = settings['torque_limit'].any() | settings['torque_rate_limit'].any()
+    memory['estimate'], memory['predicted'] = settings['nominal'], np.nan
+    return settings, memory
+
+
+def plant_record(scenario: Scenario) -> Any:
+    """Return the plant's record."""
+    plant = np.zeros(1, PLANT_SETTINGS)
+    plant['geometry'], plant['theta'] = scenario.robot.geometry, scenario.robot.theta
+    for name in ('amplitude', 'frequency', 'phase', 'limit', 'period', 'steps'):
+        plant[name] = getattr(scenario, name)
+    for name, value in scenario.measured:
+        plant[name] = value
+    plant['is_exact'] = not scenario.measured
+    return plant
 
 
 class Loop:
@@ -89,61 +129,54 @@ class Loop:
     def __init__(self, scenario: Scenario) -> None:
         """Start at tick 0."""
         self.scenario = scenario
-        robot = scenario.robot
-        self._geometry, self._theta = np.array(robot.geometry), np.array(robot.theta)
-        self._nominal = scenario.model_scale * self._theta
-        self._estimate = self._nominal.copy()
-        self._disturbance, self._predicted = np.zeros(AXES), np.full(AXES, np.nan)
+        self._plant, self._plant_memory = plant_record(scenario), np.zeros(1, PLANT_MEMORY)
+        self._delayed = np.zeros((int(self._plant['delay'][0]) + 1, 14))
+        self._settings, self._memory = records(scenario)
         n = scenario.ticks
         self._reference = scenario.reference
+        position, velocity, *true = (np.full((n + 1, 7), np.nan) for _ in range(4))
         self.run = Run(
-            np.full((n + 1, 7), np.nan),
-            np.full((n + 1, 7), np.nan),
+            *([position, velocity] if self._plant['is_exact'] else true),
+            position,
+            velocity,
             np.zeros((n + 1, AXES)),
-            *(np.full((n, AXES), np.nan) for _ in range(3)),
+            *(np.full((n, AXES), np.nan) for _ in range(4)),
             np.full((n, BASE_PARAMETERS), np.nan),
         )
-        initial_state(
-            self._geometry,
-            robot.physical['com_offset'],
+        plant_start(
+            self._plant,
+            self._plant_memory,
+            self._delayed,
+            scenario.robot.physical['com_offset'],
             scenario.pose,
             scenario.joints,
             scenario.rates,
             self.run.position[0],
             self.run.velocity[0],
         )
+        self.run.true_position[0] = self._plant_memory['position'][0]
+        self.run.true_velocity[0] = self._plant_memory['velocity'][0]
 
     def stretch(self, first: int, last: int) -> None:
         """Compute ticks first ... last - 1 in one compiled call."""
         s, r = self.scenario, self.run
         r.singular += closed_loop(
-            self._geometry,
-            self._theta,
-            s.amplitude,
-            s.frequency,
-            s.phase,
-            s.limit,
-            s.steps,
-            self._nominal,
-            s.period,
-            BUILT_IN.index(s.law),
-            SWITCHING.index(s.switching),
-            s.k_s1,
-            s.k_s2,
-            s.sigma,
-            s.gamma,
-            s.boundary_layer,
-            s.observer_gain,
-            self._estimate,
-            self._disturbance,
-            self._predicted,
+            self._plant,
+            self._plant_memory,
+            self._delayed,
+            self._settings,
+            self._memory,
             first,
             last == s.ticks,
             self._reference[first:last],
+            r.true_position[first : last + 1],
+            r.true_velocity[first : last + 1],
             r.position[first : last + 1],
             r.velocity[first : last + 1],
             r.applied[first : last + 1],
+            r.raw_torque[first:last],
             r.torque[first:last],
+            np.empty((0, AXES)),
             r.error[first:last],
             r.surface[first:last],
             r.estimate[first:last],
@@ -152,47 +185,32 @@ class Loop:
     def tick(self, k: int) -> None:
         """Compute one tick as the nodes do: the controller's, then the plant's."""
         s, r = self.scenario, self.run
-        r.estimate[k] = self._estimate
+        r.estimate[k] = self._memory['estimate'][0]
         r.singular += control_tick(
-            self._geometry,
-            self._nominal,
-            s.period,
-            BUILT_IN.index(s.law),
-            SWITCHING.index(s.switching),
-            s.k_s1,
-            s.k_s2,
-            s.sigma,
-            s.gamma,
-            s.boundary_layer,
-            s.observer_gain,
+            self._settings,
+            self._memory,
             r.position[k],
             r.velocity[k],
             self._reference[k],
-            self._estimate,
-            self._disturbance,
-            self._predicted,
+            r.raw_torque[k],
             r.torque[k],
             r.error[k],
             r.surface[k],
         )
         if k + 1 == s.ticks:
             return
-        r.position[k + 1], r.velocity[k + 1] = r.position[k], r.velocity[k]
         plant_tick(
-            self._geometry,
-            self._theta,
-            s.amplitude,
-            s.frequency,
-            s.phase,
-            s.limit,
-            k * s.period,
-            s.period,
-            s.steps,
+            self._plant,
+            self._plant_memory,
+            self._delayed,
+            k,
             r.torque[k],
             r.position[k + 1],
             r.velocity[k + 1],
             r.applied[k + 1],
         )
+        r.true_position[k + 1] = self._plant_memory['position'][0]
+        r.true_velocity[k + 1] = self._plant_memory['velocity'][0]
 
 
 def whole(scenario: Scenario) -> Run:

@@ -29,8 +29,8 @@ from robots import (
     STEP,
 )
 
-from masmc_ros.loop.control_tick import task_inertia
 from masmc_ros.loop.plant import derivative, PlantState
+from masmc_ros.loop.task_terms import task_inertia
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,

@@ -10,11 +10,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robots import Array, assert_agree, between, DEFAULT, Machine, PROPERTY
+from robots import Array, assert_agree, between, PROPERTY
+from scenario import records, Scenario
 
 from masmc_ros.control.implicit import disturbance_estimate, implicit_reaching
-from masmc_ros.control.laws.update import SMC
-from masmc_ros.control.reaching import IMPLICIT
 from masmc_ros.loop.control_tick import control_tick
 
 MOST_AXES = 6
@@ -220,34 +219,24 @@ def test_not_a_number_is_not_hidden() -> None:
 @pytest.mark.parametrize('k_s1', [0.0, 100.0])
 @pytest.mark.parametrize('k_s2', [0.0, 100.0])
 def test_the_torque_is_finite_at_a_singular_arm(bend: float, k_s1: float, k_s2: float) -> None:
-    robot = Machine(DEFAULT)
-    theta, torque = np.array(robot.theta), np.full(4, np.nan)
-    predicted, error, surface = np.zeros(4), np.zeros(4), np.zeros(4)
+    gains = {'k_s1': np.full(4, k_s1), 'k_s2': np.full(4, k_s2), 'model_scale': 1.0}
+    settings, memory = records(Scenario('smc', 'implicit', 0.5, **gains))
+    memory['predicted'] = 0.0
+    raw_torque, torque = np.full(4, np.nan), np.full(4, np.nan)
     singular = control_tick(
-        np.array(robot.geometry),
-        theta,
-        1e-3,
-        SMC,
-        IMPLICIT,
-        np.full(4, k_s1),
-        np.full(4, k_s2),
-        np.full(4, 2.0),
-        np.ones(7),
-        0.2,
-        0.5,
+        settings,
+        memory,
         np.array([0.0, 0.0, 0.4, 0.0, 0.0, 0.7, bend]),
         np.array([0.1, 0.0, 0.2, 1.0, 2.0, 0.5, -0.4]),
         np.array([0.8, 0.6, 0.1, 0.0, 0.2, 0.1, 0.2, 0.0, 0.0, 0.1, 0.0, 0.0]),
-        theta.copy(),
-        np.zeros(4),
-        predicted,
+        raw_torque,
         torque,
-        error,
-        surface,
+        np.zeros(4),
+        np.zeros(4),
     )
     assert singular
     assert np.isfinite(torque).all()
-    assert np.isfinite(predicted).all()
+    assert np.isfinite(memory['predicted']).all()
 
 
 @PROPERTY

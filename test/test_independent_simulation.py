@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 from independent import base_parameters, Simulator
@@ -75,10 +76,37 @@ def random_scenario(law: str, switching: str, observer_gain: float, seed: int) -
     )
 
 
+def lasting(scenario: Scenario, seed: int) -> Scenario:
+    """Add limits and what lets adaptation last, each in about half of the runs."""
+    rng = np.random.default_rng([seed, 1])
+    wide = whole(replace(scenario, ticks=scenario.ticks // 4))
+    largest = np.abs(wide.raw_torque).max(axis=0)
+    steps = np.abs(np.diff(wide.raw_torque, axis=0)).max(axis=0) / scenario.period
+    extra = {
+        'torque_limit': np.where(rng.uniform(size=4) < 0.5, 0.0, 0.8 * largest),
+        'torque_rate_limit': np.where(rng.uniform(size=4) < 0.5, 0.0, 0.7 * steps),
+        'leakage': rng.choice([0.0, 2.0]),
+        'e_modification': rng.choice([0.0, 5.0]),
+        'dead_zone': rng.choice([0.0, 0.02]),
+        'freeze_when_saturated': int(rng.integers(2)),
+    }
+    return replace(scenario, extra=tuple(extra.items()))
+
+
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize(('law', 'switching', 'observer_gain'), KINDS)
 def test_every_tick_agrees(law: str, switching: str, observer_gain: float, seed: int) -> None:
-    scenario = random_scenario(law, switching, observer_gain, seed)
+    assert_agree(random_scenario(law, switching, observer_gain, seed))
+
+
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('switching', ['tanh', 'implicit'])
+def test_every_tick_agrees_under_limits_and_leakage(switching: str, seed: int) -> None:
+    assert_agree(lasting(random_scenario('rasmc', switching, 0.5, seed), seed))
+
+
+def assert_agree(scenario: Scenario) -> None:
+    """Hold every tick of a run against the independent simulation."""
     found, n = whole(scenario), scenario.ticks
     expected = Simulator(scenario).run()
     assert found.singular == 0
@@ -108,6 +136,15 @@ def test_the_scenarios_exercise_what_they_are_drawn_for() -> None:
     assert clipped >= 4
     assert moved == sum(law == 'rasmc' for law, _, _ in KINDS)
     assert slid >= 4
+
+
+def test_limits_cut_in_the_runs_drawn_for_them() -> None:
+    cut = 0
+    for seed in range(4):
+        run = whole(lasting(random_scenario('rasmc', 'implicit', 0.5, seed), seed))
+        share = (run.raw_torque != run.torque).any(axis=1).mean()
+        cut += 0.001 < share < 0.9
+    assert cut >= 2
 
 
 def test_base_parameters_agree() -> None:

@@ -23,7 +23,8 @@ from robots import (
     quads,
 )
 
-from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
+from masmc_ros.loop.plant_tick import plant_start, plant_tick
 from masmc_ros.robot.dynamics import inertia, inertia_times
 from masmc_ros.robot.geometry import posture, quasi_velocity
 
@@ -37,10 +38,12 @@ class Plant:
     def __init__(self, robot: Machine, angles: Angles, rates: Quad) -> None:
         """Start at the origin with these angles and reduced velocities."""
         self.robot = robot
-        self.geometry = np.array(robot.geometry)
-        self.theta = np.array(robot.theta)
-        self.position = np.array([0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
-        self.velocity = np.array([0.0, 0.0, 0.0, *rates])
+        self._plant, self._memory = np.zeros(1, PLANT_SETTINGS), np.zeros(1, PLANT_MEMORY)
+        self._plant['geometry'], self._plant['theta'] = robot.geometry, robot.theta
+        self._plant['is_exact'] = 1
+        self.position, self.velocity = self._memory['position'][0], self._memory['velocity'][0]
+        self.position[:] = [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2]
+        self.velocity[3:] = rates
         self.applied = np.zeros(4)
 
     def tick(
@@ -54,17 +57,19 @@ class Plant:
         limit: Array = STILL,
     ) -> None:
         """Advance by one control period."""
+        amplitude, frequency, phase = disturbance
+        plant = self._plant
+        plant['amplitude'], plant['frequency'] = amplitude, frequency
+        plant['phase'] = phase + frequency * time
+        plant['limit'], plant['period'], plant['steps'] = limit, period, steps
         plant_tick(
-            self.geometry,
-            self.theta,
-            *disturbance,
-            limit,
-            time,
-            period,
-            steps,
+            plant,
+            self._memory,
+            np.zeros((1, 14)),
+            0,
             command,
-            self.position,
-            self.velocity,
+            np.empty(7),
+            np.empty(7),
             self.applied,
         )
 
@@ -143,8 +148,12 @@ def test_the_initial_pose_is_that_of_the_centre_of_mass(
     position, velocity = np.full(7, np.nan), np.full(7, np.nan)
     offset = robot.physical['com_offset']
     pose = np.array([0.4, -0.6, yaw])
-    initial_state(
-        np.array(robot.geometry),
+    plant = np.zeros(1, PLANT_SETTINGS)
+    plant['geometry'], plant['is_exact'] = robot.geometry, 1
+    plant_start(
+        plant,
+        np.zeros(1, PLANT_MEMORY),
+        np.zeros((1, 14)),
         offset,
         pose,
         np.array(joints),

@@ -137,7 +137,7 @@ def test_the_update_is_one_euler_step_of_23(
     estimate: float, gradient: float, gamma: float, period: float
 ) -> None:
     exact = Fraction(estimate) - Fraction(period) * Fraction(gradient) / Fraction(gamma)
-    found = updated_estimate(RASMC, estimate, gradient, gamma, period)
+    found = updated_estimate(RASMC, estimate, 7.0, gradient, gamma, period, 0.0)
     size = abs(estimate) + abs(period * gradient / gamma)
     assert abs(Fraction(found) - exact) <= Fraction(1e-15 * size + 1e-300)
-    assert updated_estimate(SMC, estimate, gradient, gamma, period) == estimate
+    assert updated_estimate(SMC, estimate, 7.0, gradient, gamma, period, 1.0) == estimate

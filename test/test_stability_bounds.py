@@ -59,3 +59,17 @@ def test_a_model_heavier_than_its_bound_chatters(gain: float) -> None:
     assert variation(light) < SMOOTH
     # Beyond the bound it chatters, or diverges and ends in not-a-number.
     assert not variation(heavy) < CHATTERING
+
+
+def test_at_100_hz_the_implicit_law_needs_no_layer() -> None:
+    """Half of the true masses assumed; RMS over 10 <= t < 20 s."""
+    slow = Scenario('smc', 'implicit', 0.5, period=0.01, steps=20, ticks=2001)
+    assert slow.model_scale == 0.5
+    run = whole(slow)
+    error = 1e3 * run.error[1000:2000]
+    end_effector, platform = (
+        np.sqrt((error[:, axes] ** 2).sum(axis=1).mean()) for axes in ([0, 1], [2, 3])
+    )
+    assert end_effector <= 2.3
+    assert platform <= 0.9
+    assert variation(slow) < SMOOTH

@@ -9,131 +9,118 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACES, VELOCITY
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.plug_in import PlugInLaw
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
+from masmc_ros.loop.adaptation_tick import project_estimate
 from masmc_ros.loop.control_tick import control_tick
+from masmc_ros.loop.controller_records import MEMORY, SETTINGS
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.loop.torque_limits import limit_command
+from masmc_ros.loop.velocity_tick import estimated_velocity
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.geometry import Geometry, quasi_velocity
 from masmc_ros.robot.parameters import Robot
 
-
-def _gain(name: str, default: float, description: str, unit: str, **bounds: Any) -> Parameter:
-    return Parameter(
-        name,
-        (default,) * AXES,
-        f'{description}, per task axis x_E, y_E, x_F, y_F',
-        unit=unit,
-        length=AXES,
-        broadcast=True,
-        minimum=0.0,
-        read_only=False,
-        **bounds,
-    )
-
-
-def parameters() -> tuple[Parameter, ...]:
-    """Return the controller's declarations, those of plugged-in laws with them."""
-    return (
-        Parameter('law', 'rasmc', 'Control law', choices=registry.names(), read_only=False),
-        _gain('k_s1', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m'),
-        _gain('k_s2', 100.0, 'Gain K_s2 of the switching term', 'N'),
-        _gain('sigma', 2.0, 'Slope sigma of the sliding surface', '1/s'),
-        Parameter(
-            'gamma',
-            (1.0,) * BASE_PARAMETERS,
-            'Adaptation matrix Gamma, per base inertial parameter; larger adapts more slowly',
-            unit='J·s/θ²',
-            length=BASE_PARAMETERS,
-            broadcast=True,
-            minimum=0.0,
-            exclusive_minimum=True,
-            read_only=False,
-        ),
-        Parameter(
-            'switching',
-            'tanh',
-            'Switching term: the sign, a smooth approximation of it, or implicit Euler',
-            choices=SWITCHING,
-            read_only=False,
-        ),
-        Parameter(
-            'boundary_layer',
-            0.2,
-            'Thickness delta of the boundary layer of the smooth approximations',
-            unit='m/s',
-            minimum=0.0,
-            exclusive_minimum=True,
-            read_only=False,
-        ),
-        Parameter(
-            'observer_gain',
-            0.0,
-            'Gain beta of the disturbance estimate of the implicit law; 0 is off',
-            minimum=0.0,
-            maximum=1.0,
-            read_only=False,
-        ),
-        Parameter(
-            'model_scale',
-            0.5,
-            'Nominal model as a multiple of the robot parameters, and the start of theta_hat',
-            minimum=0.0,
-            exclusive_minimum=True,
-        ),
-        *registry.parameters(),
-    )
+_AS_THEY_ARE = (
+    'k_s1',
+    'k_s2',
+    'sigma',
+    'gamma',
+    'boundary_layer',
+    'observer_gain',
+    'torque_limit',
+    'torque_rate_limit',
+    'leakage',
+    'e_modification',
+    'dead_zone',
+    'freeze_when_saturated',
+    'estimator_bandwidth',
+)
+"""Parameters whose values compiled code reads under their own names."""
 
 
 class Controller:
     """A control law with its memory; arrays are written in place at every tick.
 
     `torque` (4, N m), `error` (4, m) and `surface` (4, m/s) are the last tick's results,
+    `raw_torque` (4) what the law asked for before `torque_limit` and `torque_rate_limit`,
     `used_estimate` (7) the theta_hat in that torque, `estimate` (7) the next tick's.
+    With `command_interface` velocity `velocity_command` (4, rad/s) stands in for the torque.
+    `commanded` (4, N m) is what the rate is limited against; who commands something else
+    in the controller's place writes it there.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the robot, the control period in s and checked values of `parameters()`."""
-        self.geometry = robot.geometry
-        self.nominal = values['model_scale'] * robot.theta
         self.period = period
-        self.torque = np.zeros(AXES)
-        self.error = np.zeros(AXES)
-        self.surface = np.zeros(AXES)
+        self.settings = np.zeros(1, SETTINGS)
+        self.memory = np.zeros(1, MEMORY)
+        self.settings['geometry'] = robot.geometry
+        self.settings['nominal'] = values['model_scale'] * robot.theta
+        self.settings['period'] = period
+        self.geometry, self.nominal = self.settings['geometry'][0], self.settings['nominal'][0]
+        memory = self.memory
+        self.estimate, self.disturbance = memory['estimate'][0], memory['disturbance'][0]
+        self.predicted, self.commanded = memory['predicted'][0], memory['commanded'][0]
+        self.velocity_command = memory['velocity_command'][0]
+        self.torque, self.raw_torque = np.zeros(AXES), np.zeros(AXES)
+        self.error, self.surface = np.zeros(AXES), np.zeros(AXES)
         self.used_estimate = np.zeros(BASE_PARAMETERS)
-        self.estimate = self.nominal.copy()
-        self.disturbance = np.zeros(AXES)
-        self.predicted = np.full(AXES, np.nan)
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
+        self.estimate[:] = self.nominal
+        self._forget_disturbance()
         self._apply(values)
 
     def reset(self) -> None:
-        """Forget what was learned: theta_hat and the disturbance estimate as at the start."""
+        """Forget what was learned and commanded: everything as at the start."""
         self.estimate[:] = self.nominal
+        self.commanded[:] = 0.0
+        self.memory['follows'] = 0
         self._forget_disturbance()
-        if self.law < 0:
+        if not self.is_compiled:
             self._plug_in = self._new_plug_in(self.values)
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Apply checked values of some parameters from the next tick on.
 
-        theta_hat persists. Entering the implicit law, or a disturbance estimate switched on
-        or off, starts that estimate from zero.
+        theta_hat persists, within the bounds of a projection that is in force. Entering the
+        implicit law, or a disturbance estimate switched on or off, starts that estimate from
+        zero.
         """
-        before = self.switching, self.observer_gain
-        self._apply({**self.values, **values})
-        now = self.switching, self.observer_gain
-        if now[0] != before[0] or (now[1] == 0.0) != (before[1] == 0.0):
+        before = self.values
+        self._apply({**before, **values})
+        now = self.values
+        switched = now['switching'] != before['switching']
+        if switched or (now['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self._forget_disturbance()
+        if now['velocity_source'] != before['velocity_source']:
+            self.memory['follows'] = 0
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the law in force is a built-in one, which whole runs are compiled with."""
-        return self.law >= 0
+        """Whether the law in force is a built-in one, which whole runs are compiled with.
+
+        So is the kinematic law of commanded rates, whatever `law` says.
+        """
+        return self._plug_in is None or self.commands_rates
+
+    @property
+    def commands_rates(self) -> bool:
+        """Whether the command is `velocity_command` instead of `torque`."""
+        return bool(self.settings['command_interface'][0] == VELOCITY)
+
+    @property
+    def platform_command(self) -> tuple[float, float]:
+        """Forward speed in m/s and yaw rate in rad/s of `velocity_command`, for a base."""
+        rates = self.velocity_command.tolist()
+        forward, turn, _, _ = quasi_velocity(Geometry(*self.geometry.tolist()), *rates)
+        return forward, turn
 
     def tick(
         self,
@@ -146,27 +133,16 @@ class Controller:
         `position` and `velocity` (7) in the order of joint_states, `reference` (12).
         """
         self.used_estimate[:] = self.estimate
-        if self._plug_in is not None:
+        if self._plug_in is not None and not self.commands_rates:
             return self._tick_plug_in(self._plug_in, position, velocity, reference)
         return bool(
             control_tick(
-                self.geometry,
-                self.nominal,
-                self.period,
-                self.law,
-                self.switching,
-                self.k_s1,
-                self.k_s2,
-                self.sigma,
-                self.gamma,
-                self.boundary_layer,
-                self.observer_gain,
+                self.settings,
+                self.memory,
                 position,
                 velocity,
                 reference,
-                self.estimate,
-                self.disturbance,
-                self.predicted,
+                self.raw_torque,
                 self.torque,
                 self.error,
                 self.surface,
@@ -179,14 +155,18 @@ class Controller:
             plug_in = self._new_plug_in(values)
         self.values = dict(values)
         self._plug_in = plug_in
-        self.law = -1 if plug_in is not None else BUILT_IN.index(values['law'])
-        self.switching = SWITCHING.index(values['switching'])
-        self.k_s1 = np.array(values['k_s1'])
-        self.k_s2 = np.array(values['k_s2'])
-        self.sigma = np.array(values['sigma'])
-        self.gamma = np.array(values['gamma'])
-        self.boundary_layer: float = values['boundary_layer']
-        self.observer_gain: float = values['observer_gain']
+        settings = self.settings
+        settings['law'] = BUILT_IN.index(values['law']) if plug_in is None else -1
+        settings['switching'] = SWITCHING.index(values['switching'])
+        for name in _AS_THEY_ARE:
+            settings[name] = values[name]
+        settings['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
+        settings['velocity_source'] = SOURCES.index(values['velocity_source'])
+        settings['has_limits'] = any(values['torque_limit']) or any(values['torque_rate_limit'])
+        settings['projection_lower'] = values['projection.lower']
+        settings['projection_upper'] = values['projection.upper']
+        if plug_in is None and values['projection.lower'] > 0.0:
+            project_estimate(settings, np.empty(BASE_PARAMETERS), self.estimate)
 
     @staticmethod
     def _new_plug_in(values: Mapping[str, Any]) -> PlugInLaw:
@@ -203,6 +183,9 @@ class Controller:
         velocity: NDArray[np.float64],
         reference: NDArray[np.float64],
     ) -> bool:
+        if self.settings['velocity_source'][0] == ESTIMATED:
+            velocity = np.empty(7)
+            estimated_velocity(self.settings, self.memory, position, velocity)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
             for name, value in self.values.items()
@@ -216,10 +199,11 @@ class Controller:
             velocity,
             reference,
             self.estimate,
+            self.commanded,
         )
         torque, estimate = law.step(inputs)
         for array, given, what in (
-            (self.torque, torque, 'torque'),
+            (self.raw_torque, torque, 'torque'),
             (self.estimate, estimate, 'estimate'),
         ):
             found = np.asarray(given, dtype=np.float64)
@@ -229,6 +213,7 @@ class Controller:
                     f'{array.size} finite numbers'
                 )
             array[:] = found
+        limit_command(self.settings, self.memory, self.raw_torque, self.torque)
         self.error[:] = inputs.error
         self.surface[:] = inputs.surface
         return inputs.singular

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from masmc_ros.compiled import kernel
 from masmc_ros.control.laws.plug_in import TickInput
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
-from masmc_ros.loop.control_tick import surface_and_reference, task_inertia
+from masmc_ros.loop.task_terms import surface_and_reference, task_inertia
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
@@ -45,8 +45,9 @@ def _dense(
 ) -> bool:
     lengths = as_geometry(geometry)
     bend = posture(position[2], position[5], position[6])
-    v, v_ref, a_ref = surface_and_reference(
-        lengths, bend, position, velocity, reference, sigma, error, surface
+    v = quasi_velocity(lengths, velocity[3], velocity[4], velocity[5], velocity[6])
+    v_ref, a_ref = surface_and_reference(
+        lengths, bend, v, position, reference, sigma, error, surface
     )
     h = inertia(as_base_parameters(nominal), lengths, bend)
     task_inertia(as_base_parameters(nominal), lengths, bend, inertia_x)
@@ -96,6 +97,7 @@ def tick_input(
     velocity: NDArray[np.float64],
     reference: NDArray[np.float64],
     estimate: NDArray[np.float64],
+    commanded: NDArray[np.float64],
 ) -> TickInput:
     """Return what a law in plain Python is given: state, reference and dense matrices."""
     error, surface, v_r, a_r = (np.empty(AXES) for _ in range(4))
@@ -136,5 +138,6 @@ def tick_input(
         task_inertia=inertia_x,
         regressor=y_matrix,
         estimate=estimate.copy(),
+        commanded=commanded.copy(),
         singular=bool(singular),
     )

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.compiled import formula, kernel
-from masmc_ros.loop.arrays import as_base_parameters, as_geometry
+from masmc_ros.compiled import formula
 from masmc_ros.loop.disturbance import sinusoid
 from masmc_ros.portable_math import sin_cos
 from masmc_ros.robot.dynamics import (
@@ -124,13 +123,6 @@ def disturbed(torque: Any, amplitude: Any, frequency: Any, phase: Any, time: flo
 
 
 @formula
-def limited(value: float, limit: float) -> float:
-    """Clip a torque to [-limit, limit]; a limit of 0 is none."""
-    clipped = limit if value > limit else (-limit if value < -limit else value)
-    return clipped if limit > 0.0 else value
-
-
-@formula
 def advance(
     geometry: Geometry,
     theta: BaseParameters,
@@ -198,74 +190,3 @@ def store_state(geometry: Geometry, state: PlantState, position: Any, velocity: 
     velocity[4] = state.v_left
     velocity[5] = state.v_arm_1
     velocity[6] = state.v_arm_2
-
-
-@kernel
-def plant_tick(
-    geometry: Any,
-    theta: Any,
-    amplitude: Any,
-    frequency: Any,
-    phase: Any,
-    limit: Any,
-    time: float,
-    period: float,
-    steps: int,
-    command: Any,
-    position: Any,
-    velocity: Any,
-    applied: Any,
-) -> bool:
-    """Advance positions (7) and velocities (7) in place by one control period.
-
-    Returns whether the state is still finite.
-
-    `command` (4) in N m is clipped to `limit` (4) and written to `applied` (4); `time` is
-    that of the tick the command answers, in s.
-    """
-    lengths = as_geometry(geometry)
-    base = as_base_parameters(theta)
-    for i in range(4):
-        applied[i] = limited(command[i], limit[i])
-    state = advance(
-        lengths,
-        base,
-        load_state(position, velocity),
-        applied,
-        amplitude,
-        frequency,
-        phase,
-        time,
-        period,
-        steps,
-    )
-    store_state(lengths, state, position, velocity)
-    return is_finite(state)
-
-
-@kernel
-def initial_state(
-    geometry: Any,
-    com_offset: float,
-    pose: Any,
-    joints: Any,
-    rates: Any,
-    position: Any,
-    velocity: Any,
-) -> None:
-    """Write the state for a pose (x_C, y_C, yaw), joint angles (4) and their rates (4)."""
-    s0, c0 = sin_cos(pose[2])
-    state = PlantState(
-        pose[0] - com_offset * c0,
-        pose[1] - com_offset * s0,
-        pose[2],
-        joints[0],
-        joints[1],
-        joints[2],
-        joints[3],
-        rates[0],
-        rates[1],
-        rates[2],
-        rates[3],
-    )
-    store_state(as_geometry(geometry), state, position, velocity)

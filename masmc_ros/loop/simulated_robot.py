@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES
 from masmc_ros.errors import InputError
-from masmc_ros.loop.plant import initial_state, plant_tick
+from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
+from masmc_ros.loop.plant_tick import plant_start, plant_tick
+from masmc_ros.loop.velocity_loop import joint_inertias
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import AXES
 from masmc_ros.robot.parameters import Robot
 
 PLANT = (
@@ -74,31 +78,74 @@ PLANT = (
         length=4,
         minimum=0.0,
     ),
+    COMMAND_INTERFACE,
+    Parameter(
+        'velocity_loop.bandwidth',
+        (100.0, 100.0, 100.0, 100.0),
+        "Bandwidth of the drives' velocity loops, with commanded rates",
+        unit='rad/s',
+        length=4,
+        broadcast=True,
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
+    Parameter(
+        'encoder_resolution',
+        (0.0, 0.0, 0.0, 0.0),
+        'Step of the encoders of wheel_right, wheel_left, arm_1, arm_2; 0 is exact',
+        unit='rad',
+        length=4,
+        broadcast=True,
+        minimum=0.0,
+    ),
+    Parameter(
+        'velocity_noise',
+        (0.0, 0.0, 0.0, 0.0),
+        'Standard deviation of the noise on the measured rates of the same joints',
+        unit='rad/s',
+        length=4,
+        broadcast=True,
+        minimum=0.0,
+    ),
+    Parameter(
+        'measurement_delay',
+        0.0,
+        'Delay of the measured state, rounded to whole control periods',
+        unit='s',
+        minimum=0.0,
+        maximum=1.0,
+    ),
+    Parameter(
+        'seed', 0, 'Which noise it is', minimum=0, maximum=4294967295
+    ),
 )
+"""The plant's declarations."""
 
 
 class SimulatedRobot:
     """The plant's state and how it moves.
 
-    `position` (7), `velocity` (7) are in the order of joint_states, SI units and radians;
-    `applied` (4) is the torque held over the interval just ended, in N m.
+    `position` (7), `velocity` (7) are what is measured at the tick, in the order of
+    joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
+    `applied` (4) is the torque over the interval just ended, in N m: that held, or with
+    commanded rates the mean of what the drives made of them.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the true robot, the control period in s and checked values of PLANT."""
-        self.geometry = robot.geometry
-        self.theta = robot.theta
         self.period = period
-        self.steps = max(1, round(period / values['integrator_step']))
-        self.amplitude = np.array(values['disturbance.amplitude'])
-        self.frequency = np.array(values['disturbance.frequency'])
-        self.phase = np.array(values['disturbance.phase'])
-        self.limit = np.array(values['torque_limit'])
+        self.plant = plant_record(robot, period, values)
+        self.memory = np.zeros(1, PLANT_MEMORY)
+        self.delayed = np.zeros((int(self.plant['delay'][0]) + 1, 14))
+        self.geometry = robot.geometry
+        self.is_exact = bool(self.plant['is_exact'][0])
         self._com_offset = robot.com_offset
         self._values = values
-        self.position = np.zeros(7)
-        self.velocity = np.zeros(7)
-        self.applied = np.zeros(4)
+        self.true_position, self.true_velocity = (
+            self.memory[name][0] for name in ('position', 'velocity')
+        )
+        self.position, self.velocity = np.zeros(7), np.zeros(7)
+        self.applied = np.zeros(AXES)
         self.tick = 0
         self.reset()
 
@@ -106,8 +153,10 @@ class SimulatedRobot:
         """Return to the initial state at t = 0."""
         self.tick = 0
         self.applied[:] = 0.0
-        initial_state(
-            self.geometry,
+        plant_start(
+            self.plant,
+            self.memory,
+            self.delayed,
             self._com_offset,
             np.array(self._values['initial_pose']),
             np.array(self._values['initial_joints']),
@@ -117,20 +166,15 @@ class SimulatedRobot:
         )
 
     def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a torque command (4, N m) for one control period.
+        """Hold a command (4) for one control period: N m, or rad/s by `command_interface`.
 
         Raises InputError where the state is no longer finite.
         """
         finite = plant_tick(
-            self.geometry,
-            self.theta,
-            self.amplitude,
-            self.frequency,
-            self.phase,
-            self.limit,
-            self.tick * self.period,
-            self.period,
-            self.steps,
+            self.plant,
+            self.memory,
+            self.delayed,
+            self.tick,
             command,
             self.position,
             self.velocity,
@@ -139,6 +183,27 @@ class SimulatedRobot:
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)
+
+
+def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDArray[np.void]:
+    """Return one record of PLANT_SETTINGS; the period is in s, the values are those of PLANT."""
+    plant = np.zeros(1, PLANT_SETTINGS)
+    plant['geometry'], plant['theta'] = robot.geometry, robot.theta
+    for name in ('amplitude', 'frequency', 'phase'):
+        plant[name] = values[f'disturbance.{name}']
+    plant['limit'] = values['torque_limit']
+    plant['period'] = period
+    plant['steps'] = max(1, round(period / values['integrator_step']))
+    plant['resolution'] = values['encoder_resolution']
+    plant['noise'] = values['velocity_noise']
+    plant['delay'] = round(values['measurement_delay'] / period)
+    plant['seed'] = values['seed']
+    plant['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
+    plant['bandwidth'] = values['velocity_loop.bandwidth']
+    _, _, arm_1, arm_2 = values['initial_joints']
+    plant['inertia'] = joint_inertias(robot.geometry, robot.theta, arm_1, arm_2)
+    plant['is_exact'] = not any(plant[name].any() for name in ('resolution', 'noise', 'delay'))
+    return plant
 
 
 def diverged(time: float) -> InputError:

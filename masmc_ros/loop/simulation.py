@@ -18,6 +18,7 @@ from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.forward_kinematics import task_positions
 from masmc_ros.robot.parameters import ROBOT, Robot
 
 Array = NDArray[np.float64]
@@ -42,17 +43,25 @@ class Stretch:
     first: int
     """Tick of row 0."""
     position: Array
-    """(n, 7) in the order of joint_states."""
+    """(n, 7) as measured, in the order of joint_states."""
     velocity: Array
-    """(n, 7) in the same order."""
+    """(n, 7) as measured, in the same order."""
+    true_position: Array
+    """(n, 7) as they are."""
+    true_velocity: Array
+    """(n, 7) as they are."""
     applied: Array
     """(n, 4) torque held over the interval that ended at the tick."""
+    raw_torque: Array
+    """(n, 4) torque that the law asked for, before the controller's limits."""
     torque: Array
     """(n, 4) command computed at the tick."""
+    rates: Array
+    """(n, 4) rad/s commanded at the tick in place of a torque; (0, 4) where a torque is."""
     reference: Array
     """(n, 12) x_d, xdot_d, xddot_d."""
     error: Array
-    """(n, 4) e."""
+    """(n, 4) e, of the measured state."""
     surface: Array
     """(n, 4) s."""
     estimate: Array
@@ -61,6 +70,10 @@ class Stretch:
     """Number of ticks at which the arm was close to singular."""
     changes: tuple[Change, ...] = ()
     """Of the controller's parameters, at ticks of the stretch."""
+
+    def true_error(self, geometry: Array) -> Array:
+        """Return x - x_d (n, 4) of the true state in m, for the true lengths (5)."""
+        return task_positions(geometry, self.true_position) - self.reference[:, :AXES]
 
 
 class Simulation:
@@ -75,6 +88,11 @@ class Simulation:
         plant, control = values['plant'], values['controller']
         self._start = control
         self._changes = tuple(changes)
+        if plant['command_interface'] != control['command_interface']:
+            raise InputError(
+                f'controller.command_interface = {control["command_interface"]}: expected '
+                f'{plant["command_interface"]}, which plant.command_interface is'
+            )
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
         self.plant = SimulatedRobot(robot, self.timing.period, plant)
@@ -117,9 +135,8 @@ class Simulation:
         return parts[0] if not changes else _joined(parts, changes)
 
     def _check_finite(self, stretch: Stretch) -> None:
-        finite = (
-            np.isfinite(stretch.torque).all(axis=1) & np.isfinite(stretch.position).all(axis=1)
-        )
+        finite = np.isfinite(stretch.torque).all(axis=1)
+        finite &= np.isfinite(stretch.true_position).all(axis=1)
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
@@ -128,53 +145,50 @@ class Simulation:
         n = len(reference)
         plant, controller = self.plant, self.controller
         position, velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
+        true_position, true_velocity = position, velocity
+        if not plant.is_exact:
+            true_position, true_velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
+        true_position[0], true_velocity[0] = plant.true_position, plant.true_velocity
         applied = np.empty((n + 1, AXES))
         position[0], velocity[0], applied[0] = plant.position, plant.velocity, plant.applied
-        torque, error, surface = (np.empty((n, AXES)) for _ in range(3))
+        raw_torque, torque, error, surface = (np.empty((n, AXES)) for _ in range(4))
+        rates = np.empty((n if controller.commands_rates else 0, AXES))
         estimate = np.empty((n, BASE_PARAMETERS))
         singular = closed_loop(
-            plant.geometry,
-            plant.theta,
-            plant.amplitude,
-            plant.frequency,
-            plant.phase,
-            plant.limit,
-            plant.steps,
-            controller.nominal,
-            controller.period,
-            controller.law,
-            controller.switching,
-            controller.k_s1,
-            controller.k_s2,
-            controller.sigma,
-            controller.gamma,
-            controller.boundary_layer,
-            controller.observer_gain,
-            controller.estimate,
-            controller.disturbance,
-            controller.predicted,
+            plant.plant,
+            plant.memory,
+            plant.delayed,
+            controller.settings,
+            controller.memory,
             first,
             final,
             reference,
+            true_position,
+            true_velocity,
             position,
             velocity,
             applied,
+            raw_torque,
             torque,
+            rates,
             error,
             surface,
             estimate,
         )
         if not final:
-            plant.position[:] = position[n]
-            plant.velocity[:] = velocity[n]
+            plant.position[:], plant.velocity[:] = position[n], velocity[n]
             plant.applied[:] = applied[n]
             plant.tick = first + n
         return Stretch(
             first,
             position[:n],
             velocity[:n],
+            true_position[:n],
+            true_velocity[:n],
             applied[:n],
+            raw_torque,
             torque,
+            rates,
             reference,
             error,
             surface,
@@ -189,7 +203,10 @@ class Simulation:
         rows: dict[str, Any] = {
             'position': np.empty((n, 7)),
             'velocity': np.empty((n, 7)),
+            'true_position': np.empty((n, 7)),
+            'true_velocity': np.empty((n, 7)),
             'applied': np.empty((n, AXES)),
+            'raw_torque': np.empty((n, AXES)),
             'torque': np.empty((n, AXES)),
             'error': np.empty((n, AXES)),
             'surface': np.empty((n, AXES)),
@@ -200,14 +217,20 @@ class Simulation:
             singular += controller.tick(plant.position, plant.velocity, reference[k])
             rows['position'][k] = plant.position
             rows['velocity'][k] = plant.velocity
+            rows['true_position'][k] = plant.true_position
+            rows['true_velocity'][k] = plant.true_velocity
             rows['applied'][k] = plant.applied
+            rows['raw_torque'][k] = controller.raw_torque
             rows['torque'][k] = controller.torque
             rows['error'][k] = controller.error
             rows['surface'][k] = controller.surface
             rows['estimate'][k] = controller.used_estimate
             if not (final and k == n - 1):
                 plant.advance(controller.torque)
-        return Stretch(first=first, reference=reference, singular=singular, **rows)
+        none = np.empty((0, AXES))
+        return Stretch(
+            first=first, reference=reference, rates=none, singular=singular, **rows
+        )
 
 
 def _joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.loop import controller
+from masmc_ros.loop import controller_parameters
 from masmc_ros.loop.simulated_robot import PLANT
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
@@ -160,7 +160,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
     if node == 'trajectory':
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
-        return (*TIMING, *ROBOT, *controller.parameters(), *_CONTROLLER_NODE)
+        return (*TIMING, *ROBOT, *controller_parameters.parameters(), *_CONTROLLER_NODE)
     if node == 'live':
         return _LIVE_NODE
     return (*TIMING, *_RECORDER_NODE)

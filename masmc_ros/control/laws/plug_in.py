@@ -55,6 +55,8 @@ class TickInput:
     """Y (n, p) with H a_r + V v_r = Y theta, torques in v's order."""
     estimate: Array
     """theta_hat (p)."""
+    commanded: Array
+    """Torque (n) commanded at the last tick, N m: the law's own within the limits in force."""
     singular: bool
     """True where the arm is so close to singular that J^-1 is damped."""
 

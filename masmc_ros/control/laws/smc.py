@@ -7,6 +7,8 @@ from masmc_ros.compiled import formula
 
 
 @formula
-def update(estimate: float, gradient: float, gamma: float, period: float) -> float:
+def update(
+    estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
+) -> float:
     """Return the next estimate of one parameter: the present one."""
     return estimate

@@ -14,9 +14,15 @@ SMC, RASMC = range(len(BUILT_IN))
 
 @formula
 def updated_estimate(
-    law: int, estimate: float, gradient: float, gamma: float, period: float
+    law: int,
+    estimate: float,
+    nominal: float,
+    gradient: float,
+    gamma: float,
+    period: float,
+    rate: float,
 ) -> float:
     """Return the next estimate of one parameter under the law at this position."""
     if law == RASMC:
-        return rasmc.update(estimate, gradient, gamma, period)
-    return smc.update(estimate, gradient, gamma, period)
+        return rasmc.update(estimate, nominal, gradient, gamma, period, rate)
+    return smc.update(estimate, nominal, gradient, gamma, period, rate)

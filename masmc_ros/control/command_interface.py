@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is commanded: torques, or rates for drives that have a velocity loop of their own."""
+
+from __future__ import annotations
+
+from masmc_ros.params.declaration import Parameter
+
+COMMAND_INTERFACES = ('effort', 'velocity')
+"""Choices of `command_interface`; compiled code knows them by their position here."""
+
+EFFORT, VELOCITY = range(len(COMMAND_INTERFACES))
+
+COMMAND_INTERFACE = Parameter(
+    'command_interface',
+    'effort',
+    'Torques, or rates for drives with a velocity loop of their own',
+    choices=COMMAND_INTERFACES,
+)
+"""Declared by the controller and by the plant, which must agree."""

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Projection of theta_hat: what it keeps, and that it never leads away from a robot's theta."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
+from scenario import records, Scenario
+from test_consistency import reduced_inertia, stretched
+
+from masmc_ros.loop.adaptation_tick import MARGIN, project_estimate
+from masmc_ros.robot.consistency import is_consistent
+from masmc_ros.robot.dynamics import BaseParameters
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+class Projected:
+    """An estimate under projection, moved at will."""
+
+    def __init__(self, robot: Machine, lower: float, upper: float, gamma: Array) -> None:
+        """Start at the nominal model, which is the robot's."""
+        bounds = (('projection_lower', lower), ('projection_upper', upper))
+        self.robot, self.gamma = robot, gamma
+        self._settings, _ = records(
+            Scenario(robot=robot, model_scale=1.0, gamma=gamma, extra=bounds)
+        )
+        self.nominal = np.array(robot.theta)
+        self.estimate = self.nominal.copy()
+
+    def move(self, step: Array) -> None:
+        """Add a step and project."""
+        self.estimate += step
+        project_estimate(self._settings, np.empty(7), self.estimate)
+
+    def distance(self, other: Array) -> float:
+        """Return the distance from a theta in the metric of Gamma."""
+        return float(np.sqrt(np.sum(self.gamma * (self.estimate - other) ** 2)))
+
+
+def least_eigenvalue(matrix: Array, nominal: Array) -> float:
+    """Return the smallest x with det(matrix - x nominal) = 0, both symmetric."""
+    root = np.linalg.cholesky(nominal)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, matrix).T))[0])
+
+
+@PROPERTY
+@given(
+    machines(), all_angles(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-2.0, 4.0)
+)
+def test_whatever_the_gradients_the_estimate_stays_that_of_bodies(
+    robot: Machine, angles: Angles, lower: float, upper: float, seed: int, size: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    projected = Projected(robot, lower, upper, 10.0 ** rng.uniform(-2.0, 2.0, 7))
+    bounds = np.sort([lower * projected.nominal, upper * projected.nominal], axis=0)
+    q_nominal = stretched(robot.theta, robot.geometry)
+    h_nominal = reduced_inertia(robot.theta, robot.geometry, angles)
+    for _ in range(20):
+        projected.move(10.0**size * rng.normal(size=7) * np.abs(projected.nominal))
+        theta = BaseParameters(*projected.estimate.tolist())
+        assert (bounds[0] <= projected.estimate).all()
+        assert (projected.estimate <= bounds[1]).all()
+        assert is_consistent(theta, robot.geometry)
+        rounding = 1e-9 * upper
+        q = stretched(theta, robot.geometry)
+        assert least_eigenvalue(q, q_nominal) > MARGIN * lower - rounding
+        h = reduced_inertia(theta, robot.geometry, angles)
+        assert least_eigenvalue(h, h_nominal) > MARGIN * lower - rounding
+
+
+@PROPERTY
+@given(machines(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-3.0, -0.5))
+def test_projection_comes_no_farther_from_any_robot_in_the_set(
+    robot: Machine, lower: float, upper: float, seed: int, size: float
+) -> None:
+    """A robot whose every mass and inertia is within the bounds, centres of mass the same.
+
+    Steps of up to a third of the model in one tick.
+    """
+    rng = np.random.default_rng(seed)
+    factors = {
+        name: value * rng.uniform(lower, upper)
+        for name, value in robot.physical.items()
+        if name.endswith(('_mass', '_inertia'))
+    }
+    other = np.array(Machine({**robot.physical, **factors}).theta)
+    projected = Projected(robot, lower, upper, 10.0 ** rng.uniform(-2.0, 2.0, 7))
+    bounds = np.sort([lower * projected.nominal, upper * projected.nominal], axis=0)
+    if (other < bounds[0]).any() or (other > bounds[1]).any():
+        return  # first moments of parts on both sides of the axle or a joint
+    for _ in range(40):
+        step = 10.0**size * rng.normal(size=7) * np.abs(projected.nominal)
+        before = projected.estimate + step
+        projected.move(step)
+        far = float(np.sqrt(np.sum(projected.gamma * (before - other) ** 2)))
+        assert projected.distance(other) <= far * (1.0 + 1e-9)
+
+
+def test_inside_nothing_moves() -> None:
+    projected = Projected(Scenario().robot, 0.2, 5.0, np.ones(7))
+    step = 0.3 * projected.nominal
+    projected.move(step)
+    assert (projected.estimate == projected.nominal + step).all()
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_neither_hangs_nor_hides(value: float) -> None:
+    projected = Projected(Scenario().robot, 0.2, 5.0, np.ones(7))
+    projected.move(np.array([0.0, 0.0, 0.0, value, 0.0, 0.0, 0.0]))
+    assert np.isnan(value) == np.isnan(projected.estimate).any()

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commanded rates: the kinematic law, the drives' velocity loops, and both along the path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of, Simulation, Stretch
+from masmc_ros.loop.velocity_loop import drive, joint_inertias
+from masmc_ros.nodes.scenario import load_scenario
+
+PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
+RATES = 'plant.command_interface=velocity', 'controller.command_interface=velocity'
+
+
+def simulation(*settings: str) -> Simulation:
+    """Make the paper's scenario with commanded rates."""
+    return Simulation(load_scenario(PAPER, (*RATES, *settings)))
+
+
+def rms(run: Stretch) -> list[float]:
+    """Return RMS of the distance of E and of F from their paths over the second half, mm."""
+    half = len(run.error) // 2
+    error = 1e3 * run.error[half:-1]
+    return [float(np.sqrt((error[:, a] ** 2).sum(axis=1).mean())) for a in ([0, 1], [2, 3])]
+
+
+@pytest.mark.parametrize('period', [0.001, 0.01])
+def test_the_papers_path_is_followed(period: float) -> None:
+    """Disturbed as always; the drives' loops of 100 rad/s are what holds against it."""
+    (run,) = simulation(f'control_period={period}').run(block=30_000)
+    end_effector, platform = rms(run)
+    assert end_effector < 0.7
+    assert platform < 0.12
+    assert run.rates.shape == (len(run.error), 4)
+    assert not run.torque.any()
+    assert (run.estimate == run.estimate[0]).all()
+
+
+def test_a_faster_drive_follows_more_closely() -> None:
+    errors = []
+    for bandwidth in (50.0, 100.0, 200.0):
+        (run,) = simulation(f'plant.velocity_loop.bandwidth={bandwidth}').run(block=30_000)
+        errors.append(rms(run)[0])
+    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
+
+
+def test_tick_by_tick_it_is_the_whole_run() -> None:
+    whole = simulation('duration=0.5', 'plant.torque_limit=[8.0, 8.0, 20.0, 10.0]')
+    (run,) = whole.run()
+    single = simulation('duration=0.5', 'plant.torque_limit=[8.0, 8.0, 20.0, 10.0]')
+    plant, controller = single.plant, single.controller
+    for k in range(501):
+        controller.tick(plant.position, plant.velocity, run.reference[k])
+        assert (plant.position == run.position[k]).all(), k
+        assert (controller.velocity_command == run.rates[k]).all(), k
+        assert (plant.applied == run.applied[k]).all(), k
+        plant.advance(controller.velocity_command)
+    assert np.abs(run.applied).max(axis=0) == pytest.approx([8.0, 8.0, 20.0, 10.0], rel=0.5)
+    assert (np.abs(run.applied) <= [8.0, 8.0, 20.0, 10.0]).all()
+
+
+def test_a_reset_repeats_the_run_to_the_bit() -> None:
+    again = simulation('duration=0.3')
+    one, other = (next(iter(again.run())) for _ in range(2))
+    assert (one.position == other.position).all()
+    assert (one.applied == other.applied).all()
+
+
+def test_the_platform_command_is_that_of_its_wheels() -> None:
+    one = simulation('duration=0.01')
+    list(one.run())
+    right, left, _, _ = one.controller.velocity_command
+    r, b = 0.0508, 0.182
+    assert one.controller.platform_command == pytest.approx(
+        (0.5 * r * (right + left), 0.5 * r / b * (right - left)), abs=1e-15
+    )
+
+
+def test_drives_that_follow_let_the_error_decay_with_sigma() -> None:
+    """Without disturbance and with very fast drives edot = -sigma e, at a coarse period too."""
+    settings = (
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'plant.velocity_loop.bandwidth=1000.0',
+        'plant.integrator_step=0.0001',
+        'control_period=0.02',
+    )
+    (run,) = simulation(*settings, 'duration=2.0').run()
+    norm = np.linalg.norm(run.error, axis=1)
+    assert norm[60] / norm[10] == pytest.approx(np.exp(-2.0 * 50 * 0.02), rel=0.03)
+
+
+def test_a_drive_by_itself_has_both_poles_at_its_bandwidth() -> None:
+    bandwidth, felt, h = 20.0, 0.3, 1e-4
+    rate, integral = 0.0, 0.0
+    for k in range(1, 5001):
+        torque, integral = drive(1.0 - rate, integral, felt, bandwidth, 0.0, h)
+        rate += h * torque / felt
+        t = bandwidth * k * h
+        # Step response of (2 w s + w^2) / (s + w)^2.
+        assert rate == pytest.approx(1.0 - (1.0 - t) * np.exp(-t), abs=5e-3)
+
+
+def test_at_its_limit_a_drive_does_not_wind_up() -> None:
+    integral = 0.0
+    for _ in range(10_000):
+        torque, integral = drive(5.0, integral, 1.0, 10.0, 2.0, 1e-3)
+        assert torque == 2.0
+    assert integral == 0.0
+    # And the integral can still leave the limit.
+    _, unwound = drive(-0.1, 4.0, 1.0, 10.0, 2.0, 1e-3)
+    assert unwound < 4.0
+
+
+def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
+    robot = robot_of(load_scenario(PAPER)['plant'])
+    felt = joint_inertias(robot.geometry, robot.theta, 0.3, -1.2)
+    plant = SimulatedRobot(
+        robot,
+        1e-5,
+        load_scenario(PAPER, ('plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',))['plant'],
+    )
+    mass = np.empty((4, 4))
+    for i in range(4):
+        plant.reset()
+        plant.memory['position'][0][5:] = 0.3, -1.2
+        plant.advance(np.eye(4)[i])
+        mass[:, i] = plant.true_velocity[3:] / 1e-5
+    assert felt == pytest.approx(np.diag(np.linalg.inv(mass)), rel=1e-4)
+
+
+@pytest.mark.parametrize('node', ['plant', 'controller'])
+def test_both_must_agree(node: str) -> None:
+    with pytest.raises(InputError, match='command_interface'):
+        Simulation(load_scenario(PAPER, (f'{node}.command_interface=velocity',)))
