@@ -27,7 +27,7 @@ from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.nodes.qos import subscribe_with_past, subscription_qos
 from masmc_ros.nodes.runtime import run
 from masmc_ros.robot.platform_motion import platform_motion
 
@@ -87,13 +87,9 @@ class PlantNode(SuiteNode):
         self._twist_message = TwistCdr()
         self._clock_message = TimeCdr()
         node = self.node
-        node.create_subscription(
-            Float64MultiArray,
-            'effort_commands',
-            self._on_command,
-            subscription_qos(),
-            raw=True,
-        )
+        # With the past: a controller may answer before it has found this subscription, and
+        # in lock-step nobody sends that command again.
+        subscribe_with_past(node, Float64MultiArray, 'effort_commands', self._on_command)
         node.create_subscription(
             Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True)
         )
