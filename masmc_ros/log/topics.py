@@ -77,7 +77,19 @@ TOPICS = (
         )
         for node in PARAMETER_NODES
     ),
+    Topic(
+        'controller/state',
+        'std_msgs/msg/String',
+        'controller → trajectory',
+        '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
+    ),
     Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(
+        '/diagnostics',
+        'diagnostic_msgs/msg/DiagnosticArray',
+        'plant, controller →',
+        'health and figures of each node, once a second',
+    ),
 )
 """What the nodes of this package publish."""
 

@@ -9,16 +9,19 @@ from typing import Any
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ReferenceWindow
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
 
@@ -42,6 +45,9 @@ class TrajectoryNode(SuiteNode):
         self._next = 0
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
+        self._is_activated = False
+        self._last_tick: int | None = None
+        self._refusals = Refusals(self.log)
         self._check_reach()
 
     def connect(self) -> None:
@@ -51,11 +57,15 @@ class TrajectoryNode(SuiteNode):
         depth = 4 + 2 * (self._horizon // self._window)
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
         if self._origin is None:
+            subscribe_with_past(
+                self.node, String, 'controller/state', self._on_controller_state, depth=10
+            )
             subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
+            self.wait('the controller to become active (controller/state)')
         else:
             subscribe_with_past(self.node, Odometry, 'odom', self._follow)
             self._send_until(self._horizon)
-        self.wait('the plant (odom)')
+            self.wait('the plant (odom)')
 
     def _check_reach(self) -> None:
         last = self._timing.last
@@ -64,18 +74,38 @@ class TrajectoryNode(SuiteNode):
         for first in range(0, last + 1, self._window):
             self._trajectory.sample(first, min(self._window, last + 1 - first))
 
+    def _on_controller_state(self, raw: bytes) -> None:
+        """Note that the controller has become active: time 0 is the next state's stamp."""
+        try:
+            self._is_activated |= deserialized(raw, String).data == ACTIVE
+        except InputError as error:
+            self._refusals.add('controller/state', error)
+
     def _follow(self, raw: bytes) -> None:
         """Send what comes within the horizon of a message's stamp."""
-        stamp = header_stamp(raw)
+        try:
+            stamp = header_stamp(raw)
+        except InputError as error:
+            self._refusals.add('odom or joint_states', error)
+            return
         if self._origin is None:
+            if not self._is_activated:
+                return
             self._origin = stamp
         self.wait(None)
         tick = round((stamp - self._origin) / (1e9 * self._timing.period))
         if tick + self._horizon + self._window < self._next:
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
+        elif tick > self._next:
+            # Nobody follows the past: after a pause, a restart or a step of the clock the
+            # reference goes on at the present.
+            self._next = tick - tick % self._window
         self._send_until(tick + self._horizon)
-        if self._timing.last is not None and tick >= self._timing.last:
+        before, self._last_tick = self._last_tick, tick
+        # A single stamp far ahead may be wrong; the next one tells.
+        is_sure = before is None or tick - before <= self._horizon
+        if self._timing.last is not None and tick >= self._timing.last and is_sure:
             self.finished = True
 
     def _send_until(self, tick: int) -> None:
