@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -31,7 +32,7 @@ class ControllerHealth:
     def __init__(self, period: float) -> None:
         """Take the control period in s."""
         self._ticks = TickTimes(period)
-        self._arrival: float | None = None
+        self._arrival = math.inf
         self._stamp = 0
         self._problems = 0
         self.late = self.repeated = self.gaps = 0
@@ -43,12 +44,11 @@ class ControllerHealth:
 
     def answered(self) -> None:
         """Note that the state that came last is answered."""
-        if self._arrival is not None:
-            self._ticks.add(time.monotonic() - self._arrival)
+        self._ticks.add(time.monotonic() - self._arrival)
 
     def silence(self) -> float:
         """Return the time in s since the last usable state, 0 before the first."""
-        return 0.0 if self._arrival is None else time.monotonic() - self._arrival
+        return max(0.0, time.monotonic() - self._arrival)
 
     def report(
         self,

@@ -56,44 +56,49 @@ class StateInput:
         # What is refused must not touch the state in force: it is read into the spare one.
         state = self._spare
         try:
-            if state.load(raw):
-                state.check(self._joints)
-            else:
+            if not state.load(raw):
                 state.load_message(deserialized(raw, JointState), self._joints)
-            if state.stamp_ns < 0:
-                raise InputError(f'joint state: stamp {state.stamp_ns} ns is negative')
+            elif not state.is_finite():
+                state.check(self._joints)
+            stamp = state.stamp_ns
+            if stamp < 0:
+                raise InputError(f'joint state: stamp {stamp} ns is negative')
         except InputError as error:
             self._is_waiting = False
             self._refusals.add('joint_states', error)
             return
-        self._complete()
-
-    def _complete(self) -> None:
-        """Take the spare state; with its pose from odometry, once there is one for it."""
-        state = self._spare
         if self._base is not None:
-            posed = self._base.stamp_ns
-            self._is_waiting = posed is None or abs(state.stamp_ns - posed) > _OLDEST_POSE_NS
-            if self._is_waiting:
-                if posed is not None:
-                    age = (state.stamp_ns - posed) * 1e-9
-                    self._refusals.add('joint_states', f'odom is {age:.3f} s older')
-                return
-            self._base.write(state.stamp_ns, state.position, state.velocity)
-        stamp = state.stamp_ns
+            self._add_pose(self._base, stamp)
+        elif self._accepts(stamp):
+            self._spare, self.state = self.state, state
+            self._on_state(stamp)
+
+    def _add_pose(self, base: BasePose, stamp: int) -> None:
+        """Take the spare state with its pose from odometry, once there is one for it."""
+        state = self._spare
+        posed = base.stamp_ns
+        self._is_waiting = posed is None or abs(stamp - posed) > _OLDEST_POSE_NS
+        if self._is_waiting:
+            if posed is not None:
+                age = (stamp - posed) * 1e-9
+                self._refusals.add('joint_states', f'odom is {age:.3f} s older')
+            return
+        base.write(stamp, state.position, state.velocity)
         if self._accepts(stamp):
             self._spare, self.state = self.state, state
             self._on_state(stamp)
 
     def _take_odometry(self, raw: bytes) -> None:
-        assert self._base is not None
+        base = self._base
+        if base is None:
+            return
         try:
             message = deserialized(raw, Odometry)
             pose, twist = message.pose.pose, message.twist.twist
             where, turned = pose.position, pose.orientation
             forward, turn = twist.linear, twist.angular
             stamp = message.header.stamp
-            self._base.update(
+            base.update(
                 stamp.sec * 1_000_000_000 + stamp.nanosec,
                 np.array([where.x, where.y, where.z, turned.x, turned.y, turned.z, turned.w]),
                 np.array([forward.x, forward.y, forward.z, turn.x, turn.y, turn.z]),
@@ -102,4 +107,4 @@ class StateInput:
             self._refusals.add('odom', error)
             return
         if self._is_waiting:
-            self._complete()
+            self._add_pose(base, self._spare.stamp_ns)
