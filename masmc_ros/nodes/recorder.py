@@ -8,6 +8,7 @@ from datetime import datetime
 from functools import partial
 import json
 from pathlib import Path
+import struct
 import sys
 import time
 from typing import Any
@@ -172,11 +173,16 @@ class RecorderNode(SuiteNode):
             self.wait(None)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        record = json.loads(text_of(raw))
+        try:
+            record = json.loads(text_of(raw))
+            parameters = dict(record['parameters'])
+        except (ValueError, TypeError, KeyError, struct.error):
+            self.log.error(f'{parameters_topic(node)}: no record of parameters', once=True)
+            return
         if node in self._parameters:
             self._changes.append({**record, 'node': node})
         else:
-            self._parameters[node] = record['parameters']
+            self._parameters[node] = parameters
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
