@@ -18,7 +18,7 @@ from processes import peer, processes, ros_arguments, shortened
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.cdr import EffortCdr, ReferenceWindow
 
 
 def call(run: LiveRun, name: str, value: bool | None = None) -> Any:
@@ -98,6 +98,31 @@ def test_in_lockstep_a_stopped_controller_answers_every_state_with_zeros(tmp_pat
     for raw in answers:
         assert command.load(raw)
         assert not command.data.any()
+
+
+def test_a_pose_from_odometry_and_a_path_that_begins_with_the_activation(tmp_path: Path) -> None:
+    settings = {
+        'pose_source': 'odom',
+        'active_on_start': 'false',
+        'trajectory__start_time': -1.0,
+        'plant__odom_decimation': 5,
+        'plant__wait_for': '[controller, trajectory, peer]',
+    }
+    with live_run(tmp_path, 'plant', 'trajectory', 'controller', **settings) as run:
+        windows = run.tester.collect(Float64MultiArray, 'reference', raw=True)
+        errors = run.tester.collect(Float64MultiArray, 'controller/tracking_error')
+        rests(run)
+        assert windows == []
+        enabled = run.stamp
+        call(run, 'enable', True)
+        run.goes_on(3.0)
+        first = ReferenceWindow.from_bytes(windows[0])
+        assert first is not None
+        assert first.stamp_ns is not None
+        assert enabled <= first.stamp_ns <= enabled + 500_000_000
+        # What it follows begins where the robot is, and stays near it.
+        assert max(np.abs(message.data[2:]).max() for message in errors) < 0.1
+        run.end()
 
 
 def test_a_second_controller_is_noticed(tmp_path: Path) -> None:

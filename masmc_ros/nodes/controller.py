@@ -40,6 +40,9 @@ from masmc_ros.reference.windows import ReferenceWindows
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
 
+_FEWEST_PERIODS = 5
+"""Control periods that the state timeout is at least."""
+
 STATES, REFERENCE, LAW = 'states', 'reference', 'law'
 """Causes of faults."""
 
@@ -140,8 +143,11 @@ class ControllerNode(SuiteNode):
     def _set_pacing(self, pacing: str) -> None:
         """Judge stamps and silence as the pacing needs it; in lock-step nothing is too late."""
         self._is_realtime = pacing == 'realtime'
-        gap = round(1e9 * self.values['state_timeout'])
-        self._order.gap_ns = gap if self._is_realtime else None
+        self._order.gap_ns = round(1e9 * self._state_timeout()) if self._is_realtime else None
+
+    def _state_timeout(self) -> float:
+        """Return the timeout in s; five periods at least, lest every state is late."""
+        return max(self.values['state_timeout'], _FEWEST_PERIODS * self._timing.period)
 
     def _on_plant_parameters(self, raw: bytes) -> None:
         """Take the pacing from the plant, where a simulated one is there."""
@@ -155,9 +161,9 @@ class ControllerNode(SuiteNode):
 
     def _watch(self) -> None:
         """In real time, note when states have been away for too long."""
-        timeout = self.values['state_timeout']
         if not (self._is_realtime and self._supervisor.is_active):
             return
+        timeout = self._state_timeout()
         if self._health.silence() > timeout:
             self._supervision.fail(STATES, f'no usable joint_states for {timeout:g} s')
 
@@ -214,7 +220,10 @@ class ControllerNode(SuiteNode):
             self.log.info('the robot was set back; the controller starts anew')
         else:
             self._health.gaps += 1
-            self.log.warning('states were missing for long; the controller starts anew')
+            self.log.warning(
+                'states were missing for long; the controller starts anew',
+                throttle_duration_sec=1.0,
+            )
         self._pending = None
         self._activations = -1
 

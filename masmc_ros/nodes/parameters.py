@@ -110,10 +110,12 @@ _CONTROLLER_NODE = (
     Parameter(
         'state_timeout',
         0.1,
-        'In real time, a fault when no usable state has come for so long',
+        'In real time, a fault when no usable state has come for so long, or for five control '
+        'periods if that is longer',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
+        maximum=1e6,
         read_only=False,
     ),
     Parameter(
@@ -122,6 +124,7 @@ _CONTROLLER_NODE = (
         'In real time, a fault when the reference has ended for so long; 0 holds for ever',
         unit='s',
         minimum=0.0,
+        maximum=1e6,
         read_only=False,
     ),
     Parameter(
