@@ -56,6 +56,12 @@ class LiveRun:
             'plant__torque_limit': str(LIMIT.tolist()),
             'plant__command_timeout': 0.2,
             'state_timeout': 0.2,
+            # The period and one more until a torque is applied need a thick layer.
+            'k_s1': 40.0,
+            'k_s2': 40.0,
+            'boundary_layer': 0.5,
+            # While nobody steers, the robot must not be driven far.
+            'plant__disturbance.amplitude': '[0.3, 0.3, 0.2, 0.2]',
             **settings,
         }
         tester.subscribe(JointState, 'joint_states', self._on_state, raw=True)

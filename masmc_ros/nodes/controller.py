@@ -131,7 +131,7 @@ class ControllerNode(SuiteNode):
         self._controller.reset()
         for stamp in range(2):
             self._approach.begin()
-            self._approach.follow(stamp, position, velocity, reference.copy())
+            self._approach.follow(stamp, position, reference.copy())
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
@@ -291,7 +291,7 @@ class ControllerNode(SuiteNode):
             controller.reset()
             self._approach.begin()
         if self._is_realtime and self.values['approach_speed'] > 0.0:
-            reference = self._approach.follow(stamp, state.position, state.velocity, reference)
+            reference = self._approach.follow(stamp, state.position, reference)
         try:
             singular = controller.tick(state.position, state.velocity, reference)
             if not self._effort.is_finite():

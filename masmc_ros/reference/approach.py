@@ -2,9 +2,10 @@
 """How the robot gets from where it is to the reference without a jump.
 
 A controller that starts far from its reference would answer the distance at once, with all
-its gains. What it follows instead begins at the robot's own position and velocity and joins
-the reference smoothly: the distance between the two is a polynomial of degree five in time
-that ends at zero with its first and second derivatives.
+its gains. What it follows instead begins where the robot is, at rest, and joins the
+reference smoothly: the distance between the two is a polynomial of degree five in time that
+ends at zero with its first and second derivatives. A robot that moves is braked: to go on
+with its velocity could lead beyond the arm's reach.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 
 from masmc_ros.compiled import kernel
 from masmc_ros.reference.hermite import quintic
-from masmc_ros.robot.geometry import Geometry, posture, quasi_velocity
-from masmc_ros.robot.kinematics import task_position, task_velocity
+from masmc_ros.robot.geometry import Geometry, posture
+from masmc_ros.robot.kinematics import task_position
 
 SHORTEST = 0.5
 """Least time in s that an approach takes."""
@@ -32,22 +33,16 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def _distance(geometry: Any, position: Any, velocity: Any, reference: Any, out: Any) -> None:
-    """Write reference minus robot (12): position, velocity and the reference's acceleration."""
+def _distance(geometry: Any, position: Any, reference: Any, out: Any) -> None:
+    """Write the reference (12) minus a robot at rest."""
     lengths = Geometry(geometry[0], geometry[1], geometry[2], geometry[3], geometry[4])
     bend = posture(position[2], position[5], position[6])
-    v = quasi_velocity(lengths, velocity[3], velocity[4], velocity[5], velocity[6])
     x = task_position(lengths, bend, position[0], position[1])
-    x_dot = task_velocity(lengths, bend, v[0], v[1], v[2], v[3])
     out[0] = reference[0] - x[0]
     out[1] = reference[1] - x[1]
     out[2] = reference[2] - x[2]
     out[3] = reference[3] - x[3]
-    out[4] = reference[4] - x_dot[0]
-    out[5] = reference[5] - x_dot[1]
-    out[6] = reference[6] - x_dot[2]
-    out[7] = reference[7] - x_dot[3]
-    for i in range(8, 12):
+    for i in range(4, 12):
         out[i] = reference[i]
 
 
@@ -100,10 +95,10 @@ class Approach:
         """Start from wherever the robot is at the next tick."""
         self._is_due = True
 
-    def follow(self, stamp: int, position: Array, velocity: Array, reference: Array) -> Array:
+    def follow(self, stamp: int, position: Array, reference: Array) -> Array:
         """Return what to follow (12) at a stamp in ns; the reference itself once joined.
 
-        `position` and `velocity` (7) in the order of joint_states, `reference` (12).
+        `position` (7) in the order of joint_states, `reference` (12).
         """
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         if before is not None and before is not reference:
@@ -113,7 +108,7 @@ class Approach:
         if self._is_due:
             self._is_due, self.is_on = False, True
             self._begun = stamp
-            _distance(self._geometry, position, velocity, reference, self._distance)
+            _distance(self._geometry, position, reference, self._distance)
             farthest = float(np.abs(self._distance[:4]).max())
             self._duration = max(SHORTEST, _PEAK * farthest / self._speed)
         if not self.is_on:
