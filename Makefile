@@ -6,13 +6,14 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
 
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint bench soak clean
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
 	@echo 'make test   set up and run the tests'
 	@echo 'make lint   style and types'
 	@echo 'make bench  speeds, as ratios within one run'
+	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try'
 	@echo 'make clean  remove what make and the demo made'
 
 $(VENV)/.installed: $(SOURCES)
@@ -43,6 +44,10 @@ lint: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m benchmarks
+
+SECONDS := 600
+soak: $(VENV)/.installed-dev
+	@$(BIN)/python -m benchmarks.soak $(SECONDS)
 
 clean:
 	rm -rf $(VENV) build install demo report *.egg-info

@@ -22,6 +22,7 @@ import tempfile
 import time
 from typing import Any
 
+from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -29,6 +30,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+
+from masmc_ros.log.stamps import header_stamp
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -89,7 +92,7 @@ class Processes:
     def start(
         self, name: str, *arguments: str, environment: Mapping[str, str] | None = None
     ) -> NodeProcess:
-        """Start `masmc run NAME ARGUMENTS`; with its output in the folder of the test."""
+        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
         stem = f'{len(self._started)}_{name}'
         out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
         with out.open('wb') as to_out, err.open('wb') as to_err:
@@ -129,6 +132,11 @@ class Processes:
             for each in self._started
         )
 
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to all processes."""
+        for each in self._started:
+            each.signal(number)
+
     def end(self) -> None:
         """End whatever still runs."""
         for each in self._started:
@@ -151,6 +159,12 @@ class Peer:
             assert time.monotonic() < limit, f'it never came: {what}'
             self._executor.spin_once(timeout_sec=0.02)
         return found
+
+    def watch_time(self, topic: str = 'odom') -> list[int]:
+        """Return a list whose last entry is the stamp of the latest odometry in ns, or -1."""
+        stamps = [-1]
+        self.subscribe(Odometry, topic, lambda raw: stamps.append(header_stamp(raw)), raw=True)
+        return stamps
 
     def wait_for_subscribers(self, publisher: Any, count: int = 1) -> None:
         """Wait until so many subscriptions are matched with a publisher."""

@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from live_nodes import messages, NODES, Nodes, nodes, observer, PAPER, ros_arguments, watch_time
+from log_contents import read_log
+from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -25,27 +26,27 @@ Call = Callable[[Any, str, Any], Any]
 @pytest.fixture(scope='module')
 def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Call]:
     """Yield how to call services of a controller that runs alone."""
-    with nodes(tmp_path_factory.mktemp('nodes')) as started:
-        started.start('controller', '--ros-args', '-p', 'k_s1:=120.0')
-        with observer(started.domain) as (node, spin_until):
-            clients = {
-                kind: node.create_client(kind, f'controller/{name}')
-                for kind, name in (
-                    (SetParametersAtomically, 'set_parameters_atomically'),
-                    (GetParameters, 'get_parameters'),
-                    (DescribeParameters, 'describe_parameters'),
-                )
-            }
-            spin_until(lambda: all(c.service_is_ready() for c in clients.values()))
+    folder = tmp_path_factory.mktemp('nodes')
+    with processes(folder) as started, peer(started.domain) as tester:
+        started.start('controller', *ros_arguments(None, k_s1=120.0))
+        clients = {
+            kind: tester.node.create_client(kind, f'controller/{name}')
+            for kind, name in (
+                (SetParametersAtomically, 'set_parameters_atomically'),
+                (GetParameters, 'get_parameters'),
+                (DescribeParameters, 'describe_parameters'),
+            )
+        }
+        tester.until(lambda: all(c.service_is_ready() for c in clients.values()))
 
-            def call(kind: Any, field: str, value: Any) -> Any:
-                request = kind.Request()
-                setattr(request, field, value)
-                future = clients[kind].call_async(request)
-                spin_until(future.done)
-                return future.result()
+        def call(kind: Any, field: str, value: Any) -> Any:
+            request = kind.Request()
+            setattr(request, field, value)
+            future = clients[kind].call_async(request)
+            tester.until(future.done)
+            return future.result()
 
-            yield call
+        yield call
 
 
 def change(call: Call, **values: Any) -> Any:
@@ -132,18 +133,20 @@ def test_every_parameter_is_described(controller: Call) -> None:
         assert descriptor.read_only == parameter.read_only
 
 
-def _run_with_changes(started: Nodes, node: Any, spin_until: Any, log: Path) -> None:
+def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
     """Run in lock-step and change gains on the way."""
-    stamps = watch_time(node)
-    set_ = node.create_client(SetParametersAtomically, 'controller/set_parameters_atomically')
-    arguments = ros_arguments(
-        PAPER,
-        plant__wait_for='[controller, trajectory, recorder, observer]',
-        recorder__output=log,
+    stamps = tester.watch_time()
+    set_ = tester.node.create_client(
+        SetParametersAtomically, 'controller/set_parameters_atomically'
     )
-    for name in (*NODES, 'recorder'):
-        started.start(name, *arguments)
-    spin_until(lambda: stamps[-1] >= 100_000_000 and set_.service_is_ready())
+    started.start_all(
+        *ros_arguments(
+            PAPER,
+            plant__wait_for='[controller, trajectory, recorder, peer]',
+            recorder__output=log,
+        )
+    )
+    tester.until(lambda: stamps[-1] >= 100_000_000 and set_.service_is_ready())
     for values in (
         {'k_s1': 150.0, 'sigma': [2.0, 3.0, 2.0, 3.0]},
         {'switching': 'implicit', 'observer_gain': 0.5},
@@ -153,10 +156,10 @@ def _run_with_changes(started: Nodes, node: Any, spin_until: Any, log: Path) -> 
             parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
         )
         future = set_.call_async(request)
-        spin_until(future.done)
+        tester.until(future.done)
         assert future.result().result.successful
         changed = stamps[-1]
-        spin_until(lambda changed=changed: stamps[-1] > changed + 50_000_000)
+        tester.until(lambda changed=changed: stamps[-1] > changed + 50_000_000)
     assert set(started.wait().values()) == {0}, started.output()
 
 
@@ -164,14 +167,14 @@ def test_a_run_with_changes_can_be_computed_again(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
-    with nodes(tmp_path) as started, observer(started.domain) as (node, spin_until):
-        _run_with_changes(started, node, spin_until, log)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        _run_with_changes(started, tester, log)
     # What the command does, and a user sees.
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
     printed = capfd.readouterr().out
     assert f'all 20001 states and 20001 commands of {log} are the same bits' in printed
     # Message by message, the changes at their ticks among them.
-    recorded, again = messages(log), messages(tmp_path / 'again.mcap')
+    recorded, again = read_log(log).messages, read_log(tmp_path / 'again.mcap').messages
     assert len(recorded['controller/parameters']) == 4
     for topic in ('joint_states', 'effort_commands', 'controller/parameters'):
         assert again[topic] == recorded[topic], topic

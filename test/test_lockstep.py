@@ -10,7 +10,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from live_nodes import messages, NODES, nodes, observer, PAPER, ros_arguments, watch_time
+from log_contents import read_log
+from processes import NODES, PAPER, peer, processes, ros_arguments
 
 from masmc_ros.cli.main import main
 from masmc_ros.log.state_transforms import StateTransforms
@@ -53,7 +54,7 @@ def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
     """Return the messages of the simulation of a file."""
     options = [word for setting in settings for word in ('--set', setting)]
     assert main(['simulate', str(file), '--output', str(log), *options]) == 0
-    return messages(log)
+    return read_log(log).messages
 
 
 def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -> None:
@@ -82,18 +83,17 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[bytes]]:
 @pytest.mark.parametrize('namespace', ['', '/left'])
 def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, namespace: str) -> None:
     log = tmp_path / 'live.mcap'
-    with nodes(tmp_path) as started:
+    with processes(tmp_path) as started:
         arguments = ros_arguments(
             PAPER,
-            **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+            **{f'{node}__duration': 1.5 for node in NODES},
             plant__wait_for='[controller, trajectory, recorder]',
             recorder__output=log,
         )
         remap = ['-r', f'__ns:={namespace}'] if namespace else []
-        for node in (*NODES, 'recorder'):
-            started.start(node, *arguments, *remap)
+        started.start_all(*arguments, *remap)
         assert set(started.wait().values()) == {0}, started.output()
-    live = messages(log)
+    live = read_log(log, namespace or '/').messages
     check_same(live, paper)
     check_transforms(live, paper, PAPER)
 
@@ -102,14 +102,13 @@ def test_another_robot_law_and_period(tmp_path: Path) -> None:
     file = tmp_path / 'other.yaml'
     file.write_text(OTHER)
     log = tmp_path / 'live.mcap'
-    with nodes(tmp_path) as started:
+    with processes(tmp_path) as started:
         arguments = ros_arguments(
             file, plant__wait_for='[controller, trajectory, recorder]', recorder__output=log
         )
-        for node in (*NODES, 'recorder'):
-            started.start(node, *arguments)
+        started.start_all(*arguments)
         assert set(started.wait().values()) == {0}, started.output()
-    live, computed = messages(log), simulated(file, tmp_path / 'simulated.mcap')
+    live, computed = read_log(log).messages, simulated(file, tmp_path / 'simulated.mcap')
     check_same(live, computed)
     check_transforms(live, computed, file)
     assert b'left/base_link' in computed['tf'][0]
@@ -119,40 +118,40 @@ def test_another_robot_law_and_period(tmp_path: Path) -> None:
 
 def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
     log = tmp_path / 'live.mcap'
-    with nodes(tmp_path) as started:
+    with processes(tmp_path) as started:
         arguments = ros_arguments(
             PAPER,
-            **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+            **{f'{node}__duration': 1.5 for node in NODES},
             plant__wait_for='[controller, trajectory, recorder]',
             recorder__output=log,
         )
         started.start('composed', '--record', *arguments)
         assert started.wait() == {'composed': 0}, started.output()
-    check_same(messages(log), paper)
+    check_same(read_log(log).messages, paper)
 
 
 def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
     """Under smc nothing is lost with the controller: its successor takes up the run."""
     log = tmp_path / 'live.mcap'
-    with nodes(tmp_path) as started:
+    with processes(tmp_path) as started:
         arguments = ros_arguments(
             PAPER,
-            **{f'{node}__duration': 6.0 for node in (*NODES, 'recorder')},
+            **{f'{node}__duration': 6.0 for node in NODES},
             # Discovery can take seconds; a run begins when its observer is known as well.
-            plant__wait_for='[controller, trajectory, recorder, observer]',
+            plant__wait_for='[controller, trajectory, recorder, peer]',
             recorder__output=log,
             controller__law='smc',
         )
-        with observer(started.domain) as (node, spin_until):
-            stamps = watch_time(node)
-            processes = {name: started.start(name, *arguments) for name in (*NODES, 'recorder')}
-            spin_until(lambda: stamps[-1] >= 1_000_000_000)
-            processes['controller'].send_signal(signal.SIGKILL)
-            processes['controller'].wait()
+        with peer(started.domain) as tester:
+            stamps = tester.watch_time()
+            running = started.start_all(*arguments)
+            tester.until(lambda: stamps[-1] >= 1_000_000_000)
+            running['controller'].signal(signal.SIGKILL)
+            running['controller'].wait()
             assert stamps[-1] < 6_000_000_000, 'killed too late to show anything'
             started.start('controller', *arguments)
             assert set(started.wait().values()) == {0}, started.output()
-    live = messages(log)
+    live = read_log(log).messages
     computed = simulated(PAPER, tmp_path / 'simulated.mcap', 'duration=6.0', 'controller.law=smc')
     assert live['joint_states'] == computed['joint_states']
     # States of the recent past are answered again by the successor, with the same torques.
@@ -160,16 +159,16 @@ def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
 
 
 def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
-    with nodes(tmp_path) as started:
+    with processes(tmp_path) as started:
         for robot in ('left', 'right'):
             arguments = ros_arguments(
                 PAPER,
-                **{f'{node}__duration': 1.5 for node in (*NODES, 'recorder')},
+                **{f'{node}__duration': 1.5 for node in NODES},
                 plant__wait_for='[controller, trajectory, recorder]',
                 recorder__output=tmp_path / f'{robot}.mcap',
             )
             started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
         assert set(started.wait().values()) == {0}, started.output()
-    assert messages(tmp_path / 'left.mcap')['joint_states'] == paper['joint_states']
-    right = messages(tmp_path / 'right.mcap')
-    assert right['right/joint_states'] == paper['joint_states']
+    for robot in ('left', 'right'):
+        live = read_log(tmp_path / f'{robot}.mcap', f'/{robot}').messages
+        assert live['joint_states'] == paper['joint_states']

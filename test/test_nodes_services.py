@@ -102,6 +102,42 @@ def test_lockstep_goes_by_steps_while_it_is_paused(tmp_path: Path) -> None:
         assert plant.stamps() == [tick * PERIOD for tick in range(5)]
 
 
+def test_a_run_that_is_paused_before_it_begins_waits_at_its_first_state(tmp_path: Path) -> None:
+    """Nothing is lost meanwhile: the answer to that state is taken once the run goes on."""
+    file = shortened(tmp_path, 0.3, wait_for='[controller, trajectory, peer]')
+    with processes(tmp_path) as started:
+        started.start('plant', *ros_arguments(file))
+        with peer(started.domain, 'early') as tester:
+            states = tester.collect(JointState, 'joint_states', raw=True)
+            answers = tester.collect(Float64MultiArray, 'effort_commands', raw=True)
+            assert tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).success
+            assert not tester.call(Trigger, '/plant/step', Trigger.Request()).success
+            started.start_all(*ros_arguments(file), nodes=('controller', 'trajectory'))
+            with peer(started.domain):
+                tester.until(lambda: states and answers, 'the first state and its answer')
+            assert [header_stamp(raw) for raw in states] == [0]
+            assert tester.call(SetBool, '/plant/pause', SetBool.Request(data=False)).success
+            tester.until(lambda: header_stamp(states[-1]) == 300 * PERIOD, 'the last state')
+        assert set(started.wait().values()) == {0}, started.output()
+
+
+def test_lockstep_takes_an_answer_that_was_sent_before_the_plant_was_found(tmp_path: Path) -> None:
+    command = EffortCdr()
+    command.data[:] = [1.0, 2.0, 3.0, 4.0]
+    command.set_stamp(0)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        started.start('plant', *ros_arguments(PAPER, wait_for='[peer]', duration=0.0))
+        tester.until(lambda: states, 'the first state')
+        with peer(started.domain, 'new') as new:
+            commands = new.publisher(Float64MultiArray, 'effort_commands', latched=True)
+            commands.publish(command.to_bytes())
+            tester.until(lambda: len(states) >= 2, 'state 1')
+    state = JointStateCdr()
+    assert state.load(states[1])
+    assert state.effort.tolist()[3:] == [1.0, 2.0, 3.0, 4.0]
+
+
 def test_reset_sets_lockstep_back_to_its_beginning(tmp_path: Path) -> None:
     with robot(tmp_path, 'lockstep', initial_velocity='[0.5, 0.1, 0.2, 0.3]') as (_, plant):
         for tick in range(3):

@@ -53,38 +53,52 @@ class JointStateCdr(StampedMessage):
         self.velocity = self._view(velocity, len(JOINTS))
         self.effort = self._view(effort, len(JOINTS))
         self._names: list[str] = []
+        self._joints: tuple[str, ...] = ()
         self._order: list[int] = []
 
     def is_finite(self) -> bool:
         """Tell whether every position and velocity is a finite number."""
-        return all(map(isfinite, self.position.tolist() + self.velocity.tolist()))
+        position, velocity = self.position, self.velocity
+        # A sum of squares is quick, and finite only where every number is; it overflows
+        # before the numbers do.
+        if isfinite(position.dot(position) + velocity.dot(velocity)):
+            return True
+        return all(map(isfinite, position.tolist() + velocity.tolist()))
 
-    def load_message(self, message: Any) -> None:
+    def check(self, joints: tuple[str, ...] = JOINTS) -> None:
+        """Refuse positions and velocities of `joints` that are not finite, by InputError."""
+        for field, values in (('position', self.position), ('velocity', self.velocity)):
+            _check_finite(values[len(JOINTS) - len(joints) :], joints, field)
+
+    def load_message(self, message: Any, joints: tuple[str, ...] = JOINTS) -> None:
         """Take over a joint state of any sender, joint by joint by name.
 
         Joints of other names are left out; efforts that are absent or NaN become zero.
 
         Args:
             message: sensor_msgs/JointState as any deserialiser gives it.
+            joints: which joints to take, `JOINTS` or the driven ones, which are its last;
+                what is held of the others stays.
 
         Raises:
             InputError: for missing or repeated joints, sizes that do not go with the names,
                 numbers that are not finite; nothing is changed then.
         """
         names = list(message.name)
-        if names != self._names:
-            self._order = _order(names)
-            self._names = names
+        if names != self._names or joints != self._joints:
+            self._order = _order(names, joints)
+            self._names, self._joints = names, joints
         position = self._pick(message.position, 'position')
         velocity = self._pick(message.velocity, 'velocity')
-        effort = np.zeros(len(JOINTS))
+        effort = np.zeros(len(joints))
         if len(message.effort):
             given = _doubles(message.effort)
             effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
         stamp = message.header.stamp
-        self.position[:] = position
-        self.velocity[:] = velocity
-        self.effort[:] = effort
+        first = len(JOINTS) - len(joints)
+        self.position[first:] = position
+        self.velocity[first:] = velocity
+        self.effort[first:] = effort
         self.set_stamp(stamp.sec * NANOSECONDS + stamp.nanosec)
 
     def _pick(self, values: ArrayLike, field: str) -> NDArray[np.float64]:
@@ -95,9 +109,7 @@ class JointStateCdr(StampedMessage):
                 ' it takes one for each name'
             )
         picked = array[self._order]
-        if not np.isfinite(picked).all():
-            joint = JOINTS[int(np.argmin(np.isfinite(picked)))]
-            raise InputError(f"joint state: {field} of '{joint}' is not a finite number")
+        _check_finite(picked, self._joints, field)
         return picked
 
 
@@ -105,13 +117,20 @@ def _doubles(values: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(values, dtype=np.float64)
 
 
-def _order(names: list[str]) -> list[int]:
-    """Return where each joint of ours stands in `names`."""
-    for joint in JOINTS:
+def _check_finite(values: NDArray[np.float64], joints: tuple[str, ...], field: str) -> None:
+    finite = np.isfinite(values)
+    if not finite.all():
+        joint = joints[int(np.argmin(finite))]
+        raise InputError(f"joint state: {field} of '{joint}' is not a finite number")
+
+
+def _order(names: list[str], joints: tuple[str, ...]) -> list[int]:
+    """Return where each of our joints stands in `names`."""
+    for joint in joints:
         count = names.count(joint)
         if count != 1:
             fault = 'is missing' if count == 0 else f'is given {count} times'
             raise InputError(
-                f"joint state: joint '{joint}' {fault}; it takes each of {', '.join(JOINTS)} once"
+                f"joint state: joint '{joint}' {fault}; it takes each of {', '.join(joints)} once"
             )
-    return [names.index(joint) for joint in JOINTS]
+    return [names.index(joint) for joint in joints]

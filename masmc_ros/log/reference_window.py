@@ -19,6 +19,9 @@ STAMP_NUMBERS = 3
 """How many numbers come before the samples: seconds, nanoseconds, sample period."""
 
 LABELS = ('samples', 'derivative', 'task')
+_SECONDS = 2.0**31
+_LONGEST_PERIOD = 1e4
+"""Longest time in s between two samples."""
 _SAMPLE = DERIVATIVES * TASK_AXES
 
 
@@ -122,14 +125,17 @@ def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
     """Make a window of [seconds, nanoseconds, period, samples...]."""
     _check_finite(numbers)
     seconds, nanoseconds, period = numbers[:STAMP_NUMBERS].tolist()
-    if not (seconds.is_integer() and nanoseconds.is_integer() and 0 <= nanoseconds < NANOSECONDS):
+    whole = seconds.is_integer() and nanoseconds.is_integer()
+    if not (whole and abs(seconds) < _SECONDS and 0 <= nanoseconds < NANOSECONDS):
         raise InputError(
-            f'reference: stamp [{seconds:g}, {nanoseconds:g}] is not whole seconds and'
-            ' nanoseconds below 1e9'
+            f'reference: stamp [{seconds:g}, {nanoseconds:g}] is not whole seconds within 32'
+            ' bits and nanoseconds below 1e9'
         )
     samples = numbers[STAMP_NUMBERS:].reshape(-1, DERIVATIVES, TASK_AXES)
-    if round(period * NANOSECONDS) < 1 and len(samples) > 1:
-        raise InputError(f'reference: sample period {period:g} s; it takes at least 1e-9 s')
+    if not 1.0 <= period * NANOSECONDS <= NANOSECONDS * _LONGEST_PERIOD:
+        raise InputError(
+            f'reference: sample period {period:g} s; it takes 1e-9 to {_LONGEST_PERIOD:g} s'
+        )
     return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from masmc_ros.errors import InputError
 from masmc_ros.log.effort import EffortCdr
 from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.log.names import COMMAND_TOPIC, TELEMETRY, telemetry_topic
@@ -24,7 +25,12 @@ _STAMPED = (
 
 
 def header_stamp(raw: bytes) -> int:
-    """Return the stamp in ns of a message that begins with a header or a time."""
+    """Return the stamp in ns of a message that begins with a header or a time.
+
+    Raises InputError where the message is too short for one.
+    """
+    if len(raw) < len(ENCAPSULATION) + STAMP.size:
+        raise InputError(f'a message of {len(raw)} bytes has no stamp')
     seconds, nanoseconds = STAMP.unpack_from(raw, len(ENCAPSULATION))
     return int(seconds * NANOSECONDS + nanoseconds)
 
@@ -44,7 +50,7 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     telemetry that of the state that it belongs to.
     """
     if type_name in _STAMPED:
-        return header_stamp
+        return _header_stamp_or_none
     if type_name == TRANSFORMS_TYPE:
         return transforms_stamp
     if topic == COMMAND_TOPIC:
@@ -55,6 +61,15 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
             telemetry = TelemetryCdr(label, count)
             return _telemetry_reader(telemetry)
     return lambda _: None
+
+
+def _header_stamp_or_none(raw: bytes) -> int | None:
+    """Return the stamp in ns, None for one that no log can hold."""
+    try:
+        stamp = header_stamp(raw)
+    except InputError:
+        return None
+    return stamp if stamp >= 0 else None
 
 
 def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:

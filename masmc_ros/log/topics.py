@@ -91,7 +91,20 @@ TOPICS = (
         )
         for node in PARAMETER_NODES
     ),
+    Topic(
+        'controller/state',
+        'std_msgs/msg/String',
+        'controller → trajectory',
+        '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
+        holds=True,
+    ),
     Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(
+        '/diagnostics',
+        'diagnostic_msgs/msg/DiagnosticArray',
+        'plant, controller →',
+        'health and figures of each node, once a second',
+    ),
     Topic(
         DESCRIPTION_TOPIC,
         'std_msgs/msg/String',

@@ -4,28 +4,47 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import json
 import sys
+import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow, TelemetryCdr
+from masmc_ros.log.cdr import EffortCdr, ReferenceWindow, TelemetryCdr
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.stamp_order import Order, StampOrder
+from masmc_ros.loop.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.controller_health import ControllerHealth
+from masmc_ros.nodes.diagnostics import publish_health
+from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
+from masmc_ros.nodes.state_input import StateInput
+from masmc_ros.nodes.supervision import Supervision
+from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
+
+_WATCH = 0.02
+"""Time in s between two looks at how long states and reference have been away."""
+
+_FEWEST_PERIODS = 5
+"""Control periods that the state timeout is at least."""
+
+STATES, REFERENCE, LAW = 'states', 'reference', 'law'
+"""Causes of faults."""
 
 
 class ControllerNode(SuiteNode):
@@ -36,19 +55,27 @@ class ControllerNode(SuiteNode):
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
         """Make the controller and compile its tick."""
         super().__init__(context=context, command_line=command_line, check=_check_law)
-        self._timing = Timing.from_values(self.values)
-        self._controller = Controller(robot_of(self.values), self._timing.period, self.values)
+        values = self.values
+        self._timing = Timing.from_values(values)
+        self._controller = Controller(robot_of(values), self._timing.period, values)
         self._reference = ReferenceWindows()
-        self._last_stamp: int | None = None
+        self._order = StampOrder()
+        self._supervisor = Supervisor(active=values['active_on_start'])
+        self._activations = 0
+        self._approach = Approach(self._controller.geometry, values['approach_speed'])
+        self._refusals = Refusals(self.log)
+        self._health = ControllerHealth(self._timing.period)
         self._pending: int | None = None
+        self._may_finish = True
+        self._held_since: float | None = None
         self._changes: dict[str, Any] = {}
         self._was_singular = False
-        self._state = JointStateCdr()
         self._effort = EffortCdr()
-        self._position, self._velocity = self._state.position, self._state.velocity
+        self._zero = EffortCdr()
+        self._answered = b''
         # The torque is computed into the message.
         self._controller.torque = self._effort.data
-        self._decimation: int = self.values['telemetry_decimation']
+        self._decimation: int = values['telemetry_decimation']
         self._compile()
 
     def connect(self) -> None:
@@ -68,76 +95,160 @@ class ControllerNode(SuiteNode):
             )
             if self._decimation
         ]
+        self._supervision = Supervision(
+            self.node,
+            self._supervisor,
+            self.publisher(String, 'controller/state', 10),
+            reset=self._controller.reset,
+            stopped=self._on_stopped,
+        )
         self.parameters.on_change(self._change)
+        self._set_pacing(self.values['pacing'])
+        self.node.create_timer(_WATCH, self._watch, clock=self.steady)
+        publish_health(
+            self.node,
+            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.steady,
+            lambda: self._health.report(
+                self.node, self._commands, self._supervisor, self._controller, self._refusals
+            ),
+        )
+        subscribe_with_past(
+            self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
+        )
         subscribe_with_past(
             self.node, Float64MultiArray, 'reference', self._on_reference, depth=100
         )
-        subscribe_with_past(self.node, JointState, 'joint_states', self._on_state)
+        self._input = StateInput(
+            self.node, self.values['pose_source'], self._refusals, self._accepts, self._on_state
+        )
         self.wait('the plant (joint_states)')
 
     def _compile(self) -> None:
         """Compute a tick of no consequence, so that the first real one is not late."""
-        self._controller.tick(np.ones(7), np.zeros(7), np.zeros(12))
+        position, velocity, reference = np.ones(7), np.zeros(7), np.zeros(12)
+        self._controller.tick(position, velocity, reference)
         self._controller.reset()
+        for stamp in range(2):
+            self._approach.begin()
+            self._approach.follow(stamp, position, reference.copy())
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
         self._changes.update(values)
+        self._set_pacing('realtime' if self._is_realtime else 'lockstep')
+
+    # Pacing.
+
+    def _set_pacing(self, pacing: str) -> None:
+        """Judge stamps and silence as the pacing needs it; in lock-step nothing is too late."""
+        self._is_realtime = pacing == 'realtime'
+        self._order.gap_ns = round(1e9 * self._state_timeout()) if self._is_realtime else None
+
+    def _state_timeout(self) -> float:
+        """Return the timeout in s; five periods at least, lest every state is late."""
+        return max(self.values['state_timeout'], _FEWEST_PERIODS * self._timing.period)
+
+    def _on_plant_parameters(self, raw: bytes) -> None:
+        """Take the pacing from the plant, where a simulated one is there."""
+        try:
+            pacing = json.loads(deserialized(raw, String).data)['parameters'].get('pacing')
+        except (InputError, ValueError, TypeError, KeyError, AttributeError):
+            self._refusals.add('plant/parameters', 'no record of parameters')
+            return
+        if pacing in ('lockstep', 'realtime'):
+            self._set_pacing(pacing)
+
+    def _watch(self) -> None:
+        """In real time, note when states have been away for too long."""
+        if not (self._is_realtime and self._supervisor.is_active):
+            return
+        timeout = self._state_timeout()
+        if self._health.silence() > timeout:
+            self._supervision.fail(STATES, f'no usable joint_states for {timeout:g} s')
+
+    def _on_stopped(self) -> None:
+        """Send no torque at once; in lock-step the next state is answered so."""
+        last = self._order.last
+        if self._is_realtime and last is not None:
+            self._send_zero(last)
+
+    # Input.
 
     def _on_reference(self, raw: bytes) -> None:
         try:
             window = ReferenceWindow.from_bytes(raw)
             if window is None:
-                message = deserialize_message(raw, Float64MultiArray)
-                window = ReferenceWindow.from_message(message)
+                window = ReferenceWindow.from_message(deserialized(raw, Float64MultiArray))
+            samples = window.samples.reshape(-1, 12)
+            if window.stamp_ns is None:
+                self._reference.set_point(samples[0])
+            else:
+                self._reference.add(window.stamp_ns, window.period, samples)
         except InputError as error:
-            self.log.error(f'refused: {error}', throttle_duration_sec=1.0)
+            self._refusals.add('reference', error)
             return
-        samples = window.samples.reshape(-1, 12)
-        if window.stamp_ns is None:
-            self._reference.set_point(samples[0])
-        else:
-            self._reference.add(window.stamp_ns, window.period, samples)
         if self._pending is not None:
             self._answer(self._pending)
 
-    def _on_state(self, raw: bytes) -> None:
-        if not self._state.load(raw):
-            try:
-                self._state.load_message(deserialize_message(raw, JointState))
-            except InputError as error:
-                self.log.error(f'joint_states refused: {error}', throttle_duration_sec=1.0)
-                return
-        self._answer(self._state.stamp_ns)
+    def _accepts(self, stamp: int) -> bool:
+        """Tell whether a state is to be answered, by its stamp in ns beside those before it."""
+        self._health.saw_state(stamp)
+        order = self._order.judge(stamp)
+        # A single stamp far ahead may be wrong; the next one tells.
+        self._may_finish = order is not Order.AHEAD
+        if order is Order.NEXT:
+            return True
+        if order is Order.LATE:
+            self._health.late += 1
+            return False
+        if order is not Order.REPEATED:
+            self._start_anew(order)
+        elif self._pending is None:
+            self._health.repeated += 1
+            self._commands.publish(self._answered)
+            return False
+        return True
+
+    def _on_state(self, stamp: int) -> None:
+        if not self._supervisor.is_active:
+            self._supervision.recover(STATES, is_anew=False)
+        self._answer(stamp)
+
+    def _start_anew(self, order: Order) -> None:
+        if order is Order.BACK:
+            self.log.info('the robot was set back; the controller starts anew')
+        else:
+            self._health.gaps += 1
+            self.log.warning(
+                'states were missing for long; the controller starts anew',
+                throttle_duration_sec=1.0,
+            )
+        self._pending = None
+        self._activations = -1
+
+    # Answer.
 
     def _answer(self, stamp: int) -> None:
         """Compute and publish the command for the state at hand."""
-        last = self._last_stamp
-        if last is not None and stamp <= last:
-            if stamp == last:
-                self._commands.publish(self._effort.to_bytes())
-                return
-            self.log.info('the robot was set back; the controller starts anew')
-            self._controller.reset()
-            self._last_stamp = None
-        reference = self._reference.at(stamp)
-        if reference is None:
-            reference = self._reference_beyond(stamp)
+        reference = self._look_up(stamp)
+        if self._supervisor.is_active:
             if reference is None:
                 self._pending = stamp
                 self.wait('the trajectory (reference)')
                 return
+            self._compute(stamp, reference)
         self._pending = None
         self.wait(None)
-        controller = self._controller
-        singular = controller.tick(self._position, self._velocity, reference)
-        if not self._effort.is_finite():
-            raise diverged(stamp * 1e-9)
-        self._effort.set_stamp(stamp)
-        self._commands.publish(self._effort.to_bytes())
-        self._last_stamp = stamp
+        if self._supervisor.is_active:
+            self._effort.set_stamp(stamp)
+            self._answered = self._effort.to_bytes()
+            self._commands.publish(self._answered)
+        else:
+            self._send_zero(stamp)
+        self._health.answered()
         tick = round(stamp / (1e9 * self._timing.period))
-        if self._telemetry and tick % self._decimation == 0:
+        if self._telemetry and self._supervisor.is_active and tick % self._decimation == 0:
             for publisher, message, values in self._telemetry:
                 message.set_stamp(stamp)
                 message.values[:] = values
@@ -145,22 +256,60 @@ class ControllerNode(SuiteNode):
         if self._changes:
             self.record_parameters(tick, stamp, self._changes)
             self._changes = {}
+        if self._timing.last is not None and tick >= self._timing.last and self._may_finish:
+            self.finished = True
+
+    def _look_up(self, stamp: int) -> Any:
+        """Return the reference (12) to follow at a stamp; None where there is none yet.
+
+        In lock-step the plant waits for the command, and the reference is on its way. In real
+        time, and where a newer state while one is unanswered tells that the plant does not
+        wait, the last position is held.
+        """
+        reference = self._reference.at(stamp)
+        if reference is not None:
+            self._held_since = None
+            if not self._supervisor.is_active:
+                self._supervision.recover(REFERENCE, is_anew=True)
+            return reference
+        if not self._is_realtime and self._pending in (None, stamp):
+            return None
+        reference = self._reference.held_after(stamp)
+        timeout = self.values['reference_timeout']
+        if reference is not None and self._is_realtime:
+            now = time.monotonic()
+            self._held_since = since = self._held_since or now
+            if 0.0 < timeout < now - since:
+                self._supervision.fail(REFERENCE, f'no reference for {timeout:g} s')
+        return reference
+
+    def _compute(self, stamp: int, reference: Any) -> None:
+        """Compute the torque; in real time, what cannot be computed is a fault."""
+        controller, state = self._controller, self._input.state
+        if self._activations != self._supervisor.activations:
+            self._activations = self._supervisor.activations
+            controller.reset()
+            self._approach.begin()
+        if self._is_realtime and self.values['approach_speed'] > 0.0:
+            reference = self._approach.follow(stamp, state.position, reference)
+        try:
+            singular = controller.tick(state.position, state.velocity, reference)
+            if not self._effort.is_finite():
+                raise diverged(stamp * 1e-9)
+        except Exception as error:
+            if not self._is_realtime:
+                raise
+            # A plugged-in law may fail in any way, and must not take the node with it.
+            self._supervision.fail(LAW, ' '.join(str(error).split()), is_latched=True)
+            return
         if singular != self._was_singular:
             self._was_singular = singular
             self._say_singular(stamp, singular)
-        if self._timing.last is not None and tick >= self._timing.last:
-            self.finished = True
 
-    def _reference_beyond(self, stamp: int) -> Any:
-        """Return what to follow where no window covers the stamp; None to wait.
-
-        In lock-step the plant waits for the command, and the reference is on its way. A
-        newer state while one is unanswered tells that the plant does not wait: then the
-        last position is held.
-        """
-        if self._pending is None or self._pending == stamp:
-            return None
-        return self._reference.held_after(stamp)
+    def _send_zero(self, stamp: int) -> None:
+        self._zero.set_stamp(stamp)
+        self._answered = self._zero.to_bytes()
+        self._commands.publish(self._answered)
 
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:

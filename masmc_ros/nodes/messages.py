@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message classes by the name of their type."""
+"""Message classes by the name of their type, and messages from their bytes."""
 
 from __future__ import annotations
 
 import importlib
 from typing import Any
+
+from rclpy.serialization import deserialize_message
 
 from masmc_ros.errors import InputError
 
@@ -19,3 +21,14 @@ def message_class(type_name: str) -> Any:
         return getattr(importlib.import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError):
         raise InputError(f'message type {type_name} is not installed') from None
+
+
+def deserialized(raw: bytes, message_type: Any) -> Any:
+    """Return the message that the bytes of any sender hold.
+
+    Raises InputError where they are no message of this type.
+    """
+    try:
+        return deserialize_message(raw, message_type)
+    except Exception as error:
+        raise InputError(f'{len(raw)} bytes that are no {message_type.__name__}') from error

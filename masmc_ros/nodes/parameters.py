@@ -11,21 +11,28 @@ from masmc_ros.reference import trajectory
 from masmc_ros.robot.frames import PREFIX
 from masmc_ros.robot.parameters import ROBOT
 
-SHARED = (*TIMING, *PREFIX, *ROBOT)
-"""Parameters that a file may give to all nodes at once, needed there or not."""
-
 PACING = ('lockstep', 'realtime')
+
+_PACING = Parameter(
+    'pacing',
+    'lockstep',
+    'The plant advances when the command for the present state arrives, or by the wall '
+    'clock; a controller of real hardware: realtime',
+    choices=PACING,
+)
+
+SHARED = (
+    *TIMING,
+    *PREFIX,
+    _PACING,
+    *ROBOT,
+)
+"""Parameters that a file may give to all nodes at once, needed there or not."""
 
 WITHOUT_FILE = {'pacing': 'realtime', 'duration': 0.0}
 """Defaults of a node that is started without a parameter file: it runs until it is stopped."""
 
 _PLANT_NODE = (
-    Parameter(
-        'pacing',
-        'lockstep',
-        'Advance when the command for the present state arrives, or by the wall clock',
-        choices=PACING,
-    ),
     Parameter(
         'real_time_factor',
         1.0,
@@ -81,7 +88,8 @@ _TRAJECTORY_NODE = (
     Parameter(
         'start_time',
         0.0,
-        'Stamp at which the trajectory begins; negative: the stamp of the first state',
+        'Stamp at which the trajectory begins; negative: the stamp of the first state after '
+        'the controller has become active',
         unit='s',
     ),
 )
@@ -92,6 +100,45 @@ _CONTROLLER_NODE = (
         1,
         'Ticks between two messages on each controller/... topic; 0 is none',
         minimum=0,
+    ),
+    Parameter(
+        'active_on_start',
+        True,
+        'Whether the controller moves the robot from the start; otherwise ~/enable does it',
+    ),
+    Parameter(
+        'pose_source',
+        'joint_states',
+        "Where the platform's pose comes from: the joints base_..._joint, or odom",
+        choices=('joint_states', 'odom'),
+    ),
+    Parameter(
+        'state_timeout',
+        0.1,
+        'In real time, a fault when no usable state has come for so long, or for five control '
+        'periods if that is longer',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter(
+        'reference_timeout',
+        0.0,
+        'In real time, a fault when the reference has ended for so long; 0 holds for ever',
+        unit='s',
+        minimum=0.0,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter(
+        'approach_speed',
+        0.25,
+        'In real time, speed per task axis at which the controller goes to a reference that '
+        'it is away from; 0 jumps',
+        unit='m/s',
+        minimum=0.0,
     ),
 )
 
@@ -160,7 +207,13 @@ def declared(node: str) -> tuple[Parameter, ...]:
     if node == 'trajectory':
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
-        return (*TIMING, *ROBOT, *controller_parameters.parameters(), *_CONTROLLER_NODE)
+        return (
+            *TIMING,
+            _PACING,
+            *ROBOT,
+            *controller_parameters.parameters(),
+            *_CONTROLLER_NODE,
+        )
     if node == 'live':
         return _LIVE_NODE
     return (*TIMING, *_RECORDER_NODE)

@@ -9,11 +9,11 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.context import Context
-from rclpy.serialization import deserialize_message
 from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -22,12 +22,17 @@ from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.nodes.diagnostics import Health, publish_health
+from masmc_ros.nodes.messages import deserialized
+from masmc_ros.nodes.plant_health import PlantHealth
+from masmc_ros.nodes.qos import subscribe_with_past, subscription_qos
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.robot_display import RobotDisplay
 from masmc_ros.nodes.runtime import run
 from masmc_ros.robot.platform_motion import platform_motion
@@ -69,7 +74,8 @@ class PlantNode(SuiteNode):
         self._single_steps = 0
         self._command: np.ndarray | None = None
         self._command_time = -math.inf
-        self._dropped = 0
+        self._refusals = Refusals(self.log)
+        self._health = PlantHealth(self._timing.period)
         self._begun = 0.0
         self._stamp = -1
         self._watched = -1
@@ -90,23 +96,25 @@ class PlantNode(SuiteNode):
         self._twist_message = TwistCdr()
         self._clock_message = TimeCdr()
         node = self.node
+        # With the past: a controller may answer before it has found this subscription, and
+        # in lock-step nobody sends that command again.
+        subscribe_with_past(node, Float64MultiArray, 'effort_commands', self._on_command)
         node.create_subscription(
-            Float64MultiArray,
-            'effort_commands',
-            self._on_command,
-            subscription_qos(),
-            raw=True,
-        )
-        node.create_subscription(
-            Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True)
+            Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True), raw=True
         )
         node.create_service(Trigger, '~/reset', self._on_reset)
         node.create_service(SetBool, '~/pause', self._on_pause)
         node.create_service(Trigger, '~/step', self._on_step)
         self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
+        publish_health(
+            node,
+            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.steady,
+            self._report_health,
+        )
         if self._lockstep:
             node.create_timer(1.0, self._watch_lockstep, clock=self.steady)
-        if not self._lockstep:
+        else:
             self.parameters.on_change(lambda _: self._pace())
 
     def _compile(self) -> None:
@@ -158,34 +166,41 @@ class PlantNode(SuiteNode):
 
     def _on_command(self, raw: bytes) -> None:
         effort = self._effort
-        if not effort.load(raw):
-            try:
-                effort.load_message(deserialize_message(raw, Float64MultiArray))
-            except InputError as error:
-                self.log.error(f'effort_commands refused: {error}', throttle_duration_sec=1.0)
-                return
-        if not self._started or (self._lockstep and effort.stamp_ns != self._stamp):
-            self._drop()
+        try:
+            if not effort.load(raw):
+                effort.load_message(deserialized(raw, Float64MultiArray))
+            elif not effort.is_finite():
+                raise InputError(f'{effort.data.tolist()}, expected 4 finite numbers')
+        except InputError as error:
+            self._refusals.add('effort_commands', error)
             return
-        if not effort.is_finite():
-            self.log.error(
-                f'effort_commands refused: {effort.data.tolist()}, expected 4 finite numbers',
-                throttle_duration_sec=1.0,
+        if not self._is_current(effort.stamp_ns):
+            self._health.dropped += 1
+            self.log.debug(
+                f'{self._health.dropped} commands dropped', throttle_duration_sec=5.0
             )
             return
         self._command = effort.data.copy()
+        self._command_time = time.monotonic()
         if not self._lockstep:
-            self._command_time = time.monotonic()
             if not self._runs:
                 self._take_anchor()
                 self._runs = True
             return
         self._answer()
 
-    def _drop(self) -> None:
-        """Count a command that answers no outstanding state, and say so now and then."""
-        self._dropped += 1
-        self.log.debug(f'{self._dropped} commands dropped', throttle_duration_sec=5.0)
+    def _is_current(self, answered: int | None) -> bool:
+        """Tell whether a command is for the present, by the stamp in ns that it answers.
+
+        In lock-step it must answer the outstanding state. In real time it may answer any
+        state within the command timeout, or name none.
+        """
+        if not self._started:
+            return False
+        if self._lockstep:
+            return answered == self._stamp
+        oldest = 1e9 * self.values['command_timeout'] * self.values['real_time_factor']
+        return answered is None or 0 <= self._stamp - answered <= oldest
 
     def _answer(self) -> None:
         """Apply the command at hand in lock-step, unless something holds the plant up."""
@@ -241,12 +256,17 @@ class PlantNode(SuiteNode):
             self.wait('the recorder (recorder/progress)')
             self._answer()
 
-    def _on_recorded(self, stamp: Any) -> None:
+    def _on_recorded(self, raw: bytes) -> None:
         """Note how far the recorder is, and go on if lock-step was held up for it."""
+        try:
+            stamp = header_stamp(raw)
+        except InputError as error:
+            self._refusals.add('recorder/progress', error)
+            return
         self._recorded_time = time.monotonic()
-        nanoseconds = stamp.sec * 1_000_000_000 + stamp.nanosec
-        self._recorded = round(nanoseconds / (1e9 * self._timing.period))
-        self._answer()
+        self._recorded = round(stamp / (1e9 * self._timing.period))
+        if self._lockstep:
+            self._answer()
 
     # Wall clock.
 
@@ -271,6 +291,7 @@ class PlantNode(SuiteNode):
         now = time.monotonic()
         due = tick + int((now - since) * self.values['real_time_factor'] / self._timing.period)
         if due - self._robot.tick > _LATE_TICKS:
+            self._health.late += due - self._robot.tick
             self.log.warning(
                 f'{due - self._robot.tick} ticks late; the plant goes on from here',
                 throttle_duration_sec=5.0,
@@ -294,6 +315,26 @@ class PlantNode(SuiteNode):
             )
             self._command = None
         return np.zeros(4) if self._command is None else self._command
+
+    def _report_health(self) -> Health:
+        return self._health.report(
+            self.node,
+            self.node.resolve_topic_name('effort_commands'),
+            self._refusals,
+            state=self._state_text(),
+            ticks=self._robot.tick,
+            command_age=time.monotonic() - self._command_time,
+        )
+
+    def _state_text(self) -> str:
+        """Tell what the plant does, in a word."""
+        if not self._started:
+            return f'waits for {self._waiting or "its beginning"}'
+        if self._paused:
+            return 'paused'
+        if not (self._lockstep or self._runs):
+            return 'waits for the first command'
+        return 'lock-step' if self._lockstep else 'real time'
 
     # State.
 

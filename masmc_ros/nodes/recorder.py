@@ -8,6 +8,7 @@ from contextlib import suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+import struct
 import sys
 from threading import Thread
 import time
@@ -273,7 +274,7 @@ class RecorderNode(SuiteNode):
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
         try:
             record = read_record(text_of(raw))
-        except (InputError, UnicodeDecodeError) as error:
+        except (InputError, UnicodeDecodeError, struct.error) as error:
             self.log.error(f'{parameters_topic(node)}: {error}', once=True)
             return
         if node in self._parameters:

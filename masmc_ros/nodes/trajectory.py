@@ -9,7 +9,7 @@ from typing import Any
 from nav_msgs.msg import Odometry, Path
 from rclpy.context import Context
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ReferenceWindow
@@ -17,10 +17,13 @@ from masmc_ros.log.names import DESIRED_PATH_TOPIC
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.frames import check_frame_prefix
@@ -48,6 +51,9 @@ class TrajectoryNode(SuiteNode):
         self._next = 0
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
+        self._is_activated = False
+        self._last_tick: int | None = None
+        self._refusals = Refusals(self.log)
         self._check_reach()
 
     def connect(self) -> None:
@@ -58,12 +64,16 @@ class TrajectoryNode(SuiteNode):
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
         self._paths = self.publisher(Path, DESIRED_PATH_TOPIC, 1)
         if self._origin is None:
+            subscribe_with_past(
+                self.node, String, 'controller/state', self._on_controller_state, depth=10
+            )
             subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
+            self.wait('the controller to become active (controller/state)')
         else:
             subscribe_with_past(self.node, Odometry, 'odom', self._follow)
             self._begin(self._origin)
             self._send_until(self._horizon, self._origin)
-        self.wait('the plant (odom)')
+            self.wait('the plant (odom)')
 
     def _check_reach(self) -> None:
         last = self._timing.last
@@ -72,17 +82,37 @@ class TrajectoryNode(SuiteNode):
         for first in range(0, last + 1, self._window):
             self._trajectory.sample(first, min(self._window, last + 1 - first))
 
+    def _on_controller_state(self, raw: bytes) -> None:
+        """Note that the controller has become active: time 0 is the next state's stamp."""
+        try:
+            self._is_activated |= deserialized(raw, String).data == ACTIVE
+        except InputError as error:
+            self._refusals.add('controller/state', error)
+
     def _follow(self, raw: bytes) -> None:
         """Send what comes within the horizon of a message's stamp."""
-        stamp = header_stamp(raw)
+        try:
+            stamp = header_stamp(raw)
+        except InputError as error:
+            self._refusals.add('odom or joint_states', error)
+            return
+        if self._origin is None and not self._is_activated:
+            return
         origin = self._begin(stamp) if self._origin is None else self._origin
         self.wait(None)
         tick = round((stamp - origin) / (1e9 * self._timing.period))
         if tick + self._horizon + self._window < self._next:
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
+        elif tick > self._next:
+            # Nobody follows the past: after a pause, a restart or a step of the clock the
+            # reference goes on at the present.
+            self._next = tick - tick % self._window
         self._send_until(tick + self._horizon, stamp)
-        if self._timing.last is not None and tick >= self._timing.last:
+        before, self._last_tick = self._last_tick, tick
+        # A single stamp far ahead may be wrong; the next one tells.
+        is_sure = before is None or tick - before <= self._horizon
+        if self._timing.last is not None and tick >= self._timing.last and is_sure:
             self.finished = True
 
     def _begin(self, origin: int) -> int:

@@ -21,6 +21,9 @@ _ON_GRID_NS = 2
 _KEPT_NS = 10_000_000_000
 """How long windows are kept after their end, for a plant that is set back a little."""
 
+_MOST = 1000
+"""Windows that are kept at once; of more, the first that came goes."""
+
 
 @dataclass(frozen=True)
 class Window:
@@ -88,6 +91,8 @@ class ReferenceWindows:
         period_ns = period * 1e9
         end = start + round((len(samples) - 1) * period_ns)
         self._windows.append(Window(start, end, period_ns, np.ascontiguousarray(samples)))
+        if len(self._windows) > _MOST:
+            del self._windows[0]
 
     def set_point(self, numbers: Array) -> None:
         """Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
@@ -118,13 +123,17 @@ class ReferenceWindows:
                 return window.at(stamp)
         return None
 
+    @property
+    def end(self) -> int | None:
+        """The stamp in ns up to which windows have come; None without, and for a set-point."""
+        return max((window.end for window in self._windows), default=None)
+
     def held_after(self, stamp: int) -> Array | None:
-        """Return the last position at rest (12) if the reference has ended by this stamp."""
-        if not self._windows:
+        """Return the last position at rest (12) if a reference has ended by this stamp."""
+        ended = [window for window in self._windows if window.end < stamp]
+        if not ended:
             return None
-        latest = max(self._windows, key=lambda window: window.end)
-        if stamp <= latest.end:
-            return None
+        latest = max(ended, key=lambda window: window.end)
         sample = np.zeros(12)
         sample[:4] = latest.samples[-1, :4]
         return sample

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes by the wall clock, each in a process of its own, in a domain of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.share import shared_file
+
+PATIENCE = 30.0
+
+
+@contextmanager
+def realtime_nodes(
+    folder: Path, period: float, *nodes: str
+) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
+    """Yield the processes of an endless run; this process is in their domain meanwhile."""
+    wait_for = ', '.join(node for node in nodes if node != 'plant')
+    arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+    for setting in (
+        'pacing:=realtime',
+        'duration:=0.0',
+        f'control_period:={period}',
+        f'plant:wait_for:=[{wait_for}]',
+        f'recorder:output:={folder / "run.mcap"}',
+    ):
+        arguments += ['-p', setting]
+    with private_domain() as domain:
+        os.environ.update(domain)
+        processes = {
+            node: subprocess.Popen(
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *arguments]
+            )
+            for node in nodes
+        }
+        try:
+            yield processes
+        finally:
+            for process in processes.values():
+                process.kill()
+                process.wait()
+
+
+def end(processes: dict[str, subprocess.Popen[bytes]]) -> dict[str, int]:
+    """Ask all to end and return their exit statuses."""
+    for process in processes.values():
+        process.send_signal(signal.SIGINT)
+    return {node: process.wait(PATIENCE) for node, process in processes.items()}

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Jitter and overruns of a run by the wall clock: `python -m benchmarks.real_time [SECONDS]`.
+
+All times are those at which the middleware sent the messages, so that the observer's own
+delays do not count.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+import tempfile
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from benchmarks.live_nodes import end, realtime_nodes
+from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.nodes.qos import subscription_qos
+
+NODES = ('trajectory', 'controller', 'plant')
+RATES = (500, 1000)
+
+
+def measure(rate: int, seconds: float) -> str:
+    """Run for some time at a rate in 1/s and return a line of figures."""
+    states: dict[int, int] = {}
+    answers: dict[int, int] = {}
+    command = EffortCdr()
+
+    def on_state(raw: Any, info: Any) -> None:
+        states[header_stamp(raw)] = info['source_timestamp']
+
+    def on_command(raw: Any, info: Any) -> None:
+        if command.load(raw) and command.stamp_ns is not None:
+            answers.setdefault(command.stamp_ns, info['source_timestamp'])
+
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        realtime_nodes(Path(folder), 1.0 / rate, *NODES) as processes,
+    ):
+        context = Context()
+        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+        # The other executor fails on callbacks that take a message's times as well.
+        executor = SingleThreadedExecutor(context=context)
+        node = Node('observer', context=context)
+        qos = subscription_qos(depth=1000)
+        node.create_subscription(JointState, 'joint_states', on_state, qos, raw=True)
+        node.create_subscription(Float64MultiArray, 'effort_commands', on_command, qos, raw=True)
+        executor.add_node(node)
+        limit = time.monotonic() + 30.0
+        while not (states and answers) and time.monotonic() < limit:
+            executor.spin_once(0.1)
+        begin = time.monotonic()
+        while time.monotonic() < begin + seconds:
+            executor.spin_once(0.1)
+        end(processes)
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
+    return _figures(rate, states, answers)
+
+
+def _figures(rate: int, states: dict[int, int], answers: dict[int, int]) -> str:
+    period = 1e3 / rate
+    sent = np.array([states[stamp] for stamp in sorted(states)]) * 1e-6
+    jitter = np.abs(np.diff(sent) - period)
+    response = np.array(
+        [(answers[stamp] - states[stamp]) * 1e-6 for stamp in states.keys() & answers.keys()]
+    )
+    unanswered = len(states) - len(response)
+    return (
+        f'{rate:5d} Hz, {len(states)} states in {(sent[-1] - sent[0]) / 1e3:.1f} s: '
+        f'|interval - period| median {np.median(jitter):.3f}, '
+        f'99.9 % {np.quantile(jitter, 0.999):.3f}, most {jitter.max():.3f} ms; '
+        f'state to command median {np.median(response):.3f}, '
+        f'99.9 % {np.quantile(response, 0.999):.3f}, most {response.max():.3f} ms; '
+        f'{int((response > period).sum())} later than a period, {unanswered} overtaken'
+    )
+
+
+def main() -> None:
+    """Print a line for each rate."""
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
+    for rate in RATES:
+        print(measure(rate, seconds), flush=True)
+
+
+if __name__ == '__main__':
+    main()

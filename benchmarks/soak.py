@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A long run at 1 kHz: memory and open files of every node, `python -m benchmarks.soak [SECONDS]`.
+
+Ends with status 1 where a node ends by itself or not cleanly, keeps more than a little memory
+after it has warmed up, or leaves files open.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+import tempfile
+import time
+
+from benchmarks.live_nodes import end, realtime_nodes
+
+NODES = ('trajectory', 'controller', 'plant', 'recorder')
+SAMPLES = 60
+WARM = 0.25
+"""Part of the run after which memory must be flat; queues and caches are filled by then."""
+
+MOST_GROWTH = 0.05
+"""Largest growth of memory after that, as a part of it."""
+
+
+def _memory(pid: int) -> float:
+    """Return the resident memory of a process in MiB."""
+    for line in Path(f'/proc/{pid}/status').read_text(encoding='ascii').splitlines():
+        if line.startswith('VmRSS:'):
+            return int(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def _files(pid: int) -> int:
+    return len(list(Path(f'/proc/{pid}/fd').iterdir()))
+
+
+def soak(seconds: float) -> bool:
+    """Run, print a line for each node, and tell whether all is well."""
+    memory: dict[str, list[float]] = {node: [] for node in NODES}
+    files: dict[str, list[int]] = {node: [] for node in NODES}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        realtime_nodes(Path(folder), 0.001, *NODES) as processes,
+    ):
+        begin = time.monotonic()
+        for sample in range(1, SAMPLES + 1):
+            time.sleep(max(0.0, begin + seconds * sample / SAMPLES - time.monotonic()))
+            for node, process in processes.items():
+                if process.poll() is not None:
+                    print(f'{node} ended by itself with status {process.returncode}')
+                    return False
+                memory[node].append(_memory(process.pid))
+                files[node].append(_files(process.pid))
+        statuses = end(processes)
+        size = (Path(folder) / 'run.mcap').stat().st_size
+    is_well = True
+    first = int(SAMPLES * WARM)
+    for node in NODES:
+        before, after = memory[node][first], memory[node][-1]
+        fine = (
+            statuses[node] == 0
+            and after <= before * (1.0 + MOST_GROWTH)
+            and files[node][-1] <= files[node][first]
+        )
+        is_well &= fine
+        print(
+            f'{node:>10}: {before:.1f} MiB after {seconds * WARM:.0f} s, {after:.1f} MiB after '
+            f'{seconds:.0f} s; {files[node][first]} and {files[node][-1]} open files; '
+            f'status {statuses[node]}{"" if fine else "  <- not well"}'
+        )
+    print(f'{size / 2**20:.0f} MiB recorded')
+    return is_well
+
+
+if __name__ == '__main__':
+    sys.exit(0 if soak(float(sys.argv[1]) if len(sys.argv) > 1 else 600.0) else 1)

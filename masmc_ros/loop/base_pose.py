@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The platform's pose where it comes as odometry, beside joint states without base joints."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+
+_FLAT = 1e-3
+"""Largest tilt, as the sine of half its angle, and largest error of a quaternion's length."""
+
+
+class BasePose:
+    """The latest odometry, carried on to the stamps of the joint states.
+
+    Odometry comes less often than joint states. In between the twist is taken as constant:
+    the platform goes on along an arc of its circle. Yaw is unwound, so that it never steps
+    by a whole turn.
+
+    Attributes:
+        stamp_ns: the stamp of the latest odometry in ns, None before the first.
+    """
+
+    def __init__(self) -> None:
+        """Start without a pose."""
+        self.stamp_ns: int | None = None
+        self._x = self._y = self._yaw = 0.0
+        self._forward = self._left = self._turn = 0.0
+
+    def update(self, stamp_ns: int, pose: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
+        """Take a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
+
+        Raises:
+            InputError: for numbers that are not finite and for a quaternion that has not the
+                length 1 or tilts the platform; nothing is changed then.
+        """
+        if not (np.isfinite(pose).all() and np.isfinite(twist).all()):
+            raise InputError('odom: a number of the pose or of the twist is not finite')
+        x, y, z, w = pose[3:].tolist()
+        if abs(math.sqrt(x * x + y * y + z * z + w * w) - 1.0) > _FLAT:
+            raise InputError(f'odom: quaternion [{x:g}, {y:g}, {z:g}, {w:g}] has not length 1')
+        if math.hypot(x, y) > _FLAT:
+            raise InputError(
+                f'odom: quaternion [{x:g}, {y:g}, {z:g}, {w:g}] tilts the platform; it takes a '
+                'rotation about z'
+            )
+        yaw = 2.0 * math.atan2(z, w)
+        if self.stamp_ns is not None:
+            yaw = self._yaw + math.remainder(yaw - self._yaw, 2.0 * math.pi)
+        self.stamp_ns = stamp_ns
+        self._x, self._y, self._yaw = float(pose[0]), float(pose[1]), yaw
+        self._forward, self._left = float(twist[0]), float(twist[1])
+        self._turn = float(twist[5])
+
+    def write(
+        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> None:
+        """Write x_O, y_O, yaw and their rates in the world at a stamp into the first three."""
+        time = (stamp_ns - (self.stamp_ns or 0)) * 1e-9
+        half = 0.5 * self._turn * time
+        # A chord of the arc: its direction is that half way, its length the arc's times sinc.
+        chord = time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        c, s = math.cos(self._yaw + half), math.sin(self._yaw + half)
+        position[0] = self._x + chord * (c * self._forward - s * self._left)
+        position[1] = self._y + chord * (s * self._forward + c * self._left)
+        yaw = self._yaw + 2.0 * half
+        c, s = math.cos(yaw), math.sin(yaw)
+        position[2] = yaw
+        velocity[0] = c * self._forward - s * self._left
+        velocity[1] = s * self._forward + c * self._left
+        velocity[2] = self._turn

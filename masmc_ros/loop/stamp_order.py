@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the stamp of a state says beside the last one: next, again, late, or another time."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+_CONFIRMED = 3
+"""States in a row that must be older before time is taken to have been set back."""
+
+
+class Order(Enum):
+    """How a stamp follows the ones before it."""
+
+    NEXT = 'next'
+    REPEATED = 'repeated'
+    LATE = 'late'
+    """Older than one that was answered: out of order or on its way for long."""
+    AHEAD = 'ahead'
+    """Far ahead: states were lost, or a clock was set forward."""
+    BACK = 'back'
+    """Time was set back: the robot started again, or a clock was set."""
+
+
+class StampOrder:
+    """Judges the stamps of states as they come.
+
+    In lock-step every state waits for its answer: an older stamp then always tells that the
+    robot was set back. In real time messages may come late and out of order, and an older
+    stamp means that time was set back only when it is older by more than `gap_ns`, or when a
+    third one in a row is, ascending.
+    """
+
+    def __init__(self) -> None:
+        """Start without a stamp, for lock-step."""
+        self.gap_ns: int | None = None
+        """Longest ordinary distance in ns between two states; None: lock-step."""
+        self.last: int | None = None
+        """The latest stamp in ns that was to be answered."""
+        self._older: list[int] = []
+
+    def judge(self, stamp: int) -> Order:
+        """Tell how a stamp in ns follows, and note it unless it is late or repeated."""
+        last = self.last
+        if last is None or stamp > last:
+            self.last = stamp
+            self._older.clear()
+            is_far = last is not None and self.gap_ns is not None and stamp - last > self.gap_ns
+            return Order.AHEAD if is_far else Order.NEXT
+        if stamp == last:
+            return Order.REPEATED
+        if self.gap_ns is not None and last - stamp <= self.gap_ns:
+            if self._older and stamp <= self._older[-1]:
+                self._older.clear()
+            self._older.append(stamp)
+            if len(self._older) < _CONFIRMED:
+                return Order.LATE
+        self._older.clear()
+        self.last = stamp
+        return Order.BACK

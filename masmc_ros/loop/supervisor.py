@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the controller may move the robot: inactive, active, or in a fault with a reason."""
+
+from __future__ import annotations
+
+INACTIVE = 'inactive'
+ACTIVE = 'active'
+FAULT = 'fault'
+
+
+class Supervisor:
+    """The state machine behind the controller's services and timeouts.
+
+    Torque is computed in `active` alone. A fault is either passing, and over as soon as its
+    cause is, or latched, and over only when somebody says so. After an activation the
+    controller starts anew.
+
+    Attributes:
+        state: `inactive`, `active` or `fault`.
+        is_active: whether torque is to be computed.
+        reason: why it is not active, in one line; empty while active.
+        cause: what kind of fault, empty without one.
+        is_latched: whether a fault stays until somebody clears it.
+        activations: how often it has started anew so far.
+    """
+
+    def __init__(self, *, active: bool) -> None:
+        """Start active, or inactive until somebody enables it."""
+        self.activations = 0
+        self._enter(INACTIVE, 'not enabled yet')
+        if active:
+            self.enable()
+
+    @property
+    def text(self) -> str:
+        """The state and, where it is not active, the reason: `fault: emergency stop`."""
+        return f'{self.state}: {self.reason}' if self.reason else self.state
+
+    def enable(self) -> None:
+        """Become active from any state; every fault is cleared."""
+        if self.state != ACTIVE:
+            self._enter(ACTIVE)
+            self.activations += 1
+
+    def disable(self) -> None:
+        """Become inactive from any state; a fault is forgotten."""
+        self._enter(INACTIVE, 'disabled')
+
+    def stop(self) -> None:
+        """Stop at once, from any state, until somebody enables it or clears the fault."""
+        self.fail('emergency stop', 'emergency stop', is_latched=True)
+
+    def clear(self) -> bool:
+        """Leave a fault for `inactive`; False where there is none."""
+        if self.state != FAULT:
+            return False
+        self._enter(INACTIVE, 'a fault was cleared')
+        return True
+
+    def fail(self, cause: str, reason: str, *, is_latched: bool = False) -> bool:
+        """Note a fault; tell whether it is news.
+
+        A passing fault counts only where the controller is active; a latched one counts
+        everywhere but in another latched one, the reason of which stays.
+        """
+        counts = (self.state != FAULT or not self.is_latched) if is_latched else self.is_active
+        if counts:
+            self._enter(FAULT, reason, cause, is_latched=is_latched)
+        return counts
+
+    def recover(self, cause: str, *, is_anew: bool) -> bool:
+        """Become active again if a passing fault of this cause stands; tell whether.
+
+        `is_anew`: whether that is an activation, or goes on where it was interrupted.
+        """
+        if self.state != FAULT or self.is_latched or self.cause != cause:
+            return False
+        self._enter(ACTIVE)
+        self.activations += is_anew
+        return True
+
+    def _enter(
+        self, state: str, reason: str = '', cause: str = '', *, is_latched: bool = False
+    ) -> None:
+        self.state, self.reason, self.cause, self.is_latched = state, reason, cause, is_latched
+        self.is_active = state == ACTIVE

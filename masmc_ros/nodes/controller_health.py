@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller tells of itself on /diagnostics."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.supervisor import ACTIVE, FAULT, Supervisor
+from masmc_ros.nodes.diagnostics import ERROR, Health, OK, senders, WARN
+from masmc_ros.nodes.refusals import Refusals
+from masmc_ros.nodes.tick_times import TickTimes
+
+_ONE_CLOCK = 1e3
+"""Stamps within so many s of the system's time are on its clock; others are simulated."""
+
+
+class ControllerHealth:
+    """Counts what happens between two reports, and words the report.
+
+    Attributes:
+        late: states that came after newer ones and were left out.
+        repeated: states that came again and were answered again.
+        gaps: states that were missing for longer than the timeout.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Take the control period in s."""
+        self._ticks = TickTimes(period)
+        self._arrival = math.inf
+        self._stamp = 0
+        self._problems = 0
+        self.late = self.repeated = self.gaps = 0
+
+    def saw_state(self, stamp: int) -> None:
+        """Note that a usable state of a stamp in ns has come."""
+        self._arrival = time.monotonic()
+        self._stamp = stamp
+
+    def answered(self) -> None:
+        """Note that the state that came last is answered."""
+        self._ticks.add(time.monotonic() - self._arrival)
+
+    def silence(self) -> float:
+        """Return the time in s since the last usable state, 0 before the first."""
+        return max(0.0, time.monotonic() - self._arrival)
+
+    def report(
+        self,
+        node: Node,
+        commands: Publisher,
+        supervisor: Supervisor,
+        controller: Controller,
+        refusals: Refusals,
+    ) -> Health:
+        """Return how the controller is."""
+        values = {
+            'state': supervisor.text,
+            **self._ticks.report(),
+            'ticks': str(self._ticks.total),
+            'last state (s ago)': f'{self.silence():.3f}',
+            'late states': str(self.late),
+            'repeated states': str(self.repeated),
+            'gaps in states': str(self.gaps),
+            '|s| (m/s)': f'{float(np.linalg.norm(controller.surface)):.6g}',
+            '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
+            'largest torque (N m)': f'{float(np.abs(controller.torque).max()):.6g}',
+            **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
+        }
+        latency = time.time() - 1e-9 * self._stamp
+        if abs(latency) < _ONE_CLOCK:
+            values['latency of the last state (s)'] = f'{latency - self.silence():.6f}'
+        others = senders(node, commands.topic_name)
+        if (me := node.get_fully_qualified_name()) in others:
+            others.remove(me)
+        problems = sum(refusals.counts.values()) + self.late + self.gaps + self._ticks.overruns
+        is_worse, self._problems = problems > self._problems, problems
+        if others:
+            values['others on effort_commands'] = ', '.join(others)
+        if supervisor.state == FAULT:
+            return Health(ERROR, supervisor.text, values)
+        if others:
+            return Health(WARN, 'others command the robot too', values)
+        if supervisor.state == ACTIVE and is_worse:
+            return Health(WARN, 'messages refused or late, or ticks too long', values)
+        return Health(OK, supervisor.text, values)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state of the robot as it comes: joints by name, the platform's pose from either source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nav_msgs.msg import Odometry
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.cdr import JointStateCdr
+from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
+from masmc_ros.loop.base_pose import BasePose
+from masmc_ros.nodes.messages import deserialized
+from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.refusals import Refusals
+
+_OLDEST_POSE_NS = 100_000_000
+"""How far in ns odometry may be from a joint state that it is carried on to."""
+
+
+class StateInput:
+    """Reads joint_states, and odom where the pose comes from there.
+
+    Positions, velocities and stamp of the last state that was accepted are in `state`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        pose_source: str,
+        refusals: Refusals,
+        accepts: Callable[[int], bool],
+        on_state: Callable[[int], None],
+    ) -> None:
+        """Take every state that is complete and finite, and whose stamp in ns is accepted.
+
+        `on_state` is called with the stamp, after which `state` stays until the next one.
+        """
+        self.state = JointStateCdr()
+        self._spare = JointStateCdr()
+        self._refusals = refusals
+        self._accepts = accepts
+        self._on_state = on_state
+        self._base = BasePose() if pose_source == 'odom' else None
+        self._joints = JOINTS if self._base is None else DRIVEN_JOINTS
+        self._is_waiting = False
+        if self._base is not None:
+            subscribe_with_past(node, Odometry, 'odom', self._take_odometry)
+        subscribe_with_past(node, JointState, 'joint_states', self._take)
+
+    def _take(self, raw: bytes) -> None:
+        # What is refused must not touch the state in force: it is read into the spare one.
+        state = self._spare
+        try:
+            if not state.load(raw):
+                state.load_message(deserialized(raw, JointState), self._joints)
+            elif not state.is_finite():
+                state.check(self._joints)
+            stamp = state.stamp_ns
+            if stamp < 0:
+                raise InputError(f'joint state: stamp {stamp} ns is negative')
+        except InputError as error:
+            self._is_waiting = False
+            self._refusals.add('joint_states', error)
+            return
+        if self._base is not None:
+            self._add_pose(self._base, stamp)
+        elif self._accepts(stamp):
+            self._spare, self.state = self.state, state
+            self._on_state(stamp)
+
+    def _add_pose(self, base: BasePose, stamp: int) -> None:
+        """Take the spare state with its pose from odometry, once there is one for it."""
+        state = self._spare
+        posed = base.stamp_ns
+        self._is_waiting = posed is None or abs(stamp - posed) > _OLDEST_POSE_NS
+        if self._is_waiting:
+            if posed is not None:
+                age = (stamp - posed) * 1e-9
+                self._refusals.add('joint_states', f'odom is {age:.3f} s older')
+            return
+        base.write(stamp, state.position, state.velocity)
+        if self._accepts(stamp):
+            self._spare, self.state = self.state, state
+            self._on_state(stamp)
+
+    def _take_odometry(self, raw: bytes) -> None:
+        base = self._base
+        if base is None:
+            return
+        try:
+            message = deserialized(raw, Odometry)
+            pose, twist = message.pose.pose, message.twist.twist
+            where, turned = pose.position, pose.orientation
+            forward, turn = twist.linear, twist.angular
+            stamp = message.header.stamp
+            base.update(
+                stamp.sec * 1_000_000_000 + stamp.nanosec,
+                np.array([where.x, where.y, where.z, turned.x, turned.y, turned.z, turned.w]),
+                np.array([forward.x, forward.y, forward.z, turn.x, turn.y, turn.z]),
+            )
+        except InputError as error:
+            self._refusals.add('odom', error)
+            return
+        if self._is_waiting:
+            self._add_pose(base, self._spare.stamp_ns)

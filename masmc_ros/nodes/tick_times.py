@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast a loop turns and how long its ticks take, from report to report."""
+
+from __future__ import annotations
+
+import time
+
+
+class TickTimes:
+    """Counts ticks and those that were late.
+
+    Attributes:
+        total: ticks so far.
+        overruns: ticks so far that took longer than a period.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Take the control period in s."""
+        self._period = period
+        self._since = time.monotonic()
+        self._counted = 0
+        self._longest = 0.0
+        self.total = 0
+        self.overruns = 0
+
+    def add(self, duration: float) -> None:
+        """Note a tick that took `duration` s."""
+        self.total += 1
+        if duration > self._longest:
+            self._longest = duration
+        if duration > self._period:
+            self.overruns += 1
+
+    def report(self) -> dict[str, str]:
+        """Return rate, longest tick and overruns since the last report, and start over."""
+        now = time.monotonic()
+        rate = (self.total - self._counted) / max(now - self._since, 1e-9)
+        report = {
+            'rate (1/s)': f'{rate:.1f}',
+            'longest tick (ms)': f'{1e3 * self._longest:.3f}',
+            'overruns': str(self.overruns),
+        }
+        self._since, self._counted, self._longest = now, self.total, 0.0
+        return report

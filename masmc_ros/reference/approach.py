@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the robot gets from where it is to the reference without a jump.
+
+A controller that starts far from its reference would answer the distance at once, with all
+its gains. What it follows instead begins where the robot is, at rest, and joins the
+reference smoothly: the distance between the two is a polynomial of degree five in time that
+ends at zero with its first and second derivatives. A robot that moves is braked: to go on
+with its velocity could lead beyond the arm's reach.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.compiled import kernel
+from masmc_ros.reference.hermite import quintic
+from masmc_ros.robot.geometry import Geometry, posture
+from masmc_ros.robot.kinematics import task_position
+
+SHORTEST = 0.5
+"""Least time in s that an approach takes."""
+
+_PEAK = 15.0 / 8.0
+"""Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
+
+_CONTINUOUS = 0.05
+"""Time in s: steps of the reference shorter than the approach's speed times this are none."""
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def _distance(geometry: Any, position: Any, reference: Any, out: Any) -> None:
+    """Write the reference (12) minus a robot at rest."""
+    lengths = Geometry(geometry[0], geometry[1], geometry[2], geometry[3], geometry[4])
+    bend = posture(position[2], position[5], position[6])
+    x = task_position(lengths, bend, position[0], position[1])
+    out[0] = reference[0] - x[0]
+    out[1] = reference[1] - x[1]
+    out[2] = reference[2] - x[2]
+    out[3] = reference[3] - x[3]
+    for i in range(4, 12):
+        out[i] = reference[i]
+
+
+@kernel
+def _less(reference: Any, distance: Any, duration: float, part: float, out: Any) -> None:
+    for i in range(4):
+        position, velocity, acceleration = quintic(
+            (distance[i], distance[4 + i], distance[8 + i]), (0.0, 0.0, 0.0), duration, part
+        )
+        out[i] = reference[i] - position
+        out[4 + i] = reference[4 + i] - velocity
+        out[8 + i] = reference[8 + i] - acceleration
+
+
+@kernel
+def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bool:
+    """Tell whether a reference (12) does not go on from where it was `time` s before."""
+    steps = False
+    for i in range(4):
+        expected = before[i] + 0.5 * time * (before[4 + i] + now[4 + i])
+        steps |= not abs(now[i] - expected) <= limit
+        steps |= not abs(now[4 + i] - before[4 + i]) <= speed
+    return steps
+
+
+class Approach:
+    """Joins the reference from wherever the robot is, at a bounded speed.
+
+    A new approach begins when one is asked for, and when the reference steps: by more than
+    0.05 s of `speed` in position, or by more than `speed` in velocity.
+
+    Attributes:
+        is_on: whether what is followed is still on its way to the reference.
+    """
+
+    def __init__(self, geometry: Array, speed: float) -> None:
+        """Take the robot's lengths (5) and the largest speed per task axis in m/s."""
+        self._geometry = geometry
+        self._speed = speed
+        self._distance = np.zeros(12)
+        self._out = np.zeros(12)
+        self._before: Array | None = None
+        self._stamp = 0
+        self._begun = 0
+        self._duration = SHORTEST
+        self._is_due = False
+        self.is_on = False
+
+    def begin(self) -> None:
+        """Start from wherever the robot is at the next tick."""
+        self._is_due = True
+
+    def follow(self, stamp: int, position: Array, reference: Array) -> Array:
+        """Return what to follow (12) at a stamp in ns; the reference itself once joined.
+
+        `position` (7) in the order of joint_states, `reference` (12).
+        """
+        before, elapsed = self._before, (stamp - self._stamp) * 1e-9
+        if before is not None and before is not reference:
+            limit = self._speed * _CONTINUOUS
+            self._is_due |= bool(_steps(before, reference, elapsed, limit, self._speed))
+        self._before, self._stamp = reference, stamp
+        if self._is_due:
+            self._is_due, self.is_on = False, True
+            self._begun = stamp
+            _distance(self._geometry, position, reference, self._distance)
+            farthest = float(np.abs(self._distance[:4]).max())
+            self._duration = max(SHORTEST, _PEAK * farthest / self._speed)
+        if not self.is_on:
+            return reference
+        part = (stamp - self._begun) * 1e-9 / self._duration
+        if not 0.0 <= part < 1.0:
+            self.is_on = False
+            return reference
+        _less(reference, self._distance, self._duration, part, self._out)
+        return self._out

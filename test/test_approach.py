@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The way to a reference that is far away: no jump, a bounded speed, and then the reference."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+from processes import PAPER
+import pytest
+
+from masmc_ros.loop.base_pose import BasePose
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.reference.approach import Approach, SHORTEST
+from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.platform_motion import platform_motion
+
+SPEED = 0.25
+MS = 1_000_000
+near = st.floats(-2.0, 2.0)
+
+
+def simulation(**settings_: object) -> Simulation:
+    return Simulation(load_scenario(str(PAPER), [f'{k}={v}' for k, v in settings_.items()]))
+
+
+ROBOT = simulation().controller.geometry
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(near, min_size=7, max_size=7), st.lists(near, min_size=12, max_size=12))
+def test_it_begins_at_the_robot_and_ends_at_the_reference(
+    state: list[float], sample: list[float]
+) -> None:
+    position, reference = np.array(state), np.array(sample)
+    approach = Approach(ROBOT, SPEED)
+    approach.begin()
+    first = approach.follow(0, position, reference).copy()
+    assert first[:4] == pytest.approx(task_positions(ROBOT, position[None])[0], abs=1e-12)
+    assert np.abs(first[4:]).max() < 1e-9  # at rest
+    stamp = 0
+    while approach.is_on:
+        stamp += 10 * MS
+        followed = approach.follow(stamp, position, reference)
+    assert followed is reference
+    distance = np.abs(reference[:4] - first[:4]).max()
+    assert stamp * 1e-9 == pytest.approx(max(SHORTEST, 1.875 * distance / SPEED), abs=0.011)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(near, min_size=4, max_size=4))
+def test_its_speed_is_bounded(goal: list[float]) -> None:
+    position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
+    reference = np.array([*goal, *[0.0] * 8])
+    approach = Approach(ROBOT, SPEED)
+    approach.begin()
+    stamp, before = 0, None
+    while stamp == 0 or approach.is_on:
+        followed = approach.follow(stamp, position, reference).copy()
+        assert np.abs(followed[4:8]).max() <= SPEED * 1.0001
+        if before is not None:
+            assert np.abs(followed[:4] - before[:4]).max() <= SPEED * 0.01 * 1.0001
+        before = followed
+        stamp += 10 * MS
+
+
+def test_a_step_of_the_reference_begins_it_and_a_stream_of_small_ones_does_not() -> None:
+    position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
+    approach = Approach(ROBOT, SPEED)
+    reference = np.zeros(12)
+    for k in range(100):
+        reference = reference.copy()
+        reference[0] += 0.002
+        assert approach.follow(k * 10 * MS, position, reference) is reference
+    jumped = reference.copy()
+    jumped[2] += 0.1
+    followed = approach.follow(1000 * MS, position, jumped)
+    assert approach.is_on
+    assert np.abs(followed[4:8]).max() < 1e-9
+
+
+@pytest.mark.parametrize('switching', ['tanh', 'implicit'])
+def test_far_away_the_torque_does_not_jump(switching: str) -> None:
+    """A robot 1 m from its reference: a tenth of the torque, and it arrives all the same."""
+    peaks = {}
+    for speed in (SPEED, 0.0):
+        run = simulation(**{'controller.law': 'smc', 'controller.switching': switching})
+        plant, law = run.plant, run.controller
+        approach = Approach(law.geometry, speed or 1.0)
+        approach.begin()
+        reference = np.array([1.3, 0.9, 1.0, 0.4, *[0.0] * 8])
+        peak = 0.0
+        for tick in range(12_000):
+            followed = reference
+            if speed:
+                followed = approach.follow(tick * MS, plant.position, reference)
+            law.tick(plant.position, plant.velocity, followed)
+            if tick < 100:
+                peak = max(peak, float(np.abs(law.torque).max()))
+            plant.advance(law.torque)
+        peaks[speed] = peak
+        reached = task_positions(law.geometry, plant.position[None])[0]
+        assert np.abs(reached - reference[:4]).max() < 0.1
+    assert peaks[SPEED] < 0.1 * peaks[0.0]
+
+
+@settings(deadline=None)
+@given(
+    st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.1)
+)
+def test_odometry_is_carried_on_along_its_circle(
+    yaw: float, forward: float, turn: float, time: float
+) -> None:
+    """Many small steps of the same twist give the same pose as one long one."""
+    position = np.array([0.3, -0.2, yaw, 0.0, 0.0, 0.0, 0.0])
+    velocity = np.array([forward * np.cos(yaw), forward * np.sin(yaw), turn, 0, 0, 0, 0])
+    pose, twist = platform_motion(position[None], velocity[None])
+    base = BasePose()
+    base.update(0, pose[0], twist[0])
+    found, rates = np.zeros(7), np.zeros(7)
+    base.write(0, found, rates)
+    assert found[:3] == pytest.approx(position[:3], abs=1e-9)
+    assert rates[:3] == pytest.approx(velocity[:3], abs=1e-9)
+    stamp = round(time * 1e9)
+    base.write(stamp, found, rates)
+    x, y, angle = 0.3, -0.2, yaw
+    for _ in range(1000):
+        step = stamp * 1e-12
+        x += forward * step * np.cos(angle + 0.5 * turn * step)
+        y += forward * step * np.sin(angle + 0.5 * turn * step)
+        angle += turn * step
+    assert found[:3] == pytest.approx([x, y, angle], abs=1e-7)
+    assert np.hypot(*rates[:2]) == pytest.approx(abs(forward), abs=1e-9)

@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of other senders: read by name and by meaning, or refused with one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+pytest.importorskip('rclpy')
+
+from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow
+from masmc_ros.log.names import JOINTS
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.reference.hermite import quintic
+
+POSITION = np.array([0.1, -0.2, 1.4, 3.0, -2.0, 0.7, -1.2])
+VELOCITY = np.array([0.3, 0.1, -0.2, 1.0, 2.0, 0.4, -0.5])
+SAMPLE = np.array([0.3, 0.5, 0.05, 0.1, 0.2, -0.1, 0.15, 0.05, 0.4, -0.3, 0.2, 0.1])
+"""Position, velocity and acceleration of a reference."""
+
+
+class Controlled:
+    """A controller node alone; the test is its robot and its trajectory."""
+
+    def __init__(self, node: NodeProcess, tester: Peer) -> None:
+        self.node = node
+        self.tester = tester
+        self.states = tester.publisher(JointState, 'joint_states')
+        self.references = tester.publisher(Float64MultiArray, 'reference')
+        self._answers = tester.collect(Float64MultiArray, 'effort_commands', raw=True)
+        self._tick = 0
+        values = load_scenario(str(PAPER), ['controller.law=smc'])['controller']
+        self._law = Controller(robot_of(values), values['control_period'], values)
+
+    def wait_until_matched(self) -> None:
+        self.tester.wait_for_subscribers(self.states)
+        self.tester.wait_for_subscribers(self.references)
+
+    @property
+    def stamp(self) -> int:
+        """The latest stamp in ns."""
+        return self._tick * 1_000_000
+
+    def next_stamp(self) -> int:
+        """Let a millisecond pass."""
+        self._tick += 1
+        return self.stamp
+
+    def answer(self, stamp: int) -> NDArray[np.float64]:
+        """Wait for the command that answers a stamp."""
+        command = EffortCdr()
+
+        def arrived() -> bool:
+            return any(command.load(raw) and command.stamp_ns == stamp for raw in self._answers)
+
+        self.tester.until(arrived, f'the answer to {stamp} ns')
+        return command.data
+
+    def torque(self, message: JointState) -> list[float]:
+        """Send a state with a new stamp; return the torque that answers it."""
+        stamp = self.next_stamp()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        self.states.publish(message)
+        return list(self.answer(stamp).tolist())
+
+    def computed(self, reference: NDArray[np.float64]) -> list[float]:
+        """Return the torque that the law gives at the state of these tests."""
+        self._law.tick(POSITION, VELOCITY, reference)
+        return list(self._law.torque.tolist())
+
+    def answers_in_order(self) -> list[int | None]:
+        command = EffortCdr()
+        return [command.stamp_ns for raw in self._answers if command.load(raw)]
+
+
+@pytest.fixture(scope='module')
+def controlled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
+    folder = tmp_path_factory.mktemp('controlled')
+    with processes(folder) as started, peer(started.domain) as tester:
+        node = started.start('controller', *ros_arguments(law='smc', duration=0.0))
+        controlled = Controlled(node, tester)
+        controlled.wait_until_matched()
+        controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
+        yield controlled
+
+
+def state(order: list[int] | None = None, **fields: Any) -> JointState:
+    """Return the state of these tests with its joints in an order."""
+    order = list(range(7)) if order is None else order
+    message = JointState(
+        name=[JOINTS[i] for i in order],
+        position=POSITION[order].tolist(),
+        velocity=VELOCITY[order].tolist(),
+        effort=[0.0] * len(order),
+    )
+    message.header.frame_id = fields.pop('frame_id', '')
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+SERVED = {
+    'as ours': state(),
+    'other order': state([6, 2, 0, 5, 1, 3, 4]),
+    'a frame': state(frame_id='world'),
+    'no efforts': state(effort=[]),
+    'efforts that are unknown': state(effort=[math.nan] * 7),
+    'another joint between': state(
+        name=[*JOINTS[:4], 'gripper', *JOINTS[4:]],
+        position=[*POSITION[:4], 9.0, *POSITION[4:]],
+        velocity=[*VELOCITY[:4], 9.0, *VELOCITY[4:]],
+        effort=[],
+    ),
+}
+
+
+@pytest.mark.parametrize('message', SERVED.values(), ids=SERVED.keys())
+def test_every_sender_of_states_gets_the_same_torque(
+    controlled: Controlled, message: JointState
+) -> None:
+    """To the last bit: a message is only read in another way."""
+    expected = controlled.computed(SAMPLE)
+    controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
+    ours = JointStateCdr()
+    ours.position[:], ours.velocity[:] = POSITION, VELOCITY
+    controlled.tester.until(lambda: controlled.torque(message) == expected, 'the same torque')
+    stamp = controlled.next_stamp()
+    ours.set_stamp(stamp)
+    controlled.states.publish(ours.to_bytes())
+    assert controlled.answer(stamp).tolist() == expected
+
+
+REFUSED = {
+    'missing joint': (state([0, 1, 2, 3, 4, 5]), "'arm_joint_2' is missing"),
+    'no joints': (JointState(), "'base_x_joint' is missing"),
+    'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' is given 2 times"),
+    'short positions': (state(position=[0.0] * 6), 'position has 6 numbers for 7 joints'),
+    'no velocities': (state(velocity=[]), 'velocity has 0 numbers for 7 joints'),
+    'position not a number': (
+        state(position=[*POSITION[:6], math.nan]),
+        "position of 'arm_joint_2' is not a finite number",
+    ),
+    'velocity not a number': (
+        state(velocity=[*VELOCITY[:3], math.nan, *VELOCITY[4:]], frame_id='somewhere'),
+        "velocity of 'wheel_right_joint' is not a finite number",
+    ),
+    'velocity infinite': (
+        state(velocity=[math.inf, *VELOCITY[1:]]),
+        "velocity of 'base_x_joint' is not a finite number",
+    ),
+}
+
+
+@pytest.mark.parametrize(('message', 'reason'), REFUSED.values(), ids=REFUSED.keys())
+def test_states_that_cannot_be_read_are_refused(
+    controlled: Controlled, message: JointState, reason: str
+) -> None:
+    stamp = controlled.next_stamp()
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+
+    def is_refused() -> bool:
+        # Again: one line a second is written, and of states at once only the last counts.
+        controlled.states.publish(message)
+        return bool(controlled.node.logged('ERROR', reason))
+
+    controlled.tester.until(is_refused, reason)
+    assert len(controlled.node.logged('ERROR', reason)[-1].splitlines()) == 1
+    # The controller goes on, and has not answered what it refused.
+    controlled.torque(state())
+    assert stamp not in controlled.answers_in_order()
+    assert 'Traceback' not in '\n'.join(controlled.node.stderr())
+
+
+@pytest.mark.parametrize('count', [4, 8, 12])
+def test_bare_numbers_are_a_set_point(controlled: Controlled, count: int) -> None:
+    numbers = (SAMPLE + 0.01 * count)[:count]
+    full = np.zeros(12)
+    full[:count] = numbers
+    expected = controlled.computed(full)
+    controlled.references.publish(Float64MultiArray(data=numbers.tolist()))
+    controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
+
+
+def test_labels_do_not_matter_to_a_set_point(controlled: Controlled) -> None:
+    layout = MultiArrayLayout(dim=[MultiArrayDimension(label='axis', size=4, stride=4)])
+    numbers = SAMPLE[:4] - 0.02
+    expected = controlled.computed(np.concatenate([numbers, np.zeros(8)]))
+    controlled.references.publish(Float64MultiArray(layout=layout, data=numbers.tolist()))
+    controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
+
+
+def test_a_window_is_followed_on_and_off_its_grid(controlled: Controlled) -> None:
+    """Samples 4 ms apart: used as they are at their times, interpolated between them."""
+    first = controlled.next_stamp()
+    rows = SAMPLE + 1e-3 * np.sin(np.arange(500))[:, None]
+    controlled.references.publish(ReferenceWindow(first, 0.004, rows.reshape(-1, 3, 4)).to_bytes())
+
+    def is_followed() -> bool:
+        """Send states until one stands on the grid; tell whether its sample is followed."""
+        while (controlled.next_stamp() + 1_000_000 - first) % 4_000_000:
+            pass
+        found = controlled.torque(state())
+        return found == controlled.computed(rows[(controlled.stamp - first) // 4_000_000])
+
+    controlled.tester.until(is_followed, 'the window')
+    for quarter in (1, 2, 3):
+        found = controlled.torque(state())
+        k, rest = divmod(controlled.stamp - first, 4_000_000)
+        assert rest == quarter * 1_000_000
+        before, after = rows[k].reshape(3, 4), rows[k + 1].reshape(3, 4)
+        axes = [
+            quintic(tuple(before[:, i]), tuple(after[:, i]), 0.004, quarter / 4) for i in range(4)
+        ]
+        expected = controlled.computed(np.array(axes).T.reshape(-1))
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+BAD_REFERENCES = {
+    'five numbers': (Float64MultiArray(data=[0.0] * 5), 'a set-point of 5 numbers'),
+    'nothing': (Float64MultiArray(), 'a set-point of 0 numbers'),
+    'not a number': (
+        Float64MultiArray(data=[0.3, math.nan, 0.0, 0.0]),
+        'number 1 is not finite',
+    ),
+    'no time between samples': (
+        ReferenceWindow(0, 0.0, np.zeros((2, 3, 4))).to_bytes(),
+        'sample period 0 s',
+    ),
+    'one sample without a period': (
+        ReferenceWindow(0, 0.0, np.zeros((1, 3, 4))).to_bytes(),
+        'sample period 0 s',
+    ),
+    'a period without end': (
+        ReferenceWindow(0, 1e300, np.zeros((2, 3, 4))).to_bytes(),
+        'sample period 1e+300 s',
+    ),
+    'a stamp beyond all clocks': (
+        Float64MultiArray(
+            layout=MultiArrayLayout(
+                dim=[
+                    MultiArrayDimension(label=label, size=size)
+                    for label, size in (('samples', 1), ('derivative', 3), ('task', 4))
+                ],
+                data_offset=3,
+            ),
+            data=[1e300, 0.0, 0.001, *[0.0] * 12],
+        ),
+        'stamp [1e+300, 0]',
+    ),
+    'bytes that are no message': (b'\x00\x01\x00\x00\x07', 'bytes that are no'),
+}
+
+
+@pytest.mark.parametrize(('message', 'reason'), BAD_REFERENCES.values(), ids=BAD_REFERENCES.keys())
+def test_references_that_cannot_be_read_are_refused(
+    controlled: Controlled, message: Float64MultiArray | bytes, reason: str
+) -> None:
+    controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
+    expected = controlled.computed(SAMPLE)
+    controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
+
+    def is_refused() -> bool:
+        controlled.references.publish(message)
+        return bool(controlled.node.logged('ERROR', reason))
+
+    controlled.tester.until(is_refused, reason)
+    assert controlled.torque(state()) == expected
+
+
+def test_the_plant_takes_any_four_numbers_by_the_wall_clock(tmp_path: Path) -> None:
+    """As ros2_control's effort controllers do; a label must name a state of late."""
+    labelled = EffortCdr()
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        raw = tester.collect(JointState, 'joint_states', raw=True)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        settings = {'pacing': 'realtime', 'wait_for': '[peer]', 'command_timeout': 1000.0}
+        plant = started.start('plant', *ros_arguments(duration=0.0, **settings))
+        tester.wait_for_subscribers(commands)
+        tester.until(lambda: raw, 'the first state')
+        state = JointStateCdr()
+
+        def applies(torque: list[float]) -> bool:
+            assert state.load(raw[-1])
+            return state.effort.tolist() == [0.0, 0.0, 0.0, *torque]
+
+        commands.publish(Float64MultiArray(data=[0.1, 0.2, 0.3, 0.4]))
+        tester.until(lambda: applies([0.1, 0.2, 0.3, 0.4]), 'the unlabelled command')
+        labelled.data[:] = [-0.1, -0.2, -0.3, -0.4]
+        commands.publish(labelled.to_bytes())
+        tester.until(lambda: applies([-0.1, -0.2, -0.3, -0.4]), 'the labelled command')
+        labelled.data[:] = 9.0
+        labelled.set_stamp(10**15)
+        commands.publish(labelled.to_bytes())
+        for bad, reason in (
+            (Float64MultiArray(data=[1.0, math.nan, 1.0, 1.0]), "'wheel_left_joint' is not a"),
+            (Float64MultiArray(data=[1.0] * 3), '3 numbers; it takes 4'),
+            (Float64MultiArray(data=[1.0] * 7), '7 numbers; it takes 4'),
+        ):
+
+            def is_refused(bad: Float64MultiArray = bad, reason: str = reason) -> bool:
+                commands.publish(bad)
+                return bool(plant.logged('ERROR', reason))
+
+            tester.until(is_refused, reason)
+        assert applies([-0.1, -0.2, -0.3, -0.4])
+
+
+def test_lockstep_takes_only_what_answers_its_state(tmp_path: Path) -> None:
+    """A stale command, one ahead of its time and one without a label are dropped."""
+    command = EffortCdr()
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        raw = tester.collect(JointState, 'joint_states', raw=True)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        started.start('plant', *ros_arguments(wait_for='[peer]', duration=0.0))
+        tester.wait_for_subscribers(commands)
+        tester.until(lambda: raw, 'the first state')
+        for tick in range(5):
+            commands.publish(Float64MultiArray(data=[9.0] * 4))
+            for other in (tick - 1, tick + 1):
+                command.set_stamp(max(0, other) * 1_000_000 + (other < 0))
+                command.data[:] = 9.0
+                commands.publish(command.to_bytes())
+            command.set_stamp(tick * 1_000_000)
+            command.data[:] = [0.1 * tick, 0.0, 0.0, 0.5]
+
+            def has_moved(tick: int = tick) -> bool:
+                # Again: of commands at once only the last counts.
+                commands.publish(command.to_bytes())
+                return len(raw) > tick + 1
+
+            tester.until(has_moved, f'state {tick + 1}')
+            state = JointStateCdr()
+            assert state.load(raw[tick + 1])
+            assert state.stamp_ns == (tick + 1) * 1_000_000
+            assert state.effort.tolist()[3:] == command.data.tolist()
+        assert len(raw) == 6

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""10 000 changes of parameters in a run, right and wrong ones: none that is wrong is in force."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import math
+from typing import Any
+
+from hypothesis import given, HealthCheck, Phase, settings
+from hypothesis import strategies as st
+import pytest
+
+pytest.importorskip('rclpy')
+
+from live_run import live_run, LiveRun
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from masmc_ros.errors import InputError
+from masmc_ros.nodes.parameters import declared
+
+EXAMPLES, CHANGES = 400, 25
+AT_ONCE = 5
+"""Requests under way at once; a service keeps no more than ten."""
+DECLARED = {p.name: p for p in declared('controller') if not p.read_only}
+numbers = st.floats(-10.0, 300.0) | st.floats() | st.sampled_from([0.0, -0.0, 1e-308, 1e308])
+anything = st.one_of(
+    numbers,
+    st.integers(-(2**40), 2**40),
+    st.booleans(),
+    st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=8),
+    st.lists(numbers, min_size=1, max_size=8),
+    st.lists(st.integers(-3, 300), min_size=1, max_size=8),
+)
+
+
+def fitting(name: str) -> st.SearchStrategy[Any]:
+    """Return values that are right for a parameter, those at its limits with them."""
+    parameter = DECLARED[name]
+    if parameter.choices:
+        return st.sampled_from(parameter.choices)
+    low = (parameter.minimum or 0.0) + (1e-3 if parameter.exclusive_minimum else 0.0)
+    number = st.floats(low, min(parameter.maximum or 200.0, 200.0))
+    if parameter.length:
+        size = parameter.length
+        return number | st.lists(number, min_size=size, max_size=size)
+    return number
+
+
+changes = st.dictionaries(st.sampled_from(sorted(DECLARED)), st.none(), min_size=1, max_size=3)
+change = changes.flatmap(
+    lambda names: st.fixed_dictionaries({n: fitting(n) | anything for n in names})
+)
+
+
+@pytest.fixture(scope='module')
+def served(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[LiveRun, Any, Any]]:
+    """Yield a run, and clients that set and get parameters of its controller."""
+    folder = tmp_path_factory.mktemp('run')
+    wait_for = '[controller, trajectory, peer]'
+    with live_run(folder, 'plant', 'trajectory', 'controller', plant__wait_for=wait_for) as begun:
+        begun.goes_on()
+        node = begun.tester.node
+        set_ = node.create_client(SetParametersAtomically, '/controller/set_parameters_atomically')
+        get = node.create_client(GetParameters, '/controller/get_parameters')
+        begun.tester.until(lambda: set_.service_is_ready() and get.service_is_ready())
+        yield begun, set_, get
+        begun.end()
+
+
+def is_right(values: dict[str, Any]) -> bool:
+    """Tell whether every declaration allows its value, an integer being a double."""
+    try:
+        for name, value in values.items():
+            DECLARED[name].check(value, integers_for_doubles=True)
+    except InputError:
+        return False
+    return True
+
+
+def same(first: Any, second: Any) -> bool:
+    """Compare numbers and arrays, NaN being like NaN."""
+    first = list(first) if isinstance(first, (list, tuple)) else first
+    second = list(second) if isinstance(second, (list, tuple)) else second
+    return repr(first) == repr(second) or first == second
+
+
+@settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    database=None,
+    phases=[Phase.generate],
+    suppress_health_check=list(HealthCheck),
+)
+@given(st.lists(change, min_size=CHANGES, max_size=CHANGES))
+def test_no_change_does_harm(served: tuple[LiveRun, Any, Any], many: list[dict[str, Any]]) -> None:
+    run, set_, get = served
+    commands = run.commands
+    results = []
+    for first in range(0, len(many), AT_ONCE):
+        futures = [
+            set_.call_async(
+                SetParametersAtomically.Request(
+                    parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in each.items()]
+                )
+            )
+            for each in many[first : first + AT_ONCE]
+        ]
+        run.tester.until(lambda futures=futures: all(f.done() for f in futures), 'answers')
+        results += [future.result().result for future in futures]
+    in_force: dict[str, Any] = {}
+    for each, result in zip(many, results, strict=True):
+        assert result.successful == is_right(each), (each, result.reason)
+        assert result.successful or result.reason
+        in_force.update(each if result.successful else {})
+    names = sorted(DECLARED)
+    future = get.call_async(GetParameters.Request(names=names))
+    run.tester.until(future.done, 'values')
+    found = dict(zip(names, map(parameter_value_to_python, future.result().values), strict=True))
+    assert is_right(found), found
+    for name, value in in_force.items():
+        assert same(found[name], value), (name, found[name], value)
+        assert not isinstance(found[name], float) or math.isfinite(found[name])
+    run.tester.until(lambda: run.commands > commands, 'commands')
+    assert run.wrong == []

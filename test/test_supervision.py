@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller's services and timeouts, on real nodes by the wall clock and in lock-step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from live_run import live_run, LiveRun
+from log_contents import read_log
+import numpy as np
+from processes import peer, processes, ros_arguments, shortened
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from masmc_ros.log.cdr import EffortCdr, ReferenceWindow
+
+
+def call(run: LiveRun, name: str, value: bool | None = None) -> Any:
+    if value is None:
+        return run.tester.call(Trigger, f'/controller/{name}', Trigger.Request())
+    return run.tester.call(SetBool, f'/controller/{name}', SetBool.Request(data=value))
+
+
+def rests(run: LiveRun) -> None:
+    """Wait until no torque is applied, and see that none is for a while."""
+    run.tester.until(lambda: not np.any(run.torque), 'no torque')
+    stamp = run.stamp
+
+    def has_rested() -> bool:
+        assert not np.any(run.torque)
+        return run.stamp > stamp + 100_000_000
+
+    run.tester.until(has_rested, 'rest')
+
+
+def test_services_and_timeouts(tmp_path: Path) -> None:
+    with live_run(tmp_path, active_on_start='false', reference_timeout=0.5) as run:
+        run.is_told('inactive', 'not enabled')
+        rests(run)
+        assert not call(run, 'clear_fault').success
+        assert call(run, 'enable', True).message == 'active'
+        run.goes_on()
+
+        assert call(run, 'emergency_stop').success
+        run.is_told('fault: emergency stop')
+        rests(run)
+        assert call(run, 'clear_fault').success
+        run.is_told('inactive')
+        rests(run)
+        call(run, 'enable', True)
+        run.goes_on()
+        call(run, 'emergency_stop')
+        call(run, 'enable', True)
+        run.goes_on()
+        assert call(run, 'enable', False).message == 'inactive: disabled'
+        rests(run)
+        call(run, 'enable', True)
+        run.goes_on()
+        assert call(run, 'reset_adaptation').success
+        run.goes_on()
+
+        # States stay out: a fault that is over when they come again.
+        assert run.tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).success
+        run.is_told('fault', 'joint_states', '0.2 s')
+        run.reports('controller', 'message', 'joint_states')
+        assert run.tester.call(SetBool, '/plant/pause', SetBool.Request(data=False)).success
+        run.goes_on()
+
+        # The reference stays out: the position is held, then no torque.
+        run.nodes['trajectory'].signal(signal.SIGSTOP)
+        run.is_told('fault: no reference for 0.5 s')
+        rests(run)
+        run.nodes['trajectory'].signal(signal.SIGCONT)
+        run.goes_on()
+        run.end()
+    contents = read_log(run.log)
+    assert contents.messages['diagnostics']
+    assert len(contents.messages['controller/state']) == len(run.told)
+
+
+def test_in_lockstep_a_stopped_controller_answers_every_state_with_zeros(tmp_path: Path) -> None:
+    file = shortened(tmp_path, 0.5, wait_for='[controller, trajectory, recorder]')
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        started.start_all(
+            *ros_arguments(file, recorder__output=log, controller__active_on_start='false')
+        )
+        assert set(started.wait().values()) == {0}, started.output()
+    command = EffortCdr()
+    answers = read_log(log).messages['effort_commands']
+    assert len(answers) == 501
+    for raw in answers:
+        assert command.load(raw)
+        assert not command.data.any()
+
+
+def test_a_pose_from_odometry_and_a_path_that_begins_with_the_activation(tmp_path: Path) -> None:
+    settings = {
+        'pose_source': 'odom',
+        'active_on_start': 'false',
+        'trajectory__start_time': -1.0,
+        'plant__odom_decimation': 5,
+        'plant__wait_for': '[controller, trajectory, peer]',
+    }
+    with live_run(tmp_path, 'plant', 'trajectory', 'controller', **settings) as run:
+        windows = run.tester.collect(Float64MultiArray, 'reference', raw=True)
+        errors = run.tester.collect(Float64MultiArray, 'controller/tracking_error')
+        rests(run)
+        assert windows == []
+        before = run.stamp
+        call(run, 'enable', True)
+        after = run.stamp
+        run.goes_on(3.0)
+        first = ReferenceWindow.from_bytes(windows[0])
+        assert first is not None
+        assert first.stamp_ns is not None
+        assert before <= first.stamp_ns <= after + 200_000_000
+        # What it follows begins where the robot is, and stays near it.
+        assert max(np.abs(message.data[2:]).max() for message in errors) < 0.1
+        run.end()
+
+
+def test_a_second_controller_is_noticed(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        run = LiveRun(started, tester, tmp_path, {'plant__wait_for': '[controller, peer]'})
+        for name in ('plant', 'trajectory', 'controller'):
+            run.start(name)
+        run.goes_on()
+        other = tester.publisher(Float64MultiArray, 'effort_commands')
+        tester.wait_for_subscribers(other)
+        run.reports('controller', 'others on effort_commands', '/peer')
+        run.reports('plant', 'senders of commands', '/peer')
+        run.end()

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether torque may be computed: the state machine, whatever happens in whatever order."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from masmc_ros.loop.stamp_order import Order, StampOrder
+from masmc_ros.loop.supervisor import ACTIVE, FAULT, INACTIVE, Supervisor
+
+MS = 1_000_000
+EVENTS = {
+    'enable': lambda s: s.enable(),
+    'disable': lambda s: s.disable(),
+    'stop': lambda s: s.stop(),
+    'clear': lambda s: s.clear(),
+    'fail states': lambda s: s.fail('states', 'no states'),
+    'fail reference': lambda s: s.fail('reference', 'no reference'),
+    'fail law': lambda s: s.fail('law', 'not finite', is_latched=True),
+    'recover states': lambda s: s.recover('states', is_anew=False),
+    'recover reference': lambda s: s.recover('reference', is_anew=True),
+}
+
+
+@given(st.booleans(), st.lists(st.sampled_from(sorted(EVENTS)), max_size=30))
+def test_whatever_happens(active: bool, events: list[str]) -> None:
+    supervisor = Supervisor(active=active)
+    is_barred = not active
+    for event in events:
+        before, cause = supervisor.state, supervisor.cause
+        activations = supervisor.activations
+        EVENTS[event](supervisor)
+        # Who was stopped, disabled or never enabled moves only after somebody enables it.
+        is_barred |= event in ('stop', 'disable', 'fail law')
+        is_barred &= event != 'enable'
+        if is_barred:
+            assert not supervisor.is_active
+        if event in ('enable', 'stop'):
+            assert supervisor.state == {'enable': ACTIVE, 'stop': FAULT}[event]
+        if before != ACTIVE and supervisor.is_active:
+            assert event == 'enable' or event == f'recover {cause}'
+            assert (supervisor.activations > activations) == (event != 'recover states')
+        else:
+            assert supervisor.activations == activations
+        assert supervisor.is_active == (supervisor.state == ACTIVE)
+        assert bool(supervisor.reason) == (supervisor.state != ACTIVE)
+        assert bool(supervisor.cause) == (supervisor.state == FAULT)
+
+
+def test_the_reason_is_told() -> None:
+    supervisor = Supervisor(active=False)
+    assert supervisor.text == 'inactive: not enabled yet'
+    supervisor.enable()
+    assert supervisor.text == 'active'
+    supervisor.fail('states', 'no states for 0.1 s')
+    assert supervisor.text == 'fault: no states for 0.1 s'
+    supervisor.stop()
+    assert supervisor.text == 'fault: emergency stop'
+    assert not supervisor.fail('law', 'not finite', is_latched=True)
+    assert supervisor.text == 'fault: emergency stop'
+    assert supervisor.clear()
+    assert supervisor.state == INACTIVE
+    assert not supervisor.clear()
+
+
+def judged(stamps: list[int], gap: int | None = 100) -> list[Order]:
+    order = StampOrder()
+    order.gap_ns = None if gap is None else gap * MS
+    return [order.judge(stamp * MS) for stamp in stamps]
+
+
+N, R, L, A, B = Order.NEXT, Order.REPEATED, Order.LATE, Order.AHEAD, Order.BACK
+
+
+@pytest.mark.parametrize(
+    ('stamps', 'expected'),
+    [
+        ([5, 6, 6, 7], [N, N, R, N]),
+        ([5, 7, 6, 8], [N, N, L, N]),
+        ([5, 7, 6, 6, 6, 6], [N, N, L, L, L, L]),
+        ([50, 0, 1, 2, 3], [N, L, L, B, N]),
+        ([500, 0, 1], [N, B, N]),
+        ([0, 100, 201, 202], [N, N, A, N]),
+        ([0, 10**6, 1, 2], [N, A, B, N]),
+    ],
+)
+def test_stamps_in_real_time(stamps: list[int], expected: list[Order]) -> None:
+    assert judged(stamps) == expected
+
+
+def test_stamps_in_lockstep() -> None:
+    """Every state waits for its answer: an older one is a robot that was set back."""
+    assert judged([5, 6, 6, 5, 1000, 0], None) == [N, N, R, B, N, B]
+
+
+@given(st.lists(st.integers(0, 10**7), min_size=1, max_size=40))
+def test_what_is_answered_ascends_between_set_backs(stamps: list[int]) -> None:
+    order = StampOrder()
+    order.gap_ns = 100 * MS
+    last = None
+    for stamp in stamps:
+        verdict = order.judge(stamp * MS)
+        if verdict in (N, A):
+            assert last is None or stamp > last
+        elif verdict is B:
+            assert stamp < last
+        if verdict in (N, A, B):
+            last = stamp
+        assert order.last == last * MS
