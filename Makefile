@@ -18,7 +18,7 @@ help:
 
 $(VENV)/.installed: $(SOURCES)
 	@python=$$(tools/choose_python.sh $(PYTHON)) && \
-	echo "Setting up $(VENV) with $$python (once, about 400 MB) ..." && \
+	echo "Setting up $(VENV) with $$python (once, about 700 MB) ..." && \
 	if [ -n "$$AMENT_PREFIX_PATH" ]; then site=--system-site-packages; fi && \
 	$$python -m venv $$site $(VENV)
 	@$(PIP) --upgrade pip setuptools wheel

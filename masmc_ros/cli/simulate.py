@@ -13,7 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.reader import read_run, Run
+from masmc_ros.log.reader import is_log, read_run, Run
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.log.writer import check_log_path
 from masmc_ros.loop.simulation import Change, Simulation, Stretch
@@ -79,7 +79,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
 
 
 def _source(file: str, settings: Sequence[str]) -> _Source:
-    if file.endswith('.mcap') or Path(file).is_dir():
+    if is_log(Path(file)):
         run = read_run(file)
         values, changes = logged_scenario(run, settings)
         return _Source(values, changes, run.attachments, run)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.decode import (
     commands,
     decode,
@@ -92,6 +93,13 @@ class Run:
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
+
+
+def is_log(path: Path) -> bool:
+    """Tell by its name whether a path is a log, or by what is in it for a folder."""
+    if path.is_dir():
+        return (path / METADATA_FILE).exists() or any(path.glob('*.mcap'))
+    return path.suffix == '.mcap'
 
 
 def read_run(path: str | Path) -> Run:

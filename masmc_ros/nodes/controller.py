@@ -24,7 +24,7 @@ from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
 from masmc_ros.loop.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.base import refuse_rates, SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.controller_health import ControllerHealth
 from masmc_ros.nodes.diagnostics import publish_health
@@ -56,6 +56,7 @@ class ControllerNode(SuiteNode):
         """Make the controller and compile its tick."""
         super().__init__(context=context, command_line=command_line, check=_check_law)
         values = self.values
+        refuse_rates(values)
         self._timing = Timing.from_values(values)
         self._controller = Controller(robot_of(values), self._timing.period, values)
         self._reference = ReferenceWindows()

@@ -26,7 +26,7 @@ from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.base import refuse_rates, SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.diagnostics import Health, publish_health
 from masmc_ros.nodes.messages import deserialized
@@ -55,6 +55,7 @@ class PlantNode(SuiteNode):
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
         """Make the robot and compile its tick."""
         super().__init__(context=context, command_line=command_line)
+        refuse_rates(self.values)
         self._timing = Timing.from_values(self.values)
         self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
         self._lockstep = self.values['pacing'] == 'lockstep'
