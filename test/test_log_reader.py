@@ -233,7 +233,7 @@ def test_every_cut_is_told(tmp_path: Path) -> None:
         cut.write_bytes(whole[:size])
         with pytest.raises(InputError, match=r'cut\.mcap: ') as caught:
             read_run(cut)
-        assert 'mcap recover' in str(caught.value) or size < 8
+        assert 'masmc recover' in str(caught.value) or size < 8
 
 
 def test_damage_is_told(tmp_path: Path) -> None:

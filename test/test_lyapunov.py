@@ -63,6 +63,7 @@ class Situation:
             velocity,
             self.reference,
             self.estimate,
+            np.zeros(4),
         )
 
     @property

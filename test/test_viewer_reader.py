@@ -103,5 +103,14 @@ def test_the_layouts_scripts_find_where_f_is_and_where_it_is_to_be(tmp_path: Pat
     assert {tuple(row) for row in desired.tolist()} <= matched
 
 
+def test_the_layouts_script_tells_the_gains_in_force(tmp_path: Path) -> None:
+    made = read_log(computed_run(tmp_path), ROOT / 'config' / 'foxglove.json')['scripts']
+    (gains,) = made['/masmc/gains']
+    expected = load_scenario(str(ROOT / 'config' / 'paper.yaml'))['controller']
+    assert gains == {
+        name: list(expected[name]) for name in ('k_s1', 'k_s2', 'sigma', 'gamma')
+    }
+
+
 def test_nothing_is_installed_into_the_sources() -> None:
     assert {path.name for path in SOURCES.iterdir()} == {'package.json', 'read_log.mjs'}
