@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 import errno
 from functools import partial
@@ -22,6 +23,9 @@ from masmc_ros.log.writer import LogWriter
 
 _TURN = 0.02
 """Time in s between two looks into the queue."""
+
+_SYNC = 1.0
+"""Time in s between two times at which the file is made safe from a power cut."""
 
 _BATCH = 2**20
 """Bytes of complete chunks that are handed to the disk without waiting for a flush."""
@@ -51,7 +55,7 @@ class Options:
     """
 
     compression: str = 'zstd'
-    flush_period: float = 0.25
+    flush_period: float = 0.1
     max_size: int = 0
     max_duration: int = 0
     queue_size: int = 64_000_000
@@ -139,6 +143,9 @@ class Recording:
         self._log = self._open()
         self._thread = threading.Thread(target=self._run, name='recording')
         self._thread.start()
+        # A disk may take its time for this: a thread of its own, so that flushes go on.
+        self._syncing = threading.Thread(target=self._sync, name='recording sync', daemon=True)
+        self._syncing.start()
 
     def channel(
         self,
@@ -198,13 +205,19 @@ class Recording:
                 self._drain()
                 now = time.monotonic()
                 if now >= due:
-                    self._commit(durable=True)
+                    self._commit()
                     due = now + self._options.flush_period
             self._drain()
             self._end_part(self._log)
         except BaseException as error:  # told by close()
             self.failure = error
             self._log.discard()
+
+    def _sync(self) -> None:
+        """Bring what is in the file behind what a power cut can harm, now and then."""
+        while not self._stop.wait(_SYNC):
+            with suppress(OSError):
+                self._log.sync()
 
     def _drain(self) -> None:
         queue = self._queue
@@ -235,9 +248,9 @@ class Recording:
             (size and self._log.size >= size) or (duration and time_ns - part.first >= duration)
         )
 
-    def _commit(self, *, whole: bool = True, durable: bool = False) -> bool:
+    def _commit(self, *, whole: bool = True) -> bool:
         try:
-            self._log.commit(whole=whole, durable=durable)
+            self._log.commit(whole=whole)
         except OSError as error:
             self.trouble = _REASONS.get(error.errno or 0, error.strerror or str(error))
             return False

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 import fcntl
 import os
 from pathlib import Path
@@ -11,9 +12,9 @@ from pathlib import Path
 class RecordSink:
     """A stream that keeps what is written to it until `commit` has put it on the disk.
 
-    A disk takes all of a commit or none of it: where it takes a part, the file is cut back
-    to where it ended, and the next commit tries again. While the sink is open its file is
-    locked, so that nobody takes a recording under way for one that was cut off.
+    A disk takes a record as a whole or not at all: where it takes a part, the file is cut back
+    to where the last one ended, and the next commit tries again. While the sink is open its
+    file is locked, so that nobody takes a recording under way for one that was cut off.
     """
 
     def __init__(self, path: Path) -> None:
@@ -25,23 +26,26 @@ class RecordSink:
         except OSError:
             os.close(self._descriptor)
             raise
-        self._pending = bytearray()
+        self._pending: deque[bytes] = deque()
+        self._pending_size = 0
         self._committed = 0
         self.closed = False
 
     @property
     def pending(self) -> int:
         """Bytes that are not on the disk yet."""
-        return len(self._pending)
+        return self._pending_size
 
     def write(self, data: bytes) -> int:
-        """Keep bytes until the next commit."""
-        self._pending += data
+        """Keep whole records until the next commit."""
+        if data:
+            self._pending.append(bytes(data))
+            self._pending_size += len(data)
         return len(data)
 
     def tell(self) -> int:
         """Return the length of the stream, committed or not."""
-        return self._committed + len(self._pending)
+        return self._committed + self._pending_size
 
     def flush(self) -> None:
         """Do nothing: a writer flushes between records, `commit` is called after them."""
@@ -51,20 +55,28 @@ class RecordSink:
 
         Raises OSError where the disk does not take it. Nothing is lost then.
         """
-        done = 0
+        is_new = bool(self._pending)
         try:
-            with memoryview(self._pending) as pending:
-                while done < len(pending):
-                    place = self._committed + done
-                    # In pieces, so that a lock on the interpreter is never held for long.
-                    done += os.pwrite(self._descriptor, pending[done : done + 2**22], place)
+            while self._pending:
+                self._append(self._pending[0])
+                self._pending_size -= len(self._pending.popleft())
         except OSError:
             os.ftruncate(self._descriptor, self._committed)
             raise
+        if durable and is_new:
+            self.sync()
+
+    def sync(self) -> None:
+        """Wait until a power cut can harm nothing of what was committed; OSError if it can."""
+        os.fdatasync(self._descriptor)
+
+    def _append(self, records: bytes) -> None:
+        """Put all of some records into the file; OSError where a part or nothing is taken."""
+        done = 0
+        with memoryview(records) as data:
+            while done < len(data):
+                done += os.pwrite(self._descriptor, data[done:], self._committed + done)
         self._committed += done
-        self._pending.clear()
-        if durable and done:
-            os.fdatasync(self._descriptor)
 
     def close(self) -> None:
         """Close the file with what was committed."""

@@ -171,6 +171,11 @@ class LogWriter:
         if isinstance(self._stream, RecordSink):
             self._stream.commit(durable=durable)
 
+    def sync(self) -> None:
+        """Wait until a power cut can harm nothing of what was committed; OSError if it can."""
+        if isinstance(self._stream, RecordSink):
+            self._stream.sync()
+
     @property
     def size(self) -> int:
         """Bytes written, those of the chunk under way not counted."""

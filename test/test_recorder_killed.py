@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorders that are killed at any moment lose next to nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import random
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from processes import NodeProcess, PAPER, Peer, peer, Processes, processes, ros_arguments
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
+
+from masmc_ros.log.reader import read_run
+from masmc_ros.log.recover import recover
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.nodes.qos import subscription_qos
+
+ROUNDS, AT_ONCE = 25, 2
+MOST_LOST = 0.6
+"""Time in s of the robot that a killed recorder may lose."""
+
+
+def start_robot(started: Processes) -> None:
+    """Start a robot that stands and sends its state at 1 kHz until it is ended.
+
+    Nobody steers it: on a machine that is busy with recorders, commands would
+    come too late for a loop to be stable.
+    """
+    settings = {
+        'duration': 0.0,
+        'pacing': 'realtime',
+        'wait_for': "['']",
+        'disturbance.amplitude': '[0.0, 0.0, 0.0, 0.0]',
+    }
+    started.start('plant', *ros_arguments(PAPER, **settings))
+
+
+def recovered_end(log: Path) -> float:
+    """Complete a log and return the time in s of its last state."""
+    assert recover(log) is not None
+    with log.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        count = sum(1 for _ in reader.iter_messages())
+        assert count == summary.statistics.message_count > 0
+    return float(read_run(log).times[-1])
+
+
+def check_readers(log: Path) -> None:
+    """Decode every message with both readers of ROS 2 messages."""
+    with log.open('rb') as stream:
+        decoder = make_reader(stream, decoder_factories=[DecoderFactory()])
+        decoded = sum(1 for _ in decoder.iter_decoded_messages())
+    with AnyReader([log]) as bag:
+        assert decoded == sum(1 for _ in bag.messages())
+
+
+def kill_some(
+    started: Processes, tester: Peer, latest: list[int], folder: Path, rng: random.Random
+) -> list[tuple[Path, int, int]]:
+    """Record with several at once, kill each; return log, first and last time it could have."""
+    recorders: list[tuple[NodeProcess, Path]] = []
+    for number in range(AT_ONCE):
+        log = folder / f'{number}.mcap'
+        arguments = ros_arguments(None, recorder__output=log, duration=0.0)
+        recorders.append((started.start('recorder', *arguments), log))
+    tester.until(
+        lambda: all(log.exists() and log.stat().st_size > 1000 for _, log in recorders),
+        'files of the recorders',
+    )
+    killed = []
+    for recorder, log in recorders:
+        # It records: its file grows from flush to flush.
+        size, begun = log.stat().st_size, latest[-1]
+        tester.until(lambda log=log, size=size: log.stat().st_size > size + 10_000, 'a file grows')
+        moment = latest[-1] + rng.randrange(5 * 10**8)
+        tester.until(lambda moment=moment: latest[-1] >= moment, 'the robot moves on')
+        recorder.signal(signal.SIGKILL)
+        killed.append((log, begun, latest[-1]))
+        recorder.wait()
+    return killed
+
+
+@pytest.mark.parametrize('number', range(ROUNDS))
+def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
+    """Two in each round, in a domain of its own: the dead slow down who still sends to them."""
+    rng = random.Random(number)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        start_robot(started)
+        latest = [0]
+
+        def note(raw: bytes) -> None:
+            latest[-1] = header_stamp(raw)
+
+        # The newest state only: what the test has not yet looked at is lost as well.
+        tester.node.create_subscription(
+            JointState, 'joint_states', note, subscription_qos(), raw=True
+        )
+        tester.until(lambda: latest[-1] > 0, 'states')
+        killed = kill_some(started, tester, latest, tmp_path, rng)
+    for log, begun, last in killed:
+        end = recovered_end(log)
+        assert end > begun * 1e-9 - MOST_LOST
+        assert last * 1e-9 - end <= MOST_LOST, log
+    if number == 0:
+        check_readers(killed[0][0])
+
+
+def test_the_next_recorder_completes_what_was_left(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        start_robot(started)
+        logs = tmp_path / 'logs'
+        logs.mkdir()
+
+        def recorder(name: str) -> NodeProcess:
+            output = ros_arguments(None, recorder__output=logs / name, duration=0.0)
+            return started.start('recorder', *output)
+
+        first = recorder('first.mcap')
+        path = logs / 'first.mcap'
+        tester.until(lambda: path.exists() and path.stat().st_size > 100_000, 'a log')
+        first.signal(signal.SIGKILL)
+        first.wait()
+        second = recorder('second.mcap')
+        tester.until(lambda: second.logged('WARN', 'first.mcap'), 'its recovery')
+        assert len(read_run(path).times) > 100
+        # SIGTERM ends the recording properly.
+        grown = logs / 'second.mcap'
+        tester.until(lambda: grown.stat().st_size > 50_000, 'the second log')
+        second.signal(signal.SIGTERM)
+        assert second.wait() == 0
+        assert recover(grown) is None
+        assert len(read_run(grown).times) > 100

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings in parts, on disks that are full, and queues that are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+import subprocess
+import sys
+import textwrap
+
+from mcap.reader import make_reader
+import pytest
+from rosbags.highlevel import AnyReader
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.cdr import JointStateCdr
+from masmc_ros.log.parameter_record import ParameterRecord
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.reader import read_run
+from masmc_ros.log.recording import LOST, Options, Recording
+from masmc_ros.log.recover import recover
+from masmc_ros.log.text import string_message
+
+TICKS = 3000
+
+
+def states() -> list[bytes]:
+    """Return joint states, a millisecond apart."""
+    state, found = JointStateCdr(), []
+    for tick in range(TICKS):
+        state.set_stamp(tick * 10**6)
+        state.position[:] = tick
+        found.append(state.to_bytes())
+    return found
+
+
+def record(path: Path, options: Options) -> Recording:
+    """Record the states, and parameters that hold from the start on."""
+    recording = Recording(path, options)
+    parameters = recording.channel(
+        '/controller/parameters', 'std_msgs/msg/String', Qos(), holds=True
+    )
+    channel = recording.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+    told = ParameterRecord('/controller', 0, 0, {'law': 'smc'}, ())
+    assert recording.write(parameters, 0, string_message(told.to_text()))
+    for tick, state in enumerate(states()):
+        assert recording.write(channel, tick * 10**6, state)
+    recording.close()
+    return recording
+
+
+def counts(path: Path) -> dict[str, int]:
+    """Return the number of messages of every topic by a file's own statistics."""
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    return {
+        summary.channels[number].topic: count
+        for number, count in summary.statistics.channel_message_counts.items()
+    }
+
+
+@pytest.mark.parametrize(
+    'options',
+    [Options(max_duration=10**9), Options(max_size=40_000, compression='none')],
+    ids=['duration', 'size'],
+)
+def test_parts_are_one_recording_and_each_is_whole(options: Options, tmp_path: Path) -> None:
+    recording = record(tmp_path / 'run.mcap', options)
+    assert recording.path == tmp_path / 'run'
+    parts = sorted(recording.path.glob('*.mcap'), key=lambda part: int(part.stem[4:]))
+    assert len(parts) > 2
+    assert [part.name for part in parts] == [f'run_{n}.mcap' for n in range(len(parts))]
+    for part in parts:
+        # What still holds is in every part.
+        assert counts(part)['/controller/parameters'] == 1
+        assert read_run(part).parameters == {'controller': {'law': 'smc'}}
+    assert sum(counts(part)['/joint_states'] for part in parts) == TICKS
+
+    run = read_run(recording.path)
+    assert run.position[:, 0].tolist() == list(range(TICKS))
+    assert run.parameters == {'controller': {'law': 'smc'}}
+    assert run.topics == {'/joint_states': TICKS, '/controller/parameters': 1}
+    # By metadata.yaml, as ROS 2 reads it.
+    with AnyReader([recording.path]) as bag:
+        assert bag.message_count == TICKS + len(parts)
+        stamps = [time for c, time, _ in bag.messages() if c.topic == '/joint_states']
+    assert stamps == [tick * 10**6 for tick in range(TICKS)]
+
+
+def test_one_file_where_nothing_is_said(tmp_path: Path) -> None:
+    recording = record(tmp_path / 'run.mcap', Options())
+    assert list(tmp_path.iterdir()) == [recording.path]
+    assert counts(recording.path) == {'/joint_states': TICKS, '/controller/parameters': 1}
+
+
+def test_what_finds_no_place_is_counted_and_told(tmp_path: Path) -> None:
+    state = states()[0]
+    recording = Recording(tmp_path / 'run.mcap', Options(queue_size=20 * len(state)))
+    channel = recording.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+    taken = sum(recording.write(channel, 0, state) for _ in range(5000))
+    recording.close()
+    lost = 5000 - taken
+    assert lost > 0
+    assert recording.lost == {'/joint_states': lost}
+    assert counts(recording.path) == {'/joint_states': taken}
+    with recording.path.open('rb') as stream:
+        (told,) = [m.metadata for m in make_reader(stream).iter_metadata() if m.name == LOST]
+    assert told == {'/joint_states': str(lost)}
+
+
+def test_no_recording_where_there_can_be_none(tmp_path: Path) -> None:
+    for path, options in (
+        (tmp_path / 'none' / 'run.mcap', Options()),
+        (tmp_path / 'none' / 'run.mcap', Options(max_size=1)),
+        (tmp_path, Options()),
+    ):
+        with pytest.raises(InputError):
+            Recording(path, options)
+    assert list(tmp_path.iterdir()) == []
+
+
+FULL = """
+    import json, os, random, resource, signal, sys, time
+    from pathlib import Path
+    from masmc_ros.log.qos import Qos
+    from masmc_ros.log.recording import Options, Recording
+
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, most))
+    path = Path(sys.argv[1])
+    recording = Recording(path, Options(compression='none', flush_period=0.05))
+    channel = recording.channel('/x', 'std_msgs/msg/String', Qos())
+    limit = time.monotonic() + 60.0
+    written = 0
+    while recording.trouble is None and time.monotonic() < limit:
+        recording.write(channel, written, written.to_bytes(4, 'little') + bytes(400))
+        written += 1
+        time.sleep(0.001)
+    trouble = recording.trouble
+    size = path.stat().st_size
+    for _ in range(100):
+        recording.write(channel, written, written.to_bytes(4, 'little') + bytes(400))
+        written += 1
+    if sys.argv[2] == 'again':
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        while recording.trouble is not None and time.monotonic() < limit:
+            time.sleep(0.01)
+    try:
+        recording.close()
+        said = None
+    except Exception as error:
+        said = str(error)
+    print(json.dumps([trouble, size, written, said, recording.lost]))
+"""
+"""A process whose files cannot grow beyond 100 kB, then as it likes or not."""
+
+
+@pytest.mark.parametrize('then', ['again', 'never'])
+def test_a_disk_that_takes_no_more(then: str, tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    done = subprocess.run(
+        [sys.executable, '-c', textwrap.dedent(FULL), str(log), then],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    trouble, size, written, said, lost = json.loads(done.stdout)
+    assert trouble == 'File too large'
+    assert 0 < size <= 100_000
+    assert lost == {}
+    if then == 'again':
+        assert said is None
+    else:
+        assert 'File too large' in said
+        assert f'masmc recover {log}' in said
+        recovered = recover(log)
+        assert recovered is not None
+        # The file ended on a whole record.
+        assert recovered.dropped == 0
+    with log.open('rb') as stream:
+        found = [m.data[:4] for _, _, m in make_reader(stream, validate_crcs=True).iter_messages()]
+    assert found == [n.to_bytes(4, 'little') for n in range(len(found))]
+    assert len(found) == written if then == 'again' else 0 < len(found) < written
