@@ -53,6 +53,9 @@ _LONGEST_DRAIN = 10.0
 _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
 
+_NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
+"""Name of a node whose topics were found before itself."""
+
 _MEGABYTE = 1_000_000
 
 _CORE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC)
@@ -330,6 +333,8 @@ class RecorderNode(SuiteNode):
             known = definition(sender.topic_type)
             if told in (known.hash, ''):
                 return known
+        if sender.node_name == _NOT_FOUND_YET:
+            return None
         if topic not in self._requests:
             name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
             self._requests[topic] = DefinitionRequest(self.node, name, sender.topic_type, told)

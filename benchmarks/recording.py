@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a recorder takes: 20 topics, 10 000 messages a second in all, and what it costs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+from mcap.reader import make_reader
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.log.cdr import JointStateCdr
+from masmc_ros.nodes.qos import publisher_qos
+
+TOPICS = 20
+RATE = 500
+"""Messages a second on each topic."""
+
+SECONDS = 10.0
+_BURSTS = 100
+"""Times a second at which messages are sent."""
+
+_PATIENCE = 30.0
+_KIB_PER_MIB = 1024
+_TICKS = os.sysconf('SC_CLK_TCK')
+
+
+def main(seconds: float = SECONDS) -> None:
+    """Send, record, and print what is there and what it took."""
+    with tempfile.TemporaryDirectory() as folder, private_domain() as domain:
+        os.environ.update(domain)
+        log = Path(folder) / 'run.mcap'
+        names = [f'/bench/topic_{number}' for number in range(TOPICS)]
+        recorder = subprocess.Popen(
+            [
+                *(sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'recorder', '--ros-args'),
+                *('-p', f'output:={log}', '-p', f'extra_topics:=[{", ".join(names)}]'),
+            ],
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            sent, wall = _send(names, seconds, recorder.pid)
+            recorder.send_signal(signal.SIGINT)
+            recorder.wait(_PATIENCE)
+        finally:
+            recorder.kill()
+            recorder.wait()
+        recorded = _recorded(log)
+        lost = {name: sent - recorded.get(name, 0) for name in names}
+        print(
+            f'recorder, {TOPICS} topics: {sum(recorded.values())} of {TOPICS * sent} messages in'
+            f' {wall:.1f} s ({TOPICS * sent / wall:.0f}/s), {sum(lost.values())} lost;'
+            f' {log.stat().st_size / 1e6:.0f} MB'
+        )
+
+
+def _send(names: list[str], seconds: float, recorder: int) -> tuple[int, float]:
+    """Send on all topics; return how many on each, and the time it took."""
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node('bench', context=context)
+    try:
+        publishers = [node.create_publisher(JointState, n, publisher_qos()) for n in names]
+        limit = time.monotonic() + _PATIENCE
+        while not all(p.get_subscription_count() for p in publishers):
+            if time.monotonic() > limit:
+                raise RuntimeError('the recorder does not find the topics')
+            time.sleep(0.05)
+        before, begun = _usage(recorder), time.monotonic()
+        sent = _send_by_the_clock(publishers, begun, seconds)
+        wall = time.monotonic() - begun
+        after = _usage(recorder)
+        print(
+            f'recorder: {100 * (after[0] - before[0]) / wall:.0f} % of a core, memory'
+            f' {after[1]:.0f} MiB, {after[1] - before[1]:+.0f} MiB since the first message'
+        )
+        for publisher in publishers:
+            publisher.wait_for_all_acked()
+        return sent, wall
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def _send_by_the_clock(publishers: list[Publisher], begun: float, seconds: float) -> int:
+    message = JointStateCdr()
+    sent, each = 0, RATE // _BURSTS
+    for burst in range(round(seconds * _BURSTS)):
+        time.sleep(max(0.0, begun + burst / _BURSTS - time.monotonic()))
+        for _ in range(each):
+            message.set_stamp(sent * 10**9 // RATE)
+            raw = message.to_bytes()
+            for publisher in publishers:
+                publisher.publish(raw)
+            sent += 1
+    return sent
+
+
+def _usage(pid: int) -> tuple[float, float]:
+    """Return the CPU time in s and the resident memory in MiB of a process."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    status = Path(f'/proc/{pid}/status').read_text()
+    resident = next(line for line in status.splitlines() if line.startswith('VmRSS'))
+    return (int(fields[11]) + int(fields[12])) / _TICKS, int(resident.split()[1]) / _KIB_PER_MIB
+
+
+def _recorded(log: Path) -> dict[str, int]:
+    with log.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    return {
+        summary.channels[number].topic: count
+        for number, count in summary.statistics.channel_message_counts.items()
+        if summary.channels[number].topic.startswith('/bench/')
+    }
+
+
+if __name__ == '__main__':
+    main(*(float(argument) for argument in sys.argv[1:2]))

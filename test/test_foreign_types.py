@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of types that are not installed where they are recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from processes import domain_variables, peer, processes, surroundings
+
+from masmc_ros.log.definitions import definition
+
+WITHOUT = """
+    import sys
+    sys.modules['diagnostic_msgs'] = sys.modules['diagnostic_msgs.msg'] = None
+    from masmc_ros.log import definitions
+    for name in [n for n in definitions._store().fielddefs if n.startswith('diagnostic_msgs/')]:
+        del definitions._store().fielddefs[name]
+    from masmc_ros.nodes.recorder import main
+    sys.exit(main(sys.argv[1:]))
+"""
+"""A recorder on a machine where nobody knows diagnostic_msgs."""
+
+
+def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    sent = DiagnosticArray()
+    sent.header.frame_id = 'somewhere'
+    sent.status = [
+        DiagnosticStatus(
+            level=b'\x02', name='motor', values=[KeyValue(key='heat', value=str(n))]
+        )
+        for n in range(3)
+    ]
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        publisher = tester.publisher(DiagnosticArray, 'foreign', latched=True)
+        publisher.publish(sent)
+        arguments = ['-p', f'output:={log}', '-p', 'extra_topics:=[foreign]']
+        recorder = subprocess.Popen(
+            [sys.executable, '-c', textwrap.dedent(WITHOUT), '--ros-args', *arguments],
+            env={**surroundings(), **domain_variables(started.domain), 'PYTHONUNBUFFERED': '1'},
+        )
+        try:
+            tester.wait_for_subscribers(publisher)
+            publisher.publish(sent)
+            assert publisher.wait_for_all_acked()
+            recorder.send_signal(signal.SIGTERM)
+            assert recorder.wait(60.0) == 0
+        finally:
+            recorder.kill()
+            recorder.wait()
+    with log.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        decoded = [
+            (schema.name, channel.metadata['topic_type_hash'], message)
+            for schema, channel, _, message in reader.iter_decoded_messages(topics=['/foreign'])
+        ]
+    # The latched one and the one that was sent later.
+    assert len(decoded) == 2
+    for name, type_hash, message in decoded:
+        assert name == 'diagnostic_msgs/msg/DiagnosticArray'
+        assert type_hash == definition(name).hash
+        assert message.header.frame_id == 'somewhere'
+        assert [status.level for status in message.status] == [2, 2, 2]
+        assert [status.values[0].value for status in message.status] == ['0', '1', '2']
