@@ -162,17 +162,17 @@ class _OpenChunk:
         length: of the whole record.
         chunk: the record.
         content: its records, decompressed.
-        offsets: where the index of each channel begins.
-        counts: number of messages of each channel by these indexes.
-        index_length: of all of them.
+        indexed: log time and offset of its messages, by channel.
+        offsets: where the index of each channel begins in the file.
+        index_length: of all indexes.
     """
 
     start: int
     length: int
     chunk: Chunk
     content: bytes
+    indexed: dict[int, list[tuple[int, int]]]
     offsets: dict[int, int] = field(default_factory=dict)
-    counts: Counter[int] = field(default_factory=Counter)
     index_length: int = 0
 
 
@@ -215,19 +215,26 @@ class _Contents:
             try:
                 self._take_record(opcode, start, data[start + _RECORD.size : end])
             except Exception:  # whatever a library says of bytes that were never written so
-                rest = data[self.end :]
+                # A damaged chunk is left out: nobody can tell which of its messages are right.
+                self.dropped = len(data) - self.end
                 break
             self.end = end
         else:
             rest = data[self.end :]
-        self.dropped = len(rest)
+            self.dropped = len(rest)
         if self._open is not None:
             # Its message indexes may be cut off: it is written again with new ones.
             self.end = self._open.start
             self._again.append((self._open.chunk, self._open.content))
-        salvaged = _cut_off_chunk(rest)
-        if salvaged is not None:
+        try:
+            salvaged = _cut_off_chunk(rest)
+            if salvaged is None:
+                return
             self._register_all(salvaged[1])
+            _, counts = _index_messages(salvaged[1])
+        except Exception:  # as above
+            return
+        if counts.keys() <= self._channels.keys():
             self._again.append(salvaged)
 
     def tail(self) -> bytes:
@@ -274,8 +281,9 @@ class _Contents:
         if opcode == Opcode.MESSAGE_INDEX:
             if self._open is not None:
                 index = MessageIndex.read(_stream(body))
+                if sorted(index.records) != self._open.indexed.get(index.channel_id):
+                    raise ValueError('index of messages')
                 self._open.offsets[index.channel_id] = start
-                self._open.counts[index.channel_id] += len(index.records)
                 self._open.index_length += length
             return
         self._close_chunk()
@@ -283,9 +291,19 @@ class _Contents:
             chunk = Chunk.read(_stream(body))
             content = _decompressed(chunk)
             self._register_all(content)
-            self._open = _OpenChunk(start, length, chunk, content)
+            indexes, _ = _index_messages(content)
+            indexed = {index.channel_id: sorted(index.records) for index in indexes}
+            times = [time for records in indexed.values() for time, _ in records]
+            span = (chunk.message_start_time, chunk.message_end_time)
+            if not indexed.keys() <= self._channels.keys() or (
+                times and span != (min(times), max(times))
+            ):
+                raise ValueError('head of a chunk')
+            self._open = _OpenChunk(start, length, chunk, content, indexed)
         elif opcode == Opcode.MESSAGE:
             channel, _, time = _MESSAGE_HEAD.unpack_from(body)
+            if channel not in self._channels:
+                raise ValueError('channel')
             self._count(channel, 1, time, time)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._register(opcode, body)
@@ -310,7 +328,7 @@ class _Contents:
         found, self._open = self._open, None
         if found is None:
             return
-        counts = found.counts or _index_messages(found.content)[1]
+        counts = Counter({channel: len(each) for channel, each in found.indexed.items()})
         self._note_chunk(found.chunk, found.start, found.length, counts)
         self._chunks[-1].message_index_offsets = found.offsets
         self._chunks[-1].message_index_length = found.index_length
