@@ -8,7 +8,7 @@ and no process outlives its test.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import fcntl
 import itertools
 import os
@@ -39,6 +39,9 @@ NODES = ('trajectory', 'controller', 'plant', 'recorder')
 
 PATIENCE = 60.0
 """Longest time in s that anything may take; machines may be slow and busy."""
+
+_LAST_WORDS = 5.0
+"""Time in s that a process takes at most to tell where it stands."""
 
 _DOMAINS = range(60, 100)
 _turn = itertools.count(random.randrange(len(_DOMAINS)))
@@ -74,6 +77,14 @@ class NodeProcess:
     def signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self.process.send_signal(number)
+
+    def abort(self) -> None:
+        """End it where it stands; its standard error tells where that was."""
+        if self.process.poll() is None:
+            self.signal(signal.SIGCONT)
+            self.signal(signal.SIGABRT)
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(_LAST_WORDS)
 
     def wait(self, limit: float | None = None) -> int:
         """Wait for its end, until a time of the monotonic clock; return its exit status."""
@@ -122,7 +133,7 @@ class Processes:
             try:
                 each.wait(limit)
             except subprocess.TimeoutExpired:
-                raise AssertionError(f'{each.name} does not end\n{self.output()}') from None
+                raise AssertionError(f'{each.name} does not end') from None
         return {each.name: each.process.returncode for each in self._started}
 
     def output(self) -> str:
@@ -136,6 +147,12 @@ class Processes:
         """Send a signal to all processes."""
         for each in self._started:
             each.signal(number)
+
+    def tell(self) -> None:
+        """Print what all processes printed, and where those that still run are."""
+        for each in self._started:
+            each.abort()
+        print(self.output())
 
     def end(self) -> None:
         """End whatever still runs."""
@@ -217,7 +234,12 @@ def _qos(*, latched: bool) -> QoSProfile:
 def surroundings() -> dict[str, str]:
     """Return environment variables with which a child imports what this process imports."""
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
-    return {**os.environ, 'PYTHONPATH': path, 'RCUTILS_COLORIZED_OUTPUT': '0'}
+    return {
+        **os.environ,
+        'PYTHONPATH': path,
+        'PYTHONFAULTHANDLER': '1',
+        'RCUTILS_COLORIZED_OUTPUT': '0',
+    }
 
 
 def domain_variables(domain: int) -> dict[str, str]:
@@ -232,6 +254,9 @@ def processes(folder: Path) -> Iterator[Processes]:
         started = Processes(domain, folder)
         try:
             yield started
+        except BaseException:
+            started.tell()
+            raise
         finally:
             started.end()
 
