@@ -11,7 +11,7 @@ Foxglove's; toolbars are left out. The log must have been recorded, for /rosout 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 import json
 from pathlib import Path
 import sys
@@ -28,8 +28,8 @@ LAYOUT = ROOT / 'config' / 'foxglove.json'
 PICTURE = ROOT / 'docs' / 'images' / 'foxglove_layout.png'
 
 
-def panels(node: Any, configs: Mapping[str, Any], box: Box) -> Iterator[tuple[str, Box]]:
-    """Yield the panels of a layout's tree with where they are; of tabs the active one."""
+def panels(node: Any, box: Box) -> Iterator[tuple[str, Box]]:
+    """Yield the panels of a layout's tree with where they are."""
     if isinstance(node, str):
         yield node, box
         return
@@ -40,8 +40,8 @@ def panels(node: Any, configs: Mapping[str, Any], box: Box) -> Iterator[tuple[st
     else:
         first = box._replace(height=share * box.height)
         second = box._replace(top=box.top + first.height, height=box.height - first.height)
-    yield from panels(node['first'], configs, first)
-    yield from panels(node['second'], configs, second)
+    yield from panels(node['first'], first)
+    yield from panels(node['second'], second)
 
 
 def draw(layout: Path, recorded: Path, at: float | None) -> tuple[Figure, dict[str, str]]:
@@ -63,7 +63,7 @@ def draw(layout: Path, recorded: Path, at: float | None) -> tuple[Figure, dict[s
     configs = wanted['configById']
     shown = {
         name: picture.panel(name, configs[name], box)
-        for name, box in panels(wanted['layout'], configs, whole)
+        for name, box in panels(wanted['layout'], whole)
     }
     return picture.figure, shown
 
