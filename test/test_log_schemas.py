@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The definitions in a log say what readers' type stores and ROS 2's own classes say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+import re
+
+from mcap.reader import make_reader
+from mcap_ros2._vendor.rosidl_adapter.parser import Field, parse_message_string
+import pytest
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.log.writer import LogWriter
+
+TYPES = sorted({topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)})
+_CLASS_NAMES = {'float64': 'double', 'float32': 'float', 'byte': 'octet', 'bool': 'boolean'}
+"""What message classes call the basic types that they have another name for."""
+
+
+@pytest.fixture(scope='module')
+def schemas(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return what a log holds of every type of our topics."""
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    with LogWriter(path) as log:
+        for type_name in TYPES:
+            log.write(log.channel(f'/{type_name}', type_name), 0, 0, bytes(8))
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    return {each.name: each.data.decode() for each in summary.schemas.values()}
+
+
+def parts(type_name: str, text: str) -> Iterator[tuple[str, list[Field]]]:
+    """Yield a type and those within it, and the fields that the text gives each of them."""
+    first, *others = re.split(r'^=+\n', text, flags=re.MULTILINE)
+    texts = {type_name: first}
+    for other in others:
+        head, _, body = other.partition('\n')
+        package, _, name = head.removeprefix('MSG: ').partition('/')
+        texts[f'{package}/msg/{name}'] = body
+    for full, body in texts.items():
+        package, _, name = full.split('/')
+        yield full, parse_message_string(package, name, body).fields
+
+
+def class_type(field: Field) -> str:
+    """Return a field's type in the words of message classes."""
+    kind = field.type
+    base = _CLASS_NAMES.get(kind.type, kind.type)
+    if kind.pkg_name:
+        base = f'{kind.pkg_name}/{kind.type}'
+    if not kind.is_array:
+        return base
+    return f'{base}[{kind.array_size}]' if kind.array_size else f'sequence<{base}>'
+
+
+def test_the_types_are_those_that_matter() -> None:
+    assert {
+        'sensor_msgs/msg/JointState',
+        'nav_msgs/msg/Odometry',
+        'tf2_msgs/msg/TFMessage',
+        'geometry_msgs/msg/Twist',
+        'nav_msgs/msg/Path',
+        'diagnostic_msgs/msg/DiagnosticArray',
+        'std_msgs/msg/Float64MultiArray',
+    } <= set(TYPES)
+
+
+@pytest.mark.parametrize('type_name', TYPES)
+def test_rosbags_reads_the_types_of_its_store(type_name: str, schemas: dict[str, str]) -> None:
+    known = get_typestore(Stores.ROS2_JAZZY).fielddefs
+    read = get_types_from_msg(schemas[type_name], type_name)
+    assert type_name in read
+    for name, (constants, fields) in read.items():
+        assert sorted(constants) == sorted(known[name][0]), name
+        assert list(fields) == list(known[name][1]), name
+
+
+@pytest.mark.parametrize('type_name', TYPES)
+def test_mcap_reads_the_fields_of_the_message_classes(
+    type_name: str, schemas: dict[str, str]
+) -> None:
+    pytest.importorskip('rclpy', reason='compares with ROS 2')
+    compared = 0
+    for full, fields in parts(type_name, schemas[type_name]):
+        package, _, name = full.split('/')
+        try:
+            module = import_module(f'{package}.msg')
+        except ImportError:
+            continue  # tf2_msgs is no wheel
+        told = getattr(module, name).get_fields_and_field_types()
+        assert {field.name: class_type(field) for field in fields} == told, full
+        assert [field.name for field in fields] == list(told), full
+        compared += 1
+    assert compared > 0
