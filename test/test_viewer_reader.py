@@ -35,6 +35,8 @@ def digests(log: Path) -> dict[str, str]:
 
 
 def _add(digest: Any, value: Any) -> None:
+    if isinstance(value, bytes):
+        (value,) = value  # the type `byte`, of which /diagnostics has one
     if isinstance(value, str):
         digest.update(value.encode())
     elif isinstance(value, bool | int | float):
