@@ -18,8 +18,9 @@ from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
 import numpy as np
 from processes import NODES, Peer, peer, Processes, processes, ros_arguments, shortened
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 from masmc_ros.log.reader import read_run
 from masmc_ros.log.stamps import header_stamp
@@ -225,3 +226,65 @@ def test_a_node_that_waits_for_others_ends_on_a_signal(
         recorder.signal(number)
         assert started.wait() == {'recorder': 0}, started.output()
     assert read_log(log).messages['joint_states'] == []
+
+
+def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    names = {
+        f'{reliability.name}_{durability.name}'.lower(): QoSProfile(
+            depth=10, reliability=reliability, durability=durability
+        )
+        for reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
+        for durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
+    }
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        senders = {
+            name: tester.node.create_publisher(Odometry, name, qos) for name, qos in names.items()
+        }
+        extra = f'[{", ".join(names)}]'
+        settings = {'output': log, 'extra_topics': extra, 'compression': 'none'}
+        recorder = started.start('recorder', *ros_arguments(None, **settings))
+        for sender in senders.values():
+            tester.wait_for_subscribers(sender)
+
+        def are_recorded() -> bool:
+            """Send once more, since best effort may lose a message; look into the file."""
+            for name, sender in senders.items():
+                sender.publish(Odometry(header=Header(frame_id=f'sent as {name}')))
+            data = log.read_bytes()
+            return all(f'sent as {name}'.encode() in data for name in names)
+
+        tester.until(are_recorded, 'every topic in the file')
+        recorder.signal(signal.SIGTERM)
+        assert started.wait() == {'recorder': 0}, started.output()
+    contents = read_log(log)
+    channels = {each.topic: each for each in contents.summary.channels.values()}
+    for name, qos in names.items():
+        assert contents.messages[name]
+        offered = channels[f'/{name}'].metadata['offered_qos_profiles']
+        assert f'reliability: {qos.reliability.name.lower()}' in offered
+        assert f'durability: {qos.durability.name.lower()}' in offered
+
+
+def test_a_run_that_diverges_leaves_a_whole_log(tmp_path: Path) -> None:
+    """In one process: what ends the plant must not keep the recorder from completing its file."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        started.start(
+            'composed',
+            '--record',
+            *ros_arguments(
+                None,
+                plant__wait_for='[controller, trajectory, recorder]',
+                plant__pacing='lockstep',
+                controller__switching='implicit',
+                controller__observer_gain=1.0,
+                controller__model_scale=9.0,
+                recorder__output=log,
+            ),
+        )
+        assert started.wait() == {'composed': 2}, started.output()
+        assert 'the closed loop diverged at t = ' in started.output()
+    contents = read_log(log)
+    assert contents.summary.statistics is not None
+    assert len(contents.messages['effort_commands']) > 1

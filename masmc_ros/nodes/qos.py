@@ -26,11 +26,17 @@ def publisher_qos(depth: int = DEEP) -> QoSProfile:
     )
 
 
-def subscription_qos(*, depth: int = 1, past: bool = False) -> QoSProfile:
-    """Return the profile of subscriptions: reliable; with `past`, transient-local."""
+def subscription_qos(
+    *, depth: int = 1, past: bool = False, best_effort: bool = False
+) -> QoSProfile:
+    """Return the profile of subscriptions: reliable; with `past`, transient-local.
+
+    `best_effort` is for senders that are no better than that.
+    """
+    kind = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
     return QoSProfile(
         depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
+        reliability=kind,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if past else DurabilityPolicy.VOLATILE,
     )
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.context import Context
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition, definition
@@ -200,15 +200,19 @@ class RecorderNode(SuiteNode):
         *,
         is_latched: bool,
         holds: bool,
+        best_effort: bool = False,
         defined: Definition | None = None,
     ) -> None:
         resolved = self.node.resolve_topic_name(topic)
         message_type = raw_class(type_name, defined.hash if defined is not None else None)
-        durability = 'transient_local' if is_latched else 'volatile'
+        offered = Qos(
+            reliability='best_effort' if best_effort else 'reliable',
+            durability='transient_local' if is_latched else 'volatile',
+        )
         channel = self._recording.channel(
             resolved,
             type_name,
-            Qos(durability=durability),
+            offered,
             defined=defined,
             holds=holds,
         )
@@ -233,10 +237,10 @@ class RecorderNode(SuiteNode):
         def take(raw: Any) -> None:
             callback(raw)
 
-        if is_latched:
+        if is_latched and not best_effort:
             subscribe_with_past(self.node, message_type, topic, take, DEEP)
         else:
-            qos = subscription_qos(depth=DEEP)
+            qos = subscription_qos(depth=DEEP, past=is_latched, best_effort=best_effort)
             self.node.create_subscription(message_type, topic, take, qos, raw=True)
 
     def _on_message(
@@ -302,9 +306,9 @@ class RecorderNode(SuiteNode):
         senders = self.node.get_publishers_info_by_topic(resolved)
         if not senders:
             return
-        is_latched = all(
-            sender.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for sender in senders
-        )
+        offered = [sender.qos_profile for sender in senders]
+        is_latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        best_effort = any(qos.reliability == ReliabilityPolicy.BEST_EFFORT for qos in offered)
         try:
             defined = self._definition(topic, senders[0])
             if defined is None:
@@ -314,6 +318,7 @@ class RecorderNode(SuiteNode):
                 senders[0].topic_type,
                 is_latched=is_latched,
                 holds=is_latched,
+                best_effort=best_effort,
                 defined=defined,
             )
         except InputError as error:

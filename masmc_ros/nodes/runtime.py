@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.command_line import parse
+from masmc_ros.nodes.ending import bounded_ending
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""
@@ -50,14 +51,18 @@ def run(factories: Sequence[Factory], arguments: Sequence[str] | None = None) ->
     """Run nodes in this process until all have finished; return the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        _run(factories, arguments)
+        return _run(factories, arguments)
     except UserError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+        return _told(error)
 
 
-def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
+def _told(error: UserError) -> int:
+    """Print what is wrong with what the user gave; return the exit status for it."""
+    print(error, file=sys.stderr)
+    return 2
+
+
+def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = _StopSignals()
     context = Context()
@@ -73,6 +78,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
         set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
     nodes: list[RunningNode] = []
+    status = 1
     try:
         for factory in factories:
             nodes.append(factory(context=context, command_line=command_line))
@@ -87,14 +93,23 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> None:
         for node in leading:
             while not (node.finished or stop.requested):
                 executor.spin_once(_POLL)
-        for node in nodes:
-            node.close(lambda: executor.spin_once(_POLL))
+        status = 0
+    except UserError as error:
+        status = _told(error)
     finally:
+        # Whatever happened to one of them, the others deliver and complete what they have.
         for node in nodes:
-            executor.remove_node(node.node)
-            node.node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
+            try:
+                node.close(lambda: executor.spin_once(_POLL))
+            except UserError as error:
+                status = _told(error)
+        with bounded_ending(status):
+            for node in nodes:
+                executor.remove_node(node.node)
+                node.node.destroy_node()
+            executor.shutdown()
+            context.try_shutdown()
+    return status
 
 
 class _StopSignals:
