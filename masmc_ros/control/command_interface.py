@@ -17,3 +17,10 @@ COMMAND_INTERFACE = Parameter(
     choices=COMMAND_INTERFACES,
 )
 """Declared by the controller and by the plant, which must agree."""
+
+ENABLE_STAMPED_CMD_VEL = Parameter(
+    'enable_stamped_cmd_vel',
+    False,
+    'With commanded rates, cmd_vel is a TwistStamped instead of a Twist',
+)
+"""Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
