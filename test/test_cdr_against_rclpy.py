@@ -19,7 +19,7 @@ from masmc_ros.log.cdr import (
     TimeCdr,
     TwistCdr,
 )
-from masmc_ros.log.effort import effort_layout
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.layout import Layout
 from masmc_ros.log.multi_array import MultiArrayLayout
@@ -110,7 +110,7 @@ def test_effort(stamp: int, torques: list[float]) -> None:
     ours.data[:] = torques
     label = f'effort@{stamp // 10**9}.{stamp % 10**9:09d}'
     message = array([(label, 4, 4)], 0, torques)
-    layout = effort_layout(len(label) - len('effort@'))
+    layout = EFFORT.layout(len(label) - len('effort@'))
     assert_same(ours.to_bytes(), message, layout)
 
 

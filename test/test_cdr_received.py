@@ -12,7 +12,7 @@ import pytest
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow, TelemetryCdr
-from masmc_ros.log.effort import effort_layout
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.names import JOINTS
 from masmc_ros.log.reference_window import reference_layout
@@ -53,7 +53,7 @@ EMPTY = {
 
 MESSAGES = [
     (state, joint_state_layout().layout),
-    (command, effort_layout(12)),
+    (command, EFFORT.layout(12)),
     (telemetry, telemetry_layout('tracking_error', 4)),
 ]
 
@@ -121,7 +121,7 @@ def test_numbers_are_views_on_multiples_of_eight() -> None:
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) -> None:
     label = f'{seconds}.{nanoseconds}'
-    layout = effort_layout(len(label))
+    layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
     raw[layout.digits] = label.encode()
     message = command()
@@ -134,7 +134,7 @@ def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) 
     'label', ['12', '1.2.3', '-1.5', '1.-5', '.5', '5.', ' 1.5', '1_0.5', '1.0123456789', 'now']
 )
 def test_label_without_a_stamp(label: str) -> None:
-    layout = effort_layout(len(label))
+    layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
     raw[layout.digits] = label.encode()
     message = command()

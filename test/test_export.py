@@ -21,12 +21,12 @@ from report_runs import run_of
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.reader import read_run, Run
-from masmc_ros.report.columns import COLUMNS
+from masmc_ros.report.columns import columns_of
 from masmc_ros.report.export import FORMATS, write_export
 
 COUNT = 60
 ROOT = Path(__file__).resolve().parent.parent
-NAMES = [column.name for column in COLUMNS]
+NAMES = [column.name for column in columns_of(paper_like())]
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of the platform and the time: Twist, Odometry, Clock and Time."""
+"""The motion of the platform and the time: Twist, TwistStamped, Odometry, Clock and Time."""
 
 from __future__ import annotations
 
@@ -53,6 +53,31 @@ class TwistCdr(Message):
     def __init__(self) -> None:
         """Make a twist of zeros."""
         layout, linear = twist_layout()
+        super().__init__(layout)
+        self.linear = self._view(linear, 6)[:3]
+        self.angular = self._view(linear, 6)[3:]
+
+
+@cache
+def twist_stamped_layout(frame_prefix: str = '') -> TwistLayout:
+    """Return the layout of geometry_msgs/TwistStamped in `base_link`, with a prefix."""
+    layout = Layout()
+    layout.stamp()
+    layout.string(frame_prefix + BASE_FRAME)
+    return TwistLayout(layout, layout.doubles(6))
+
+
+class TwistStampedCdr(StampedMessage):
+    """A geometry_msgs/TwistStamped in `base_link` whose numbers are views into the message.
+
+    Attributes:
+        linear: (3) velocity in m/s, x forward.
+        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    """
+
+    def __init__(self, frame_prefix: str = '') -> None:
+        """Make a twist of zeros at time 0."""
+        layout, linear = twist_stamped_layout(frame_prefix)
         super().__init__(layout)
         self.linear = self._view(linear, 6)[:3]
         self.angular = self._view(linear, 6)[3:]

@@ -171,10 +171,11 @@ class SimulatedRobot:
         )
 
     def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a command (4) for one control period, torques in N m or with `command_interface`
-        velocity forward speed in m/s, yaw rate and the arm joints' rates in rad/s.
+        """Hold a command (4) for one control period.
 
-        Raises InputError where the state is no longer finite.
+        Torques in N m, or with `command_interface` velocity the platform's forward speed in
+        m/s, its yaw rate and the arm joints' rates in rad/s. Raises InputError where the state
+        is no longer finite.
         """
         finite = plant_tick(
             self.plant,

@@ -68,8 +68,8 @@ def hold_rates(plant: Any, memory: Any, tick: int, command: Any, applied: Any) -
     """Move the true state on by one period under commanded rates.
 
     `command` (4): the platform's forward speed in m/s and yaw rate, and the arm joints' rates,
-    in rad/s; the drives turn the wheels as the robot's own lengths need it. Writes the mean torque of the period to `applied` (4, N m); tells whether the state is
-    still finite.
+    in rad/s; the drives turn the wheels as the robot's own lengths need it. Writes the mean
+    torque of the period to `applied` (4, N m); tells whether the state is still finite.
     """
     geometry, theta = as_geometry(plant['geometry']), as_base_parameters(plant['theta'])
     amplitude, frequency, phase = plant['amplitude'], plant['frequency'], plant['phase']

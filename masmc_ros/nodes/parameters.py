@@ -208,9 +208,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
         return (
-            *TIMING,
-            _PACING,
-            *ROBOT,
+            *SHARED,
             *controller_parameters.parameters(),
             *_CONTROLLER_NODE,
         )
