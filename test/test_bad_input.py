@@ -332,15 +332,3 @@ def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixt
     path.write_text(_shared('use_sim_time: false\nduration: 0.01'), encoding='utf-8')
     assert main(['simulate', str(path)]) == 0
     assert capsys.readouterr().err == ''
-
-
-@pytest.mark.parametrize('node', ['plant', 'controller'])
-def test_nodes_refuse_commanded_rates(node: str, tmp_path: Path) -> None:
-    """Rates sent as torques, or taken for torques, would be wild."""
-    pytest.importorskip('rclpy')
-    result = masmc(
-        'run', node, '--ros-args', '-p', 'command_interface:=velocity', folder=tmp_path
-    )
-    message = the_line(result.returncode, result.stdout, result.stderr)
-    assert 'command_interface = velocity' in message
-    assert 'effort' in message

@@ -9,9 +9,9 @@ import numpy as np
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.decode import message_decoder, Series
-from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.log.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.log.scan import Topic
+from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.topics import TWIST_STAMPED
 
 
@@ -42,29 +42,22 @@ def _decode(topic: Topic, *, is_stamped: bool) -> Series:
 
     Stamps are the messages' own, or of plain twists the times of the log.
     """
-    message = TwistStampedCdr() if is_stamped else TwistCdr()
+    message: Any = TwistStampedCdr() if is_stamped else TwistCdr()
     stamps, values = [], []
     make = None
     for log_time, raw in zip(topic.log_times, topic.messages, strict=True):
-        if message.load(raw):
-            six = [*message.linear.tolist(), *message.angular.tolist()]
-            stamp = message.stamp_ns if isinstance(message, TwistStampedCdr) else log_time
-        else:
-            make = make or message_decoder(topic)
-            try:
-                six, stamp = _twist(make(raw), log_time)
-            except InputError:
-                continue
+        try:
+            twist, stamp = message, log_time
+            if not message.load(raw):
+                make = make or message_decoder(topic)
+                twist = make(raw)
+            if is_stamped:
+                stamp = header_stamp(raw)
+                twist = getattr(twist, 'twist', twist)
+        except InputError:
+            continue
+        six = twist_numbers(twist)
         if np.isfinite(six).all():
             stamps.append(stamp)
             values.append((six[0], six[5]))
     return Series(np.array(stamps, np.int64), np.array(values).reshape(-1, 2))
-
-
-def _twist(received: Any, log_time: int) -> tuple[list[float], int]:
-    """Return the six numbers of a decoded Twist or TwistStamped, and its stamp in ns."""
-    twist, stamp = received, log_time
-    if hasattr(received, 'twist'):
-        twist, time = received.twist, received.header.stamp
-        stamp = time.sec * NANOSECONDS + time.nanosec
-    return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz'], stamp

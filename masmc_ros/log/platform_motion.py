@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from masmc_ros.log.layout import Layout, Message, StampedMessage
 from masmc_ros.log.names import BASE_FRAME, ODOM_FRAME
@@ -26,6 +26,16 @@ class TimeCdr(StampedMessage):
     def __init__(self) -> None:
         """Make the time 0."""
         super().__init__(time_layout())
+
+
+def twist_numbers(twist: Any) -> list[float]:
+    """Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
+
+    `twist` is one of the classes here, or a geometry_msgs/Twist of any deserialiser.
+    """
+    if isinstance(twist, TwistCdr | TwistStampedCdr):
+        return [*twist.linear.tolist(), *twist.angular.tolist()]
+    return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
 
 
 class TwistLayout(NamedTuple):

@@ -81,6 +81,7 @@ class Controller:
         """Forget what was learned and commanded: everything as at the start."""
         self.estimate[:] = self.nominal
         self.commanded[:] = 0.0
+        self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
         self._forget_disturbance()
         if not self.is_compiled:
