@@ -80,7 +80,8 @@ def rate_parts(frame_prefix: str, *, is_stamped: bool) -> list[Part]:
     """
     arm = _labelled(ArmVelocityCdr())
     if is_stamped:
-        platform = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, 2, _stamped_twist(frame_prefix))
+        read = _stamped_twist(frame_prefix)
+        platform = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, 2, read)
     else:
         platform = Part(CMD_VEL_TOPIC, TWIST, Twist, 2, _twist(), names_state=False)
     return [platform, Part(ARM_VELOCITY_TOPIC, FLOAT_ARRAY, Float64MultiArray, 2, arm)]
