@@ -44,7 +44,7 @@ _PLANT_NODE = (
     Parameter(
         'command_timeout',
         0.1,
-        'With realtime pacing, a command older than this is replaced by zero torque',
+        'With realtime pacing, a command older than this is replaced by zeros',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
