@@ -332,3 +332,15 @@ def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixt
     path.write_text(_shared('use_sim_time: false\nduration: 0.01'), encoding='utf-8')
     assert main(['simulate', str(path)]) == 0
     assert capsys.readouterr().err == ''
+
+
+@pytest.mark.parametrize(
+    'setting', ['plant:command_interface:=velocity', 'controller:enable_stamped_cmd_vel:=true']
+)
+def test_plant_and_controller_that_disagree_in_one_process(setting: str, tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    result = masmc('run', 'composed', '--ros-args', '-p', setting, folder=tmp_path)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    name = setting.split(':')[1]
+    assert f'controller.{name} = ' in message
+    assert f'which plant.{name} is' in message

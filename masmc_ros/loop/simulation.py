@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
+from masmc_ros.control.command_interface import check_agreement
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
@@ -90,12 +90,7 @@ class Simulation:
         plant, control = values['plant'], values['controller']
         self._start = control
         self._changes = tuple(changes)
-        for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
-            if plant[name] != control[name]:
-                raise InputError(
-                    f'controller.{name} = {control[name]}: expected {plant[name]}, which '
-                    f'plant.{name} is'
-                )
+        check_agreement(plant, control)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
         self.plant = SimulatedRobot(robot, self.timing.period, plant)
