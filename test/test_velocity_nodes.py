@@ -242,7 +242,9 @@ def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
         run.goes_on()
         pytest.importorskip('foxglove')
         live = run.started.start('live', *['--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0'])
-        with viewer(listening(run.tester, live)) as shown:
+        port = listening(run.tester, live)
+        run.tester.until(lambda: len(live.logged('INFO', 'turned up')) == 2, 'both topics')
+        with viewer(port) as shown:
             expected = {'/cmd_vel', '/arm_velocity_commands'}
             shown.until(lambda: set(shown.messages) >= expected, 'rates in the viewer')
             assert shown.channels['/cmd_vel']['schemaName'] == (

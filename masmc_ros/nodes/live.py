@@ -113,6 +113,8 @@ class LiveNode(SuiteNode):
             if senders:
                 self._awaited.remove(topic)
                 self._serve(topic._replace(type_name=senders[0].topic_type))
+                # foxglove-sdk may lose the subscription of a viewer that is there already.
+                self.log.info(f'{topic.name} turned up: connect a viewer again that lacks it')
 
     def _serve(self, topic: Topic) -> None:
         try:
