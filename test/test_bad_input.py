@@ -334,13 +334,13 @@ def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == ''
 
 
-@pytest.mark.parametrize('node', ['plant', 'controller'])
-def test_nodes_refuse_commanded_rates(node: str, tmp_path: Path) -> None:
-    """Rates sent as torques, or taken for torques, would be wild."""
+@pytest.mark.parametrize(
+    'setting', ['plant:command_interface:=velocity', 'controller:enable_stamped_cmd_vel:=true']
+)
+def test_plant_and_controller_that_disagree_in_one_process(setting: str, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    result = masmc(
-        'run', node, '--ros-args', '-p', 'command_interface:=velocity', folder=tmp_path
-    )
+    result = masmc('run', 'composed', '--ros-args', '-p', setting, folder=tmp_path)
     message = the_line(result.returncode, result.stdout, result.stderr)
-    assert 'command_interface = velocity' in message
-    assert 'effort' in message
+    name = setting.split(':')[1]
+    assert f'controller.{name} = ' in message
+    assert f'which plant.{name} is' in message

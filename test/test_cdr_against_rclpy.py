@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 
+from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.cdr import (
+    ArmVelocityCdr,
     EffortCdr,
     JointStateCdr,
     OdometryCdr,
@@ -18,20 +20,26 @@ from masmc_ros.log.cdr import (
     TelemetryCdr,
     TimeCdr,
     TwistCdr,
+    TwistStampedCdr,
 )
-from masmc_ros.log.effort import effort_layout
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.layout import Layout
 from masmc_ros.log.multi_array import MultiArrayLayout
 from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
-from masmc_ros.log.platform_motion import odometry_layout, time_layout, twist_layout
+from masmc_ros.log.platform_motion import (
+    odometry_layout,
+    time_layout,
+    twist_layout,
+    twist_stamped_layout,
+)
 from masmc_ros.log.reference_window import reference_layout
 from masmc_ros.log.telemetry import telemetry_layout
 
 pytest.importorskip('rclpy', reason='compares with ROS 2')
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
@@ -110,8 +118,18 @@ def test_effort(stamp: int, torques: list[float]) -> None:
     ours.data[:] = torques
     label = f'effort@{stamp // 10**9}.{stamp % 10**9:09d}'
     message = array([(label, 4, 4)], 0, torques)
-    layout = effort_layout(len(label) - len('effort@'))
+    layout = EFFORT.layout(len(label) - len('effort@'))
     assert_same(ours.to_bytes(), message, layout)
+
+
+@given(STAMPS, vectors(2))
+def test_arm_velocity(stamp: int, rates: list[float]) -> None:
+    ours = ArmVelocityCdr()
+    ours.set_stamp(stamp)
+    ours.data[:] = rates
+    label = f'velocity@{stamp // 10**9}.{stamp % 10**9:09d}'
+    layout = ARM_VELOCITY.layout(len(label) - len('velocity@'))
+    assert_same(ours.to_bytes(), array([(label, 2, 2)], 0, rates), layout)
 
 
 @pytest.mark.parametrize(('label', 'count'), TELEMETRY.items())
@@ -151,6 +169,22 @@ def test_twist(numbers: list[float]) -> None:
     message.linear.x, message.linear.y, message.linear.z = numbers[:3]
     message.angular.x, message.angular.y, message.angular.z = numbers[3:]
     assert_same(ours.to_bytes(), message, twist_layout().layout)
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/'])
+@given(STAMPS, vectors(6))
+def test_stamped_twist(prefix: str, stamp: int, numbers: list[float]) -> None:
+    ours = TwistStampedCdr(prefix)
+    ours.set_stamp(stamp)
+    ours.linear[:] = numbers[:3]
+    ours.angular[:] = numbers[3:]
+    message = TwistStamped()
+    message.header.frame_id = f'{prefix}base_link'
+    message.header.stamp = time(stamp)
+    twist = message.twist
+    twist.linear.x, twist.linear.y, twist.linear.z = numbers[:3]
+    twist.angular.x, twist.angular.y, twist.angular.z = numbers[3:]
+    assert_same(ours.to_bytes(), message, twist_stamped_layout(prefix).layout)
 
 
 @given(STAMPS, vectors(13), vectors(72))
@@ -194,8 +228,10 @@ def test_time_and_clock(stamp: int) -> None:
     [
         JointStateCdr,
         EffortCdr,
+        ArmVelocityCdr,
         OdometryCdr,
         TwistCdr,
+        TwistStampedCdr,
         TimeCdr,
         lambda: TelemetryCdr('tracking_error', 4),
     ],
@@ -204,6 +240,8 @@ def test_takes_over_what_rclpy_sends(make: Callable[[], Any]) -> None:
     types = {
         JointStateCdr: JointState,
         EffortCdr: Float64MultiArray,
+        ArmVelocityCdr: Float64MultiArray,
+        TwistStampedCdr: TwistStamped,
         OdometryCdr: Odometry,
         TwistCdr: Twist,
         TimeCdr: Time,

@@ -11,10 +11,19 @@ import numpy as np
 import pytest
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow, TelemetryCdr
-from masmc_ros.log.effort import effort_layout
+from masmc_ros.log.arm_velocity import ARM_VELOCITY
+from masmc_ros.log.cdr import (
+    ArmVelocityCdr,
+    EffortCdr,
+    JointStateCdr,
+    ReferenceWindow,
+    TelemetryCdr,
+    TwistStampedCdr,
+)
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.names import JOINTS
+from masmc_ros.log.platform_motion import twist_stamped_layout
 from masmc_ros.log.reference_window import reference_layout
 from masmc_ros.log.telemetry import telemetry_layout
 
@@ -37,6 +46,22 @@ def command() -> EffortCdr:
     return message
 
 
+def arm_command() -> ArmVelocityCdr:
+    """Return a command for the arm with different numbers."""
+    message = ArmVelocityCdr()
+    message.data[:] = [1.0, 2.0]
+    message.set_stamp(12_000_000_034)
+    return message
+
+
+def twist() -> TwistStampedCdr:
+    """Return a stamped twist with different numbers everywhere."""
+    message = TwistStampedCdr('left/')
+    message.linear[:], message.angular[:] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
+    message.set_stamp(12_000_000_034)
+    return message
+
+
 def telemetry() -> TelemetryCdr:
     """Return telemetry with different numbers everywhere."""
     message = TelemetryCdr('tracking_error', 4)
@@ -48,12 +73,16 @@ def telemetry() -> TelemetryCdr:
 EMPTY = {
     state: JointStateCdr,
     command: EffortCdr,
+    arm_command: ArmVelocityCdr,
+    twist: partial(TwistStampedCdr, 'left/'),
     telemetry: partial(TelemetryCdr, 'tracking_error', 4),
 }
 
 MESSAGES = [
     (state, joint_state_layout().layout),
-    (command, effort_layout(12)),
+    (command, EFFORT.layout(12)),
+    (arm_command, ARM_VELOCITY.layout(12)),
+    (twist, twist_stamped_layout('left/').layout),
     (telemetry, telemetry_layout('tracking_error', 4)),
 ]
 
@@ -121,7 +150,7 @@ def test_numbers_are_views_on_multiples_of_eight() -> None:
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) -> None:
     label = f'{seconds}.{nanoseconds}'
-    layout = effort_layout(len(label))
+    layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
     raw[layout.digits] = label.encode()
     message = command()
@@ -134,7 +163,7 @@ def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) 
     'label', ['12', '1.2.3', '-1.5', '1.-5', '.5', '5.', ' 1.5', '1_0.5', '1.0123456789', 'now']
 )
 def test_label_without_a_stamp(label: str) -> None:
-    layout = effort_layout(len(label))
+    layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
     raw[layout.digits] = label.encode()
     message = command()
@@ -205,6 +234,26 @@ def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:
     assert received.to_bytes() == before
     received.load_message(joint_state())
     assert received.position.tolist() == [0, 1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ('data', 'expected'),
+    [
+        ([1.0] * 4, '4 numbers; it takes 2, the rates of arm_joint_1, arm_joint_2'),
+        ([1.0, np.nan], "rate of 'arm_joint_2' is not a finite"),
+    ],
+)
+def test_refused_command_for_the_arm(data: list[float], expected: str) -> None:
+    received = arm_command()
+    before = received.to_bytes()
+    with pytest.raises(InputError, match=expected):
+        received.load_message(array(data))
+    assert received.to_bytes() == before
+
+
+def test_a_command_of_another_kind_is_another_layout() -> None:
+    assert not arm_command().load(command().to_bytes())
+    assert not command().load(arm_command().to_bytes())
 
 
 @pytest.mark.parametrize(

@@ -6,21 +6,26 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 import numpy as np
 
+from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.cdr import (
+    ArmVelocityCdr,
     EffortCdr,
     JointStateCdr,
     OdometryCdr,
     TelemetryCdr,
     TimeCdr,
     TwistCdr,
+    TwistStampedCdr,
 )
 from masmc_ros.log.rows import (
+    command_rows,
     effort_rows,
     joint_state_rows,
     odometry_rows,
     telemetry_rows,
     time_rows,
     twist_rows,
+    twist_stamped_rows,
 )
 
 STAMPS = hnp.arrays(np.int64, st.integers(0, 12), elements=st.integers(0, 2**31 * 10**9 - 1))
@@ -55,6 +60,21 @@ def test_commands(stamps: np.ndarray) -> None:
             message.data[:] = values[index]
             assert row.tobytes() == message.to_bytes()
     assert sorted(seen) == list(range(len(stamps)))
+
+
+@given(STAMPS)
+def test_rates(stamps: np.ndarray) -> None:
+    values = numbers(len(stamps), 8)
+    arm, twist = ArmVelocityCdr(), TwistStampedCdr('left/')
+    twists = twist_stamped_rows(stamps, values[:, 2:], 'left/')
+    for indices, rows in command_rows(ARM_VELOCITY, stamps, values[:, :2]):
+        for index, row in zip(indices.tolist(), rows, strict=True):
+            for message in (arm, twist):
+                message.set_stamp(int(stamps[index]))
+            arm.data[:] = values[index, :2]
+            twist.linear[:], twist.angular[:] = values[index, 2:5], values[index, 5:]
+            assert row.tobytes() == arm.to_bytes()
+            assert twists[index].tobytes() == twist.to_bytes()
 
 
 @given(STAMPS)

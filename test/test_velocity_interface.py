@@ -72,14 +72,27 @@ def test_a_reset_repeats_the_run_to_the_bit() -> None:
     assert (one.applied == other.applied).all()
 
 
-def test_the_platform_command_is_that_of_its_wheels() -> None:
-    one = simulation('duration=0.01')
-    list(one.run())
-    right, left, _, _ = one.controller.velocity_command
-    r, b = 0.0508, 0.182
-    assert one.controller.platform_command == pytest.approx(
-        (0.5 * r * (right + left), 0.5 * r / b * (right - left)), abs=1e-15
+def test_a_base_moves_as_it_is_told_on_wheels_of_its_own() -> None:
+    robot = {'wheel_radius': 0.08, 'half_track': 0.25}
+    one = simulation(
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        *(f'plant.robot.{name}={value}' for name, value in robot.items()),
     )
+    forward, turn, *arm = command = np.array([0.4, 0.5, 0.2, -0.1])
+    for _ in range(1000):
+        one.plant.advance(command)
+    velocity = one.plant.true_velocity
+    assert np.hypot(*velocity[:2]) == pytest.approx(forward, rel=1e-4)
+    assert velocity[2] == pytest.approx(turn, rel=1e-4)
+    wheels = (forward + 0.25 * turn) / 0.08, (forward - 0.25 * turn) / 0.08
+    assert velocity[3:].tolist() == pytest.approx([*wheels, *arm], rel=1e-3)
+
+
+def test_the_controller_need_not_know_the_wheels() -> None:
+    """A base that is told its speed and yaw rate knows how far apart and how large they are."""
+    wrong = 'controller.robot.wheel_radius=0.07', 'controller.robot.half_track=0.15'
+    (known,), (unknown,) = simulation().run(block=30_000), simulation(*wrong).run(block=30_000)
+    assert rms(unknown) == pytest.approx(rms(known), rel=0.1)
 
 
 def test_drives_that_follow_let_the_error_decay_with_sigma() -> None:
@@ -135,6 +148,7 @@ def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
 
 
 @pytest.mark.parametrize('node', ['plant', 'controller'])
-def test_both_must_agree(node: str) -> None:
-    with pytest.raises(InputError, match='command_interface'):
-        Simulation(load_scenario(PAPER, (f'{node}.command_interface=velocity',)))
+@pytest.mark.parametrize('setting', ['command_interface=velocity', 'enable_stamped_cmd_vel=true'])
+def test_both_must_agree(node: str, setting: str) -> None:
+    with pytest.raises(InputError, match=setting.partition('=')[0]):
+        Simulation(load_scenario(PAPER, (f'{node}.{setting}',)))

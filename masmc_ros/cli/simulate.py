@@ -22,6 +22,7 @@ from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
+from masmc_ros.robot import AXES
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
@@ -61,7 +62,8 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             if again is not None:
                 again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
-            torques.append(stretch.torque)
+            if not len(stretch.rates):
+                torques.append(stretch.torque)
             singular += stretch.singular
             progress.update(len(stretch.torque))
     _print_table(source, simulation, errors, torques, stretch)
@@ -98,11 +100,13 @@ def _print_table(
 ) -> None:
     error = np.concatenate(errors)
     times = np.arange(len(error), dtype=np.float64) * simulation.timing.period
+    # Where rates were commanded there are no torques.
+    torque = np.concatenate([np.zeros((0, AXES)), *torques])
     reached = measure(
         times,
         error,
-        times,
-        np.concatenate(torques),
+        times[: len(torque)],
+        torque,
         last.estimate[-1:],
         second_half(times),
     )

@@ -3,7 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.text import yaml_text
 
 COMMAND_INTERFACES = ('effort', 'velocity')
 """Choices of `command_interface`; compiled code knows them by their position here."""
@@ -17,3 +22,20 @@ COMMAND_INTERFACE = Parameter(
     choices=COMMAND_INTERFACES,
 )
 """Declared by the controller and by the plant, which must agree."""
+
+ENABLE_STAMPED_CMD_VEL = Parameter(
+    'enable_stamped_cmd_vel',
+    False,
+    'With commanded rates, cmd_vel is a TwistStamped instead of a Twist',
+)
+"""Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
+
+
+def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
+    """Raise InputError where a plant does not take what a controller sends, by their values."""
+    for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
+        if plant[name] != controller[name]:
+            raise InputError(
+                f'controller.{name} = {yaml_text(controller[name])}: expected '
+                f'{yaml_text(plant[name])}, which plant.{name} is'
+            )

@@ -9,13 +9,15 @@ labels as they come.
 
 from __future__ import annotations
 
+from masmc_ros.log.arm_velocity import ArmVelocityCdr
 from masmc_ros.log.effort import EffortCdr
 from masmc_ros.log.joint_state import JointStateCdr
-from masmc_ros.log.platform_motion import OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.log.platform_motion import OdometryCdr, TimeCdr, TwistCdr, TwistStampedCdr
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.telemetry import TelemetryCdr
 
 __all__ = [
+    'ArmVelocityCdr',
     'EffortCdr',
     'JointStateCdr',
     'OdometryCdr',
@@ -23,4 +25,5 @@ __all__ = [
     'TelemetryCdr',
     'TimeCdr',
     'TwistCdr',
+    'TwistStampedCdr',
 ]

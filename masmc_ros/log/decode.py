@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.effort import (
-    EffortCdr,
-    EffortLayout,
+from masmc_ros.log.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.log.labelled_command import (
+    CommandKind,
     LABEL_SIZE,
-    layout_of_label,
+    LabelledCdr,
+    LabelledLayout,
     NANOSECOND_DIGITS,
 )
-from masmc_ros.log.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
-from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
+from masmc_ros.log.names import JOINTS
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.scan import Topic
 from masmc_ros.log.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
@@ -185,32 +185,31 @@ def joint_states() -> Topical:
     return Topical(3 * len(JOINTS), _same, bulk, single)
 
 
-def commands() -> Topical:
-    """Read commands: 4 torques; those without a label take their log time."""
-    message = EffortCdr()
+def commands(kind: CommandKind) -> Topical:
+    """Read commands of a kind, a number a joint; those without a label take their log time."""
+    message = LabelledCdr(kind)
+    width = len(kind.joints)
 
-    def kind(raw: bytes) -> Hashable:
+    def size(raw: bytes) -> Hashable:
         return raw[LABEL_SIZE]
 
     def bulk(rows: Rows) -> Bulk | None:
-        layout = layout_of_label(rows[0, LABEL_SIZE].tobytes())
+        layout = kind.layout_of_label(rows[0, LABEL_SIZE].tobytes())
         usable = None if layout is None else _usable(rows, layout)
         if layout is None or usable is None:
             return None
         plain, stamps = _label_stamps(rows, layout)
-        return Bulk(
-            usable & plain, Series(stamps, _numbers(rows, layout.data, len(DRIVEN_JOINTS)))
-        )
+        return Bulk(usable & plain, Series(stamps, _numbers(rows, layout.data, width)))
 
     def single(received: Any, log_time: int) -> tuple[int, Floats]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
         return stamp, message.data.copy()
 
-    return Topical(len(DRIVEN_JOINTS), kind, bulk, single)
+    return Topical(width, size, bulk, single)
 
 
-def _label_stamps(rows: Rows, layout: EffortLayout) -> tuple[NDArray[np.bool_], Stamps]:
+def _label_stamps(rows: Rows, layout: LabelledLayout) -> tuple[NDArray[np.bool_], Stamps]:
     """Return which labels have nine digits of nanoseconds, and the stamps in ns of those."""
     point = layout.digits.stop - NANOSECOND_DIGITS - 1
     if point <= layout.digits.start:

@@ -3,12 +3,22 @@
 
 from __future__ import annotations
 
-from masmc_ros.robot.names import BASE_FRAME, BASE_JOINTS, DRIVEN_JOINTS, JOINTS, ODOM_FRAME
+from masmc_ros.robot.names import (
+    ARM_JOINTS,
+    BASE_FRAME,
+    BASE_JOINTS,
+    DRIVEN_JOINTS,
+    JOINTS,
+    ODOM_FRAME,
+)
 
 __all__ = [
     'ACTUAL_PATH_TOPIC',
+    'ARM_JOINTS',
+    'ARM_VELOCITY_TOPIC',
     'BASE_FRAME',
     'BASE_JOINTS',
+    'CMD_VEL_TOPIC',
     'COMMAND_TOPIC',
     'DERIVATIVES',
     'DESCRIPTION_TOPIC',
@@ -31,6 +41,8 @@ DERIVATIVES = 3
 
 STATE_TOPIC = 'joint_states'
 COMMAND_TOPIC = 'effort_commands'
+CMD_VEL_TOPIC = 'cmd_vel'
+ARM_VELOCITY_TOPIC = 'arm_velocity_commands'
 REFERENCE_TOPIC = 'reference'
 DESCRIPTION_TOPIC = 'robot_description'
 DESIRED_PATH_TOPIC = 'path/desired'

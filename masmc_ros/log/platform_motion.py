@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of the platform and the time: Twist, Odometry, Clock and Time."""
+"""The motion of the platform and the time: Twist, TwistStamped, Odometry, Clock and Time."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from masmc_ros.log.layout import Layout, Message, StampedMessage
 from masmc_ros.log.names import BASE_FRAME, ODOM_FRAME
@@ -26,6 +26,16 @@ class TimeCdr(StampedMessage):
     def __init__(self) -> None:
         """Make the time 0."""
         super().__init__(time_layout())
+
+
+def twist_numbers(twist: Any) -> list[float]:
+    """Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
+
+    `twist` is one of the classes here, or a geometry_msgs/Twist of any deserialiser.
+    """
+    if isinstance(twist, TwistCdr | TwistStampedCdr):
+        return [*twist.linear.tolist(), *twist.angular.tolist()]
+    return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
 
 
 class TwistLayout(NamedTuple):
@@ -53,6 +63,31 @@ class TwistCdr(Message):
     def __init__(self) -> None:
         """Make a twist of zeros."""
         layout, linear = twist_layout()
+        super().__init__(layout)
+        self.linear = self._view(linear, 6)[:3]
+        self.angular = self._view(linear, 6)[3:]
+
+
+@cache
+def twist_stamped_layout(frame_prefix: str = '') -> TwistLayout:
+    """Return the layout of geometry_msgs/TwistStamped in `base_link`, with a prefix."""
+    layout = Layout()
+    layout.stamp()
+    layout.string(frame_prefix + BASE_FRAME)
+    return TwistLayout(layout, layout.doubles(6))
+
+
+class TwistStampedCdr(StampedMessage):
+    """A geometry_msgs/TwistStamped in `base_link` whose numbers are views into the message.
+
+    Attributes:
+        linear: (3) velocity in m/s, x forward.
+        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    """
+
+    def __init__(self, frame_prefix: str = '') -> None:
+        """Make a twist of zeros at time 0."""
+        layout, linear = twist_stamped_layout(frame_prefix)
         super().__init__(layout)
         self.linear = self._view(linear, 6)[:3]
         self.angular = self._view(linear, 6)[3:]

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.bag import METADATA_FILE
+from masmc_ros.log.commanded_rates import twists
 from masmc_ros.log.decode import (
     commands,
     decode,
@@ -21,10 +23,15 @@ from masmc_ros.log.decode import (
     telemetry,
     Topical,
 )
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
+    ARM_JOINTS,
+    ARM_VELOCITY_TOPIC,
     BASE_JOINTS,
+    CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    DRIVEN_JOINTS,
     JOINTS,
     REFERENCE_TOPIC,
     STATE_TOPIC,
@@ -35,11 +42,14 @@ from masmc_ros.log.parameter_history import parameter_history
 from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
+from masmc_ros.log.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 
 Floats = NDArray[np.float64]
 
+_TWIST = 2
+"""Forward speed and yaw rate."""
+
 _STATE_TYPE = 'sensor_msgs/msg/JointState'
-_ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 
 
 @dataclass(frozen=True)
@@ -54,8 +64,13 @@ class Run:
         position: (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
         velocity: (N, 7) their rates in m/s and rad/s.
         applied_effort: (N, 4) torques applied over the interval that ends with the state, N m.
-        torque: (M, 4) commanded torques in N m.
+        torque: (M, 4) commanded torques in N m; M = 0 where rates were commanded.
         torque_times: (M) stamps of the states that they answer.
+        cmd_vel: (P, 2) commanded forward speed in m/s and yaw rate in rad/s of the platform;
+            P = 0 where torques were commanded.
+        cmd_vel_times: (P) stamps of the states that they answer, or else of the log.
+        arm_rates: (Q, 2) commanded rates of the arm's joints in rad/s; Q = 0 likewise.
+        arm_rate_times: (Q) stamps of the states that they answer.
         reference: (N, 12) position (m), velocity (m/s) and acceleration (m/s^2) of x_E, y_E,
             x_F, y_F at the time of each state; None where the log has none, NaN before it
             begins.
@@ -80,6 +95,10 @@ class Run:
     applied_effort: Floats
     torque: Floats
     torque_times: Floats
+    cmd_vel: Floats
+    cmd_vel_times: Floats
+    arm_rates: Floats
+    arm_rate_times: Floats
     reference: Floats | None
     tracking_error: Floats | None
     tracking_error_times: Floats | None
@@ -93,6 +112,11 @@ class Run:
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
+
+    @property
+    def commands_rates(self) -> bool:
+        """Whether rates were commanded, and no torques."""
+        return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
 
 
 def is_log(path: Path) -> bool:
@@ -126,20 +150,24 @@ def _run(path: Path, records: Records) -> Run:
     namespace = states_topic.name.removesuffix(STATE_TOPIC)
 
     def series(name: str, how: Topical) -> Series | None:
-        topic = _topic(records, namespace + name, _ARRAY_TYPE)
-        return None if topic is None else _last_pass(decode(topic, how))
+        topic = _topic(records, namespace + name, FLOAT_ARRAY)
+        return None if topic is None else decode(topic, how)
 
     every_state = decode(states_topic, joint_states())
-    states = _last_pass(every_state)
+    states = _last_pass(every_state, 3 * len(JOINTS))
     history = parameter_history(records, namespace, _begun(states_topic, every_state))
     position, velocity, effort = np.hsplit(states.values, 3)
-    torques = series(COMMAND_TOPIC, commands())
-    if torques is None:
-        torques = Series(np.zeros(0, np.int64), np.zeros((0, len(JOINTS) - len(BASE_JOINTS))))
-    references = _topic(records, namespace + REFERENCE_TOPIC, _ARRAY_TYPE)
+    torques = _last_pass(series(COMMAND_TOPIC, commands(EFFORT)), len(DRIVEN_JOINTS))
+    every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY))
+    arm_rates = _last_pass(every_arm_rate, len(ARM_JOINTS))
+    cmd_vel_topic = _topic(records, namespace + CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
+    every_twist = None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate)
+    cmd_vel = _last_pass(every_twist, _TWIST)
+    references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
     told = {
-        label: series(telemetry_topic(label), telemetry(label, count))
+        label: None if each is None else _last_pass(each, count)
         for label, count in TELEMETRY.items()
+        for each in (series(telemetry_topic(label), telemetry(label, count)),)
     }
     values = {label: None if each is None else each.values for label, each in told.items()}
     times = {label: None if each is None else _seconds(each) for label, each in told.items()}
@@ -151,6 +179,10 @@ def _run(path: Path, records: Records) -> Run:
         applied_effort=effort[:, len(BASE_JOINTS) :],
         torque=torques.values,
         torque_times=_seconds(torques),
+        cmd_vel=cmd_vel.values,
+        cmd_vel_times=_seconds(cmd_vel),
+        arm_rates=arm_rates.values,
+        arm_rate_times=_seconds(arm_rates),
         reference=(
             None
             if references is None
@@ -191,18 +223,21 @@ def _only_states(records: Records) -> Topic:
     return topic
 
 
-def _topic(records: Records, name: str, type_name: str) -> Topic | None:
+def _topic(records: Records, name: str, *type_names: str) -> Topic | None:
     """Return a topic that has messages, None where there is none such."""
     topic = records.topics.get(name)
     if topic is None or not topic.messages:
         return None
     found = topic.schema.name if topic.schema else 'no type'
-    if found != type_name:
-        raise InputError(f'{name} is {found}; it takes {type_name}')
+    if found not in type_names:
+        raise InputError(f'{name} is {found}; it takes {" or ".join(type_names)}')
     return topic
 
 
-def _last_pass(series: Series) -> Series:
+def _last_pass(series: Series | None, width: int) -> Series:
+    """Return what still holds at the end; nothing, `width` wide, of a topic that is missing."""
+    if series is None:
+        return Series(np.zeros(0, np.int64), np.zeros((0, width)))
     kept = last_pass(series.stamps)
     return Series(series.stamps[kept], series.values[kept])
 

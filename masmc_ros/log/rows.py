@@ -8,10 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from masmc_ros.log.effort import effort_layout, NANOSECOND_DIGITS
+from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
+from masmc_ros.log.labelled_command import CommandKind, NANOSECOND_DIGITS
 from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
-from masmc_ros.log.platform_motion import odometry_layout, time_layout, twist_layout
+from masmc_ros.log.platform_motion import (
+    odometry_layout,
+    time_layout,
+    twist_layout,
+    twist_stamped_layout,
+)
 from masmc_ros.log.telemetry import telemetry_layout
 from masmc_ros.log.transforms import transforms_layout
 
@@ -19,7 +25,7 @@ Rows = NDArray[np.uint8]
 Stamps = NDArray[np.int64]
 
 
-class EffortRows(NamedTuple):
+class CommandRows(NamedTuple):
     """Commands whose labels are equally long.
 
     Attributes:
@@ -66,20 +72,26 @@ def joint_state_rows(
     return rows
 
 
-def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[EffortRows]:
+def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[CommandRows]:
+    """Return commands of torques (N, 4) in N m; see `command_rows`."""
+    return command_rows(EFFORT, stamps, torques)
+
+
+def command_rows(kind: CommandKind, stamps: Stamps, numbers: ArrayLike) -> list[CommandRows]:
     """Return commands, one group for each number of digits of the seconds.
 
     Args:
+        kind: what they are.
         stamps: (N) of the states that they answer, in ns, not negative.
-        torques: (N, 4) in N m.
+        numbers: (N, n), one for each joint of the kind.
     """
-    torques = np.asarray(torques)
+    numbers = np.asarray(numbers)
     seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
     lengths = np.char.str_len(seconds.astype(str))
     groups = []
     for length in np.unique(lengths).tolist():
         indices = np.flatnonzero(lengths == length)
-        layout = effort_layout(length + 1 + NANOSECOND_DIGITS)
+        layout = kind.layout(length + 1 + NANOSECOND_DIGITS)
         rows = _rows(layout, len(indices))
         start = layout.digits.start
         rows[:, start : start + length] = _digits(seconds[indices], length)
@@ -87,8 +99,8 @@ def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[EffortRows]:
         rows[:, start + length + 1 : layout.digits.stop] = _digits(
             nanoseconds[indices], NANOSECOND_DIGITS
         )
-        _fill(rows, layout.data, torques[indices])
-        groups.append(EffortRows(indices, rows))
+        _fill(rows, layout.data, numbers[indices])
+        groups.append(CommandRows(indices, rows))
     return groups
 
 
@@ -117,6 +129,21 @@ def twist_rows(twists: ArrayLike) -> Rows:
     """Return twists as (N, size) of (N, 6): linear (m/s), then angular (rad/s)."""
     layout, linear = twist_layout()
     rows = _rows(layout, len(np.asarray(twists)))
+    _fill(rows, linear, twists)
+    return rows
+
+
+def twist_stamped_rows(stamps: Stamps, twists: ArrayLike, frame_prefix: str = '') -> Rows:
+    """Return stamped twists in `base_link` as (N, size); see `twist_rows`.
+
+    Args:
+        stamps: (N) in ns.
+        twists: (N, 6).
+        frame_prefix: of the frame's name.
+    """
+    layout, linear = twist_stamped_layout(frame_prefix)
+    rows = _rows(layout, len(stamps))
+    _fill_stamps(rows, stamps)
     _fill(rows, linear, twists)
     return rows
 

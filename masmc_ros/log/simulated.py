@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.log import rows
+from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
@@ -27,7 +30,13 @@ from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.text import string_message
-from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, TOPICS, TRANSFORMS
+from masmc_ros.log.topics import (
+    PARAMETER_NODES,
+    parameters_topic,
+    TOPICS,
+    TRANSFORMS,
+    TWIST_STAMPED,
+)
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.writer import ChannelRows, LogWriter
 from masmc_ros.loop.simulation import Change, robot_of, Simulation, Stretch
@@ -65,11 +74,20 @@ class SimulationLog:
         self._actual = ActualPath(simulation.timing, robot, self._prefix)
         self._desired = self._desired_path()
         self._writer = LogWriter(path, compression=recorder['compression'])
+        controller = values['controller']
+        self._is_stamped: bool = controller['enable_stamped_cmd_vel']
+        self._command_prefix = check_frame_prefix(controller['frame_prefix'])
+        types = {topic.name: topic.type_name for topic in TOPICS}
+        if self._is_stamped:
+            types[CMD_VEL_TOPIC] = TWIST_STAMPED
+        rates, torques = (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC), (COMMAND_TOPIC,)
+        for name in torques if simulation.controller.commands_rates else rates:
+            del types[name]
         self._channels = {
-            topic.name: self._writer.channel(
-                f'/{topic.name.lstrip("/")}', topic.type_name, Qos(durability='transient_local')
+            name: self._writer.channel(
+                f'/{name.lstrip("/")}', type_name, Qos(durability='transient_local')
             )
-            for topic in TOPICS
+            for name, type_name in types.items()
         }
 
     def _desired_path(self) -> bytes | None:
@@ -147,8 +165,19 @@ class SimulationLog:
         return self._rows(STATE_TOPIC, stamps, data)
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
-        for group in rows.effort_rows(stamps, stretch.torque):
-            yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
+        if not self._simulation.controller.commands_rates:
+            for group in rows.effort_rows(stamps, stretch.torque):
+                yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
+            return
+        twists = np.zeros((len(stamps), 6))
+        twists[:, 0], twists[:, 5] = stretch.rates[:, 0], stretch.rates[:, 1]
+        if self._is_stamped:
+            data = rows.twist_stamped_rows(stamps, twists, self._command_prefix)
+        else:
+            data = rows.twist_rows(twists)
+        yield self._rows(CMD_VEL_TOPIC, stamps, data)
+        for group in rows.command_rows(ARM_VELOCITY, stamps, stretch.rates[:, 2:]):
+            yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.rows)
 
     def _telemetry(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]

@@ -6,9 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.arm_velocity import ArmVelocityCdr
 from masmc_ros.log.effort import EffortCdr
+from masmc_ros.log.labelled_command import LabelledCdr
 from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, STAMP
-from masmc_ros.log.names import COMMAND_TOPIC, TELEMETRY, telemetry_topic
+from masmc_ros.log.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.log.telemetry import TelemetryCdr
 
 StampReader = Callable[[bytes], int | None]
@@ -19,6 +21,7 @@ _STAMPED = (
     'sensor_msgs/msg/JointState',
     'nav_msgs/msg/Odometry',
     'nav_msgs/msg/Path',
+    'geometry_msgs/msg/TwistStamped',
     'rosgraph_msgs/msg/Clock',
 )
 """Types that begin with a stamp on the robot's clock."""
@@ -54,8 +57,9 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     if type_name == TRANSFORMS_TYPE:
         return transforms_stamp
     if topic == COMMAND_TOPIC:
-        command = EffortCdr()
-        return lambda raw: command.stamp_ns if command.load(raw) else None
+        return _command_reader(EffortCdr())
+    if topic == ARM_VELOCITY_TOPIC:
+        return _command_reader(ArmVelocityCdr())
     for label, count in TELEMETRY.items():
         if topic == telemetry_topic(label):
             telemetry = TelemetryCdr(label, count)
@@ -70,6 +74,10 @@ def _header_stamp_or_none(raw: bytes) -> int | None:
     except InputError:
         return None
     return stamp if stamp >= 0 else None
+
+
+def _command_reader(command: LabelledCdr) -> StampReader:
+    return lambda raw: command.stamp_ns if command.load(raw) else None
 
 
 def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
@@ -18,6 +20,8 @@ from masmc_ros.log.names import (
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 PATH = 'nav_msgs/msg/Path'
+TWIST = 'geometry_msgs/msg/Twist'
+TWIST_STAMPED = 'geometry_msgs/msg/TwistStamped'
 PARAMETER_NODES = ('plant', 'trajectory', 'controller')
 
 
@@ -32,6 +36,8 @@ class Topic(NamedTuple):
     """Whether late subscribers are given what was sent before."""
     holds: bool = False
     """Whether a message is valid until the next one, however long that takes."""
+    turns_up: bool = False
+    """Whether only some runs have it, of the type that its sender says."""
 
 
 def parameters_topic(node: str) -> str:
@@ -60,6 +66,22 @@ TOPICS = (
         'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered',
     ),
     Topic(
+        CMD_VEL_TOPIC,
+        TWIST,
+        'controller → plant',
+        'with commanded rates, forward speed in m/s and yaw rate in rad/s; a TwistStamped in '
+        '`base_link` with `enable_stamped_cmd_vel`',
+        turns_up=True,
+    ),
+    Topic(
+        ARM_VELOCITY_TOPIC,
+        FLOAT_ARRAY,
+        'controller → plant',
+        "with commanded rates, those of the arm's joints in rad/s; the label "
+        '`velocity@SEC.NANOSEC` names the state answered',
+        turns_up=True,
+    ),
+    Topic(
         REFERENCE_TOPIC,
         FLOAT_ARRAY,
         'trajectory → controller',
@@ -67,7 +89,7 @@ TOPICS = (
         '4, 8 or 12 bare numbers are a set-point',
     ),
     Topic('odom', 'nav_msgs/msg/Odometry', 'plant →', 'pose and twist of `base_link` in `odom`'),
-    Topic('base_twist', 'geometry_msgs/msg/Twist', 'plant →', "the platform's measured motion"),
+    Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
     *(
         Topic(
             telemetry_topic(label),

@@ -27,7 +27,6 @@ from masmc_ros.robot.geometry import (
     Posture,
     posture,
     quasi_velocity,
-    reduced_velocity,
 )
 from masmc_ros.robot.kinematics import (
     is_singular,
@@ -92,22 +91,20 @@ def implicit_law(
 
 
 @formula
-def command_rates(settings: Any, geometry: Geometry, v_r: Quad, a_r: Quad, rates: Any) -> None:
-    """Write the rates (4, rad/s) of the kinematic law, v_r + T a_r / 2.
+def command_rates(settings: Any, v_r: Quad, a_r: Quad, rates: Any) -> None:
+    """Write the command of the kinematic law, v_r + T a_r / 2, as a base and an arm take it.
 
     Drives that follow v_r let the error decay as on the sliding surface, edot = -sigma e. The
-    command is held for a period, whose middle the second term looks ahead to.
+    command is held for a period, whose middle the second term looks ahead to. `rates` (4):
+    forward speed in m/s, yaw rate and both arm joints' rates in rad/s.
     """
     ahead = 0.5 * settings['period']
-    command = reduced_velocity(
-        geometry,
-        v_r[0] + ahead * a_r[0],
-        v_r[1] + ahead * a_r[1],
-        v_r[2] + ahead * a_r[2],
-        v_r[3] + ahead * a_r[3],
-    )
-    for i in range(AXES):
-        rates[i] = command[i]
+    turn = v_r[1] + ahead * a_r[1]
+    link_1 = v_r[2] + ahead * a_r[2]
+    rates[0] = v_r[0] + ahead * a_r[0]
+    rates[1] = turn
+    rates[2] = link_1 - turn
+    rates[3] = v_r[3] + ahead * a_r[3] - link_1
 
 
 @formula
@@ -136,7 +133,7 @@ def control(
         geometry, bend, v, position, reference, settings['sigma'], error, surface
     )
     if settings['command_interface'] == VELOCITY:
-        command_rates(settings, geometry, v_r, a_r, memory['velocity_command'])
+        command_rates(settings, v_r, a_r, memory['velocity_command'])
         for i in range(AXES):
             raw_torque[i] = 0.0
             torque[i] = 0.0

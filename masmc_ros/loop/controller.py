@@ -23,7 +23,6 @@ from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.torque_limits import limit_command
 from masmc_ros.loop.velocity_tick import estimated_velocity
 from masmc_ros.robot import AXES, BASE_PARAMETERS
-from masmc_ros.robot.geometry import Geometry, quasi_velocity
 from masmc_ros.robot.parameters import Robot
 
 _AS_THEY_ARE = (
@@ -50,7 +49,8 @@ class Controller:
     `torque` (4, N m), `error` (4, m) and `surface` (4, m/s) are the last tick's results,
     `raw_torque` (4) what the law asked for before `torque_limit` and `torque_rate_limit`,
     `used_estimate` (7) the theta_hat in that torque, `estimate` (7) the next tick's.
-    With `command_interface` velocity `velocity_command` (4, rad/s) stands in for the torque.
+    With `command_interface` velocity `velocity_command` (4) stands in for the torque: forward
+    speed of the platform in m/s, its yaw rate and the rates of both arm joints in rad/s.
     `commanded` (4, N m) is what the rate is limited against; who commands something else
     in the controller's place writes it there.
     """
@@ -81,6 +81,7 @@ class Controller:
         """Forget what was learned and commanded: everything as at the start."""
         self.estimate[:] = self.nominal
         self.commanded[:] = 0.0
+        self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
         self._forget_disturbance()
         if not self.is_compiled:
@@ -114,13 +115,6 @@ class Controller:
     def commands_rates(self) -> bool:
         """Whether the command is `velocity_command` instead of `torque`."""
         return bool(self.settings['command_interface'][0] == VELOCITY)
-
-    @property
-    def platform_command(self) -> tuple[float, float]:
-        """Forward speed in m/s and yaw rate in rad/s of `velocity_command`, for a base."""
-        rates = self.velocity_command.tolist()
-        forward, turn, _, _ = quasi_velocity(Geometry(*self.geometry.tolist()), *rates)
-        return forward, turn
 
     def tick(
         self,

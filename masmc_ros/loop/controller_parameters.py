@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE
+from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.control.laws import registry
 from masmc_ros.control.reaching import SWITCHING
 from masmc_ros.control.velocity_estimator import SOURCES
@@ -170,5 +170,6 @@ def parameters() -> tuple[Parameter, ...]:
         *LIMITS,
         *ESTIMATOR,
         COMMAND_INTERFACE,
+        ENABLE_STAMPED_CMD_VEL,
         *registry.parameters(),
     )

@@ -47,7 +47,7 @@ MEMORY = np.dtype(
         ('disturbance', 'f8', AXES),  # d of the implicit law, N
         ('predicted', 'f8', AXES),  # s+ in m/s, not-a-number where there is none
         ('commanded', 'f8', AXES),  # torque of the last tick, N m
-        ('velocity_command', 'f8', AXES),  # rates of the last tick, rad/s
+        ('velocity_command', 'f8', AXES),  # of the last tick: m/s, then three rates in rad/s
         ('follows', 'i8'),  # whether the velocity estimator has begun
         ('angles', 'f8', AXES),  # its estimates: rad, rad/s, rad/s2
         ('rates', 'f8', AXES),

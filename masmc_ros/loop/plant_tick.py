@@ -79,9 +79,9 @@ def plant_tick(
 ) -> bool:
     """Advance the plant by one control period; tell whether its state is still finite.
 
-    In: one record of PLANT_SETTINGS; the tick that the command (4, N m or
-    rad/s) answers. In and out: one
-    record of PLANT_MEMORY with the true state, and the measurements under way.
+    In: one record of PLANT_SETTINGS; the tick that the command (4, N m, or m/s and rad/s as in
+    `hold_rates`) answers. In and out: one record of PLANT_MEMORY with the true state, and the
+    measurements under way.
     Out: the torque applied (4, N m), within the motors' limits, and what is measured at the
     next tick, positions (7) and velocities (7) in the order of joint_states.
     """

@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES
+from masmc_ros.control.command_interface import (
+    COMMAND_INTERFACE,
+    COMMAND_INTERFACES,
+    ENABLE_STAMPED_CMD_VEL,
+)
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
 from masmc_ros.loop.plant_tick import plant_start, plant_tick
@@ -79,6 +83,7 @@ PLANT = (
         minimum=0.0,
     ),
     COMMAND_INTERFACE,
+    ENABLE_STAMPED_CMD_VEL,
     Parameter(
         'velocity_loop.bandwidth',
         (100.0, 100.0, 100.0, 100.0),
@@ -166,9 +171,11 @@ class SimulatedRobot:
         )
 
     def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a command (4) for one control period: N m, or rad/s by `command_interface`.
+        """Hold a command (4) for one control period.
 
-        Raises InputError where the state is no longer finite.
+        Torques in N m, or with `command_interface` velocity the platform's forward speed in
+        m/s, its yaw rate and the arm joints' rates in rad/s. Raises InputError where the state
+        is no longer finite.
         """
         finite = plant_tick(
             self.plant,

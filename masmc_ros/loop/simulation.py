@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.control.command_interface import check_agreement
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
@@ -57,7 +58,8 @@ class Stretch:
     torque: Array
     """(n, 4) command computed at the tick."""
     rates: Array
-    """(n, 4) rad/s commanded at the tick in place of a torque; (0, 4) where a torque is."""
+    """(n, 4) commanded at the tick in place of a torque: forward speed in m/s, yaw rate and
+    both arm joints' rates in rad/s; (0, 4) where a torque is."""
     reference: Array
     """(n, 12) x_d, xdot_d, xddot_d."""
     error: Array
@@ -88,11 +90,7 @@ class Simulation:
         plant, control = values['plant'], values['controller']
         self._start = control
         self._changes = tuple(changes)
-        if plant['command_interface'] != control['command_interface']:
-            raise InputError(
-                f'controller.command_interface = {control["command_interface"]}: expected '
-                f'{plant["command_interface"]}, which plant.command_interface is'
-            )
+        check_agreement(plant, control)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
         self.plant = SimulatedRobot(robot, self.timing.period, plant)
@@ -137,6 +135,8 @@ class Simulation:
     def _check_finite(self, stretch: Stretch) -> None:
         finite = np.isfinite(stretch.torque).all(axis=1)
         finite &= np.isfinite(stretch.true_position).all(axis=1)
+        if len(stretch.rates):
+            finite &= np.isfinite(stretch.rates).all(axis=1)
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))

@@ -23,7 +23,7 @@ from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.loop.plant import disturbed, is_finite, load_state, rk4_step, store_state
 from masmc_ros.robot import AXES
 from masmc_ros.robot.dynamics import inertia, inertia_times
-from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity, wheel_rates
 
 
 @kernel
@@ -65,10 +65,11 @@ def drive(
 
 @kernel
 def hold_rates(plant: Any, memory: Any, tick: int, command: Any, applied: Any) -> bool:
-    """Move the true state on by one period under a rate command (4, rad/s).
+    """Move the true state on by one period under commanded rates.
 
-    Writes the mean torque of the period to `applied` (4, N m); tells whether the state is
-    still finite.
+    `command` (4): the platform's forward speed in m/s and yaw rate, and the arm joints' rates,
+    in rad/s; the drives turn the wheels as the robot's own lengths need it. Writes the mean
+    torque of the period to `applied` (4, N m); tells whether the state is still finite.
     """
     geometry, theta = as_geometry(plant['geometry']), as_base_parameters(plant['theta'])
     amplitude, frequency, phase = plant['amplitude'], plant['frequency'], plant['phase']
@@ -76,6 +77,8 @@ def hold_rates(plant: Any, memory: Any, tick: int, command: Any, applied: Any) -
     steps, time = plant['steps'], tick * plant['period']
     h = plant['period'] / steps
     state = load_state(memory['position'], memory['velocity'])
+    right, left = wheel_rates(geometry, command[0], command[1])
+    commanded = (right, left, command[2], command[3])
     torque = np.empty(AXES)
     for i in range(AXES):
         applied[i] = 0.0
@@ -83,7 +86,7 @@ def hold_rates(plant: Any, memory: Any, tick: int, command: Any, applied: Any) -
         rates = (state.v_right, state.v_left, state.v_arm_1, state.v_arm_2)
         for i in range(AXES):
             torque[i], wound[i] = drive(
-                command[i] - rates[i], wound[i], felt[i], plant['bandwidth'][i], limit[i], h
+                commanded[i] - rates[i], wound[i], felt[i], plant['bandwidth'][i], limit[i], h
             )
             applied[i] += torque[i] / steps
         state = rk4_step(

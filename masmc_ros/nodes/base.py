@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
-from masmc_ros.errors import InputError
 from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.parameters import declared
@@ -25,19 +24,6 @@ from masmc_ros.nodes.ros_parameters import RosParameters
 _DELIVERY = 5.0
 _PATIENCE = 3.0
 _REMINDER = 5.0
-
-
-def refuse_rates(values: Mapping[str, Any]) -> None:
-    """Refuse commanded rates, for which there is no topic yet.
-
-    Raises:
-        InputError: with `command_interface: velocity`, which only simulations offer.
-    """
-    if values['command_interface'] != 'effort':
-        raise InputError(
-            f'command_interface = {values["command_interface"]}: the nodes take and send torques,'
-            ' effort; commanded rates are for masmc simulate'
-        )
 
 
 class SuiteNode:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
+from masmc_ros.control.command_interface import check_agreement
 from masmc_ros.nodes.controller import ControllerNode
 from masmc_ros.nodes.plant import PlantNode
 from masmc_ros.nodes.runtime import Factory, run
@@ -14,7 +16,19 @@ from masmc_ros.nodes.trajectory import TrajectoryNode
 def main(arguments: list[str] | None = None) -> int:
     """Run plant, trajectory and controller, and with `--record` the recorder."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    nodes: list[Factory] = [TrajectoryNode, ControllerNode, PlantNode]
+    made: list[ControllerNode] = []
+
+    def controller(**process: Any) -> ControllerNode:
+        made.append(ControllerNode(**process))
+        return made[0]
+
+    def plant(**process: Any) -> PlantNode:
+        # Apart they wait for each other; in one process no topic can have two types.
+        node = PlantNode(**process)
+        check_agreement(node.values, made[0].values)
+        return node
+
+    nodes: list[Factory] = [TrajectoryNode, controller, plant]
     if '--record' in arguments:
         from masmc_ros.nodes.recorder import RecorderNode
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: answers every state with a torque."""
+"""The controller node: answers every state with a torque, or with rates."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import Float64MultiArray, String
 
+from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, ReferenceWindow, TelemetryCdr
+from masmc_ros.log.cdr import ReferenceWindow, TelemetryCdr
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
 from masmc_ros.loop.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.base import refuse_rates, SuiteNode
+from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.command_output import CommandOutput, RateOutput, TorqueOutput
 from masmc_ros.nodes.controller_health import ControllerHealth
 from masmc_ros.nodes.diagnostics import publish_health
 from masmc_ros.nodes.messages import deserialized
@@ -34,6 +36,7 @@ from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 from masmc_ros.nodes.state_input import StateInput
 from masmc_ros.nodes.supervision import Supervision
+from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 
@@ -48,7 +51,7 @@ STATES, REFERENCE, LAW = 'states', 'reference', 'law'
 
 
 class ControllerNode(SuiteNode):
-    """Turns joint_states and reference into effort_commands, tick by tick."""
+    """Turns joint_states and reference into commands, tick by tick."""
 
     name = 'controller'
 
@@ -56,7 +59,6 @@ class ControllerNode(SuiteNode):
         """Make the controller and compile its tick."""
         super().__init__(context=context, command_line=command_line, check=_check_law)
         values = self.values
-        refuse_rates(values)
         self._timing = Timing.from_values(values)
         self._controller = Controller(robot_of(values), self._timing.period, values)
         self._reference = ReferenceWindows()
@@ -71,18 +73,18 @@ class ControllerNode(SuiteNode):
         self._held_since: float | None = None
         self._changes: dict[str, Any] = {}
         self._was_singular = False
-        self._effort = EffortCdr()
-        self._zero = EffortCdr()
-        self._answered = b''
-        # The torque is computed into the message.
-        self._controller.torque = self._effort.data
+        self._output: CommandOutput = (
+            RateOutput(self._controller, values)
+            if self._controller.commands_rates
+            else TorqueOutput(self._controller)
+        )
         self._decimation: int = values['telemetry_decimation']
         self._compile()
 
     def connect(self) -> None:
         """Create the topics: commands and telemetry out, reference and states in."""
         super().connect()
-        self._commands = self.publisher(Float64MultiArray, 'effort_commands')
+        self._output.connect(self.publisher)
         self._telemetry = [
             (
                 self.publisher(Float64MultiArray, f'controller/{label}'),
@@ -111,7 +113,7 @@ class ControllerNode(SuiteNode):
             self.publisher(DiagnosticArray, '/diagnostics', 10),
             self.steady,
             lambda: self._health.report(
-                self.node, self._commands, self._supervisor, self._controller, self._refusals
+                self.node, self._output, self._supervisor, self._controller, self._refusals
             ),
         )
         subscribe_with_past(
@@ -153,12 +155,20 @@ class ControllerNode(SuiteNode):
     def _on_plant_parameters(self, raw: bytes) -> None:
         """Take the pacing from the plant, where a simulated one is there."""
         try:
-            pacing = json.loads(deserialized(raw, String).data)['parameters'].get('pacing')
+            told = json.loads(deserialized(raw, String).data)['parameters']
+            pacing = told.get('pacing')
         except (InputError, ValueError, TypeError, KeyError, AttributeError):
             self._refusals.add('plant/parameters', 'no record of parameters')
             return
         if pacing in ('lockstep', 'realtime'):
             self._set_pacing(pacing)
+        for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
+            mine, theirs = self.values[name], told.get(name, self.values[name])
+            if mine != theirs:
+                self.log.error(
+                    f'{name} = {yaml_text(mine)}, and the plant has {yaml_text(theirs)}: it does '
+                    'not take what is sent here; start both with the same'
+                )
 
     def _watch(self) -> None:
         """In real time, note when states have been away for too long."""
@@ -169,10 +179,10 @@ class ControllerNode(SuiteNode):
             self._supervision.fail(STATES, f'no usable joint_states for {timeout:g} s')
 
     def _on_stopped(self) -> None:
-        """Send no torque at once; in lock-step the next state is answered so."""
+        """Send zeros at once; in lock-step the next state is answered so."""
         last = self._order.last
         if self._is_realtime and last is not None:
-            self._send_zero(last)
+            self._output.send_zero(last)
 
     # Input.
 
@@ -207,7 +217,7 @@ class ControllerNode(SuiteNode):
             self._start_anew(order)
         elif self._pending is None:
             self._health.repeated += 1
-            self._commands.publish(self._answered)
+            self._output.repeat()
             return False
         return True
 
@@ -242,11 +252,9 @@ class ControllerNode(SuiteNode):
         self._pending = None
         self.wait(None)
         if self._supervisor.is_active:
-            self._effort.set_stamp(stamp)
-            self._answered = self._effort.to_bytes()
-            self._commands.publish(self._answered)
+            self._output.send(stamp)
         else:
-            self._send_zero(stamp)
+            self._output.send_zero(stamp)
         self._health.answered()
         tick = round(stamp / (1e9 * self._timing.period))
         if self._telemetry and self._supervisor.is_active and tick % self._decimation == 0:
@@ -285,7 +293,7 @@ class ControllerNode(SuiteNode):
         return reference
 
     def _compute(self, stamp: int, reference: Any) -> None:
-        """Compute the torque; in real time, what cannot be computed is a fault."""
+        """Compute the command; in real time, what cannot be computed is a fault."""
         controller, state = self._controller, self._input.state
         if self._activations != self._supervisor.activations:
             self._activations = self._supervisor.activations
@@ -295,7 +303,7 @@ class ControllerNode(SuiteNode):
             reference = self._approach.follow(stamp, state.position, reference)
         try:
             singular = controller.tick(state.position, state.velocity, reference)
-            if not self._effort.is_finite():
+            if not self._output.is_finite():
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             if not self._is_realtime:
@@ -306,11 +314,6 @@ class ControllerNode(SuiteNode):
         if singular != self._was_singular:
             self._was_singular = singular
             self._say_singular(stamp, singular)
-
-    def _send_zero(self, stamp: int) -> None:
-        self._zero.set_stamp(stamp)
-        self._answered = self._zero.to_bytes()
-        self._commands.publish(self._answered)
 
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:

@@ -8,10 +8,10 @@ import time
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.supervisor import ACTIVE, FAULT, Supervisor
+from masmc_ros.nodes.command_output import CommandOutput
 from masmc_ros.nodes.diagnostics import ERROR, Health, OK, senders, WARN
 from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.tick_times import TickTimes
@@ -53,7 +53,7 @@ class ControllerHealth:
     def report(
         self,
         node: Node,
-        commands: Publisher,
+        output: CommandOutput,
         supervisor: Supervisor,
         controller: Controller,
         refusals: Refusals,
@@ -69,19 +69,24 @@ class ControllerHealth:
             'gaps in states': str(self.gaps),
             '|s| (m/s)': f'{float(np.linalg.norm(controller.surface)):.6g}',
             '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
-            'largest torque (N m)': f'{float(np.abs(controller.torque).max()):.6g}',
+            **output.figures(),
             **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
         }
         latency = time.time() - 1e-9 * self._stamp
         if abs(latency) < _ONE_CLOCK:
             values['latency of the last state (s)'] = f'{latency - self.silence():.6f}'
-        others = senders(node, commands.topic_name)
-        if (me := node.get_fully_qualified_name()) in others:
-            others.remove(me)
+        me = node.get_fully_qualified_name()
+        others = {}
+        for publisher in output.publishers:
+            found = senders(node, publisher.topic_name)
+            if me in found:
+                found.remove(me)
+            if found:
+                others[publisher.topic_name.rpartition('/')[2]] = ', '.join(found)
         problems = sum(refusals.counts.values()) + self.late + self.gaps + self._ticks.overruns
         is_worse, self._problems = problems > self._problems, problems
-        if others:
-            values['others on effort_commands'] = ', '.join(others)
+        for topic, names in others.items():
+            values[f'others on {topic}'] = names
         if supervisor.state == FAULT:
             return Health(ERROR, supervisor.text, values)
         if others:

@@ -11,7 +11,14 @@ from typing import Any
 from rclpy.context import Context
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.names import COMMAND_TOPIC, STATE_TOPIC, TELEMETRY, telemetry_topic
+from masmc_ros.log.names import (
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
 from masmc_ros.log.stamps import stamp_reader, StampReader
 from masmc_ros.log.state_transforms import StateTransforms
 from masmc_ros.log.topics import (
@@ -35,6 +42,8 @@ SAMPLED = frozenset(
     {
         STATE_TOPIC,
         COMMAND_TOPIC,
+        CMD_VEL_TOPIC,
+        ARM_VELOCITY_TOPIC,
         'odom',
         'base_twist',
         '/clock',
@@ -42,6 +51,9 @@ SAMPLED = frozenset(
     }
 )
 """Topics of which a viewer is shown the latest message at its own rate; of others, all."""
+
+_LOOK = 0.5
+"""Time in s between two looks at who sends."""
 
 _KEPT = {
     'reference': 20,
@@ -65,6 +77,7 @@ class LiveNode(SuiteNode):
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
+        self._awaited: list[Topic] = []
 
     def connect(self) -> None:
         """Listen, and subscribe to everything."""
@@ -73,8 +86,11 @@ class LiveNode(SuiteNode):
         self._parameters = LiveParameters(self.node, self._server, self.log.error)
         self._states = self.node.resolve_topic_name(STATE_TOPIC)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
-            if topic != TRANSFORMS:
+            if topic.turns_up:
+                self._awaited.append(topic)
+            elif topic != TRANSFORMS:
                 self._serve(topic)
+        self.node.create_timer(_LOOK, self._look_around, clock=self.steady)
         # Made of the states that are shown, so that robot and plots are of the same tick.
         self._server.add_topic(TRANSFORMS.name, TRANSFORMS.type_name)
         self.node.create_timer(1.0 / self.values['rate'], self._turn, clock=self.steady)
@@ -88,6 +104,17 @@ class LiveNode(SuiteNode):
         self._server.stop()
         self._samples.close()
         super().close(spin)
+
+    def _look_around(self) -> None:
+        """Serve the topics that only some runs have, once somebody sends on them."""
+        for topic in tuple(self._awaited):
+            resolved = self.node.resolve_topic_name(topic.name)
+            senders = self.node.get_publishers_info_by_topic(resolved)
+            if senders:
+                self._awaited.remove(topic)
+                self._serve(topic._replace(type_name=senders[0].topic_type))
+                # foxglove-sdk may lose the subscription of a viewer that is there already.
+                self.log.info(f'{topic.name} turned up: connect a viewer again that lacks it')
 
     def _serve(self, topic: Topic) -> None:
         try:

@@ -44,7 +44,7 @@ _PLANT_NODE = (
     Parameter(
         'command_timeout',
         0.1,
-        'With realtime pacing, a command older than this is replaced by zero torque',
+        'With realtime pacing, a command older than this is replaced by zeros',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
@@ -208,9 +208,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
         return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
     if node == 'controller':
         return (
-            *TIMING,
-            _PACING,
-            *ROBOT,
+            *SHARED,
             *controller_parameters.parameters(),
             *_CONTROLLER_NODE,
         )

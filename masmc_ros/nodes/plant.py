@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant node: the simulated robot behind joint_states and effort_commands."""
+"""The plant node: the simulated robot behind joint_states and the commands that answer."""
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from typing import Any
@@ -17,21 +16,21 @@ from rclpy.context import Context
 from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.log.cdr import JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.base import refuse_rates, SuiteNode
+from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.command_input import CommandInput
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.command_parts import Part
 from masmc_ros.nodes.diagnostics import Health, publish_health
-from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.plant_health import PlantHealth
-from masmc_ros.nodes.qos import subscribe_with_past, subscription_qos
+from masmc_ros.nodes.qos import subscription_qos
 from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.robot_display import RobotDisplay
 from masmc_ros.nodes.runtime import run
@@ -55,7 +54,6 @@ class PlantNode(SuiteNode):
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
         """Make the robot and compile its tick."""
         super().__init__(context=context, command_line=command_line)
-        refuse_rates(self.values)
         self._timing = Timing.from_values(self.values)
         self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
         self._lockstep = self.values['pacing'] == 'lockstep'
@@ -63,7 +61,6 @@ class PlantNode(SuiteNode):
         self._clock_decimation: int = self.values['clock_decimation']
         self._wait_for = [name for name in self.values['wait_for'] if name]
         self._display = RobotDisplay(self.values)
-        self._effort = EffortCdr()
         self._state = JointStateCdr()
         self._compile()
         # The robot lives in the message: its arrays are views into the bytes to be sent.
@@ -73,9 +70,8 @@ class PlantNode(SuiteNode):
         robot.reset()
         self._started = self._paused = self._runs = False
         self._single_steps = 0
-        self._command: np.ndarray | None = None
-        self._command_time = -math.inf
         self._refusals = Refusals(self.log)
+        self._input = CommandInput(self.values, self._refusals)
         self._health = PlantHealth(self._timing.period)
         self._begun = 0.0
         self._stamp = -1
@@ -97,9 +93,7 @@ class PlantNode(SuiteNode):
         self._twist_message = TwistCdr()
         self._clock_message = TimeCdr()
         node = self.node
-        # With the past: a controller may answer before it has found this subscription, and
-        # in lock-step nobody sends that command again.
-        subscribe_with_past(node, Float64MultiArray, 'effort_commands', self._on_command)
+        self._input.subscribe(node, self._is_for_now, self._on_command)
         node.create_subscription(
             Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True), raw=True
         )
@@ -131,7 +125,7 @@ class PlantNode(SuiteNode):
             return  # a destroyed timer's last call may be under way already
         missing = [name for name in self._wait_for if not self._is_there(name)]
         if missing:
-            self.wait(' and '.join(missing))
+            self.wait(' and '.join(map(self._described, missing)))
             return
         self.wait(None)
         self.node.destroy_timer(self._gate)
@@ -150,14 +144,16 @@ class PlantNode(SuiteNode):
         node = self.node
         if name == 'controller':
             listens = node.get_subscriptions_info_by_topic(self._states.topic_name)
-            answers = node.get_publishers_info_by_topic(
-                node.resolve_topic_name('effort_commands')
-            )
-            return self._names(listens, name) and self._names(answers, name)
+            return self._names(listens, name) and self._input.are_sent_by(node, name)
         if name == 'trajectory':
             sends = node.get_publishers_info_by_topic(node.resolve_topic_name('reference'))
             return self._names(sends, name)
         return (name, node.get_namespace()) in node.get_node_names_and_namespaces()
+
+    def _described(self, name: str) -> str:
+        """Return the name of a node that is waited for, and why if it is there."""
+        differs = self._input.disagreement(self.node, name) if name == 'controller' else None
+        return name if differs is None else f'{name}: {differs}'
 
     def _names(self, endpoints: list[Any], name: str) -> bool:
         here = self.node.get_namespace()
@@ -165,24 +161,16 @@ class PlantNode(SuiteNode):
 
     # Commands.
 
-    def _on_command(self, raw: bytes) -> None:
-        effort = self._effort
-        try:
-            if not effort.load(raw):
-                effort.load_message(deserialized(raw, Float64MultiArray))
-            elif not effort.is_finite():
-                raise InputError(f'{effort.data.tolist()}, expected 4 finite numbers')
-        except InputError as error:
-            self._refusals.add('effort_commands', error)
-            return
-        if not self._is_current(effort.stamp_ns):
-            self._health.dropped += 1
-            self.log.debug(
-                f'{self._health.dropped} commands dropped', throttle_duration_sec=5.0
-            )
-            return
-        self._command = effort.data.copy()
-        self._command_time = time.monotonic()
+    def _is_for_now(self, part: Part, answered: int | None) -> bool:
+        """Tell whether a part of a command is for the present, and count it if it is not."""
+        if self._is_current(part, answered):
+            return True
+        self._health.dropped += 1
+        self.log.debug(f'{self._health.dropped} commands dropped', throttle_duration_sec=5.0)
+        return False
+
+    def _on_command(self) -> None:
+        """Go by what has come."""
         if not self._lockstep:
             if not self._runs:
                 self._take_anchor()
@@ -190,22 +178,23 @@ class PlantNode(SuiteNode):
             return
         self._answer()
 
-    def _is_current(self, answered: int | None) -> bool:
+    def _is_current(self, part: Part, answered: int | None) -> bool:
         """Tell whether a command is for the present, by the stamp in ns that it answers.
 
-        In lock-step it must answer the outstanding state. In real time it may answer any
-        state within the command timeout, or name none.
+        In lock-step it must answer the outstanding state; where its messages cannot tell, it
+        is taken to do so. In real time it may answer any state within the command timeout, or
+        name none.
         """
         if not self._started:
             return False
         if self._lockstep:
-            return answered == self._stamp
+            return answered == self._stamp or not part.names_state
         oldest = 1e9 * self.values['command_timeout'] * self.values['real_time_factor']
         return answered is None or 0 <= self._stamp - answered <= oldest
 
     def _answer(self) -> None:
         """Apply the command at hand in lock-step, unless something holds the plant up."""
-        if self._command is None:
+        if not self._input.is_complete:
             return
         if self._paused and not self._single_steps:
             return
@@ -213,8 +202,7 @@ class PlantNode(SuiteNode):
             return
         if self._single_steps:
             self._single_steps -= 1
-        command, self._command = self._command, None
-        self._advance(command)
+        self._advance(self._input.take())
 
     def _advance(self, command: np.ndarray) -> None:
         if self._robot.tick == self._timing.last:
@@ -251,8 +239,10 @@ class PlantNode(SuiteNode):
         self._watched = self._robot.tick
         if not stands_still or self._paused:
             self.wait(None if self._started else self._waiting)
-        elif self._command is None:
-            self.wait("the controller's command (effort_commands)")
+        elif not self._input.is_complete:
+            differs = self._input.disagreement(self.node, 'controller')
+            why = self._input.missing() + ('' if differs is None else f'; {differs}')
+            self.wait(f"the controller's command ({why})")
         else:
             self.wait('the recorder (recorder/progress)')
             self._answer()
@@ -303,28 +293,28 @@ class PlantNode(SuiteNode):
             self._advance(self._held_command(now))
 
     def _held_command(self, now: float) -> np.ndarray:
-        """Return the last command, or no torque where it is too old.
+        """Return the last command, zeros where it is too old.
 
         A command does not grow old while the robot's time stands still.
         """
-        age = 0.0 if self._paused else now - self._command_time
-        if self._command is not None and age > self.values['command_timeout']:
+        timeout = self.values['command_timeout']
+        old = [] if self._paused else self._input.drop_old(now, timeout)
+        if old:
             self.log.warning(
-                f'no command for {self.values["command_timeout"]:g} s; torque is zero until '
+                f'no command for {timeout:g} s; what {" and ".join(old)} asked for is zero until '
                 'one comes',
                 throttle_duration_sec=5.0,
             )
-            self._command = None
-        return np.zeros(4) if self._command is None else self._command
+        return self._input.held()
 
     def _report_health(self) -> Health:
         return self._health.report(
             self.node,
-            self.node.resolve_topic_name('effort_commands'),
+            [self.node.resolve_topic_name(part.topic) for part in self._input.parts],
             self._refusals,
             state=self._state_text(),
             ticks=self._robot.tick,
-            command_age=time.monotonic() - self._command_time,
+            command_age=self._input.age(time.monotonic()),
         )
 
     def _state_text(self) -> str:
@@ -368,7 +358,7 @@ class PlantNode(SuiteNode):
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._robot.reset()
-        self._command = None
+        self._input.clear()
         if self._recorded is not None:
             self._recorded = 0
         self._take_anchor()
@@ -380,7 +370,7 @@ class PlantNode(SuiteNode):
     def _on_pause(self, request: Any, response: Any) -> Any:
         self._paused = request.data
         self._take_anchor()
-        self._command_time = time.monotonic()
+        self._input.touch()
         response.success = True
         response.message = 'paused' if self._paused else 'running'
         if not self._paused and self._lockstep:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import chain
 import time
 
 from rclpy.node import Node
@@ -30,14 +32,14 @@ class PlantHealth:
     def report(
         self,
         node: Node,
-        topic: str,
+        topics: Sequence[str],
         refusals: Refusals,
         *,
         state: str,
         ticks: int,
         command_age: float,
     ) -> Health:
-        """Return how the plant is; `topic` is that of the commands."""
+        """Return how the plant is; `topics` are those of the commands."""
         now = time.monotonic()
         rate = max(0, ticks - self._tick) / max(now - self._since, 1e-9)
         self._since, self._tick = now, ticks
@@ -53,9 +55,9 @@ class PlantHealth:
         }
         problems = sum(refusals.counts.values()) + self.dropped + self.late
         is_worse, self._problems = problems > self._problems, problems
-        commanders = senders(node, topic)
-        if len(commanders) > 1:
-            values['senders of commands'] = ', '.join(commanders)
+        crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
+        if crowds:
+            values['senders of commands'] = ', '.join(chain.from_iterable(crowds))
             return Health(WARN, 'more than one node commands the robot', values)
         if is_worse:
             return Health(WARN, 'commands refused or dropped, or ticks late', values)

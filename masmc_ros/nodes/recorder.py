@@ -21,7 +21,14 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition, definition
 from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.names import COMMAND_TOPIC, DESCRIPTION_TOPIC, REFERENCE_TOPIC, STATE_TOPIC
+from masmc_ros.log.names import (
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+)
 from masmc_ros.log.parameter_record import ParameterRecord, read_record
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
@@ -58,8 +65,15 @@ _NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
 
 _MEGABYTE = 1_000_000
 
-_CORE = (STATE_TOPIC, COMMAND_TOPIC, REFERENCE_TOPIC)
-"""Topics whose senders must be found before the recorder calls itself ready."""
+_CORE = (
+    ((STATE_TOPIC,),),
+    ((COMMAND_TOPIC,), (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC)),
+    ((REFERENCE_TOPIC,),),
+)
+"""Topics whose senders must be found before the recorder calls itself ready.
+
+Of each line all topics of one of its entries: torques are commanded, or rates.
+"""
 
 
 class RecorderNode(SuiteNode):
@@ -74,6 +88,7 @@ class RecorderNode(SuiteNode):
         self._last = self._last_stamp()
         self._files = {path: Path(path).read_bytes() for path in command_line.files}
         self._extra = {name for name in self.values['extra_topics'] if name}
+        self._turn_up = {topic.name: topic.holds for topic in TOPICS if topic.turns_up}
         self._recording = self._open(log_path(Path(self.values['output'])))
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
@@ -81,7 +96,6 @@ class RecorderNode(SuiteNode):
         self._unreported = 0
         self._is_ready = False
         self._last_arrival = time.monotonic()
-        self._core: list[str] = []
         self._parameters: dict[str, Any] = {}
         self._description: str | None = None
         self._changes: list[ParameterRecord] = []
@@ -95,6 +109,9 @@ class RecorderNode(SuiteNode):
         super().connect()
         self._progress = self.publisher(Time, 'recorder/progress', 1)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
+            if topic.turns_up:
+                self._extra.add(topic.name)
+                continue
             try:
                 self._record_topic(
                     topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
@@ -105,7 +122,7 @@ class RecorderNode(SuiteNode):
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
         self.log.info(f'recording into {self._recording.path}')
         self._recover_earlier()
-        self.wait(f'the senders of {", ".join(_CORE)}')
+        self.wait(f'the senders of {_core_text()}')
 
     def close(self, spin: Callable[[], None]) -> None:
         """Take what is still under way, complete the file."""
@@ -217,11 +234,10 @@ class RecorderNode(SuiteNode):
             holds=holds,
         )
         self.counts[resolved] = 0
-        if topic in _CORE:
-            self._core.append(resolved)
         handlers: dict[str, Callable[[bytes, int | None], None]] = {
             STATE_TOPIC: self._on_state,
             COMMAND_TOPIC: self._on_command,
+            ARM_VELOCITY_TOPIC: self._on_command,
             DESCRIPTION_TOPIC: self._on_description,
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
@@ -317,7 +333,7 @@ class RecorderNode(SuiteNode):
                 topic,
                 senders[0].topic_type,
                 is_latched=is_latched,
-                holds=is_latched,
+                holds=self._turn_up.get(topic, is_latched),
                 best_effort=best_effort,
                 defined=defined,
             )
@@ -345,11 +361,16 @@ class RecorderNode(SuiteNode):
             self._requests[topic] = DefinitionRequest(self.node, name, sender.topic_type, told)
         return self._requests[topic].answer()
 
+    def _is_sent(self, topic: str) -> bool:
+        """Tell whether somebody sends on a topic, and it is recorded."""
+        resolved = self.node.resolve_topic_name(topic)
+        return resolved in self.counts and self.node.count_publishers(resolved) > 0
+
     def _look_around(self) -> None:
         """Tell the plant when all senders are found; end when they have gone."""
         for topic in tuple(self._extra):
             self._record_extra(topic)
-        here = [self.node.count_publishers(topic) > 0 for topic in self._core]
+        here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
         if not self._is_ready and all(here):
             self._is_ready = True
             self.wait(None)
@@ -359,6 +380,10 @@ class RecorderNode(SuiteNode):
         is_quiet = time.monotonic() - self._last_arrival > _LONG_QUIET
         if is_over and (is_quiet or not any(here)):
             self.finished = True
+
+
+def _core_text() -> str:
+    return ', '.join(' or '.join(' and '.join(each) for each in line) for line in _CORE)
 
 
 def log_path(output: Path) -> Path:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.names import DERIVATIVES, DRIVEN_JOINTS, JOINTS, TASK_AXES
+from masmc_ros.log.names import ARM_JOINTS, DERIVATIVES, DRIVEN_JOINTS, JOINTS, TASK_AXES
 from masmc_ros.log.reader import Run
 from masmc_ros.robot.dynamics import BaseParameters
 
@@ -34,15 +34,26 @@ class Column(NamedTuple):
         return f'{self.quantity}_{self.unit}'
 
 
-def _columns() -> tuple[Column, ...]:
+_RATES = (
+    Column('command_forward_speed', 'm_per_s'),
+    Column('command_yaw_rate', 'rad_per_s'),
+    *(Column(f'command_{joint}', 'rad_per_s') for joint in ARM_JOINTS),
+)
+"""What a base and an arm are told that take no torques."""
+
+
+def columns_of(run: Run) -> tuple[Column, ...]:
+    """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
     units = ['m' if number < _LENGTHS else 'rad' for number in range(len(JOINTS))]
+    torques, rates = _sent(run)
     derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
     return (
         Column('time', 's'),
         *(Column(f'position_{j}', unit) for j, unit in zip(JOINTS, units, strict=True)),
         *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(JOINTS, units, strict=True)),
         *(Column(f'applied_effort_{joint}', 'N_m') for joint in DRIVEN_JOINTS),
-        *(Column(f'command_{joint}', 'N_m') for joint in DRIVEN_JOINTS),
+        *((Column(f'command_{joint}', 'N_m') for joint in DRIVEN_JOINTS) if torques else ()),
+        *(_RATES if rates else ()),
         *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, _TASK)),
         *(Column(f'error_{axis}', 'm') for axis in _TASK),
         *(Column(f'surface_{axis}', 'm_per_s') for axis in _TASK),
@@ -53,11 +64,13 @@ def _columns() -> tuple[Column, ...]:
     )
 
 
-COLUMNS = _columns()
+def _sent(run: Run) -> tuple[bool, bool]:
+    """Return whether a run has columns of torques and columns of rates."""
+    return not run.commands_rates, bool(len(run.cmd_vel) or len(run.arm_rates))
 
 
 def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the numbers of a run (n, len(COLUMNS)), and which of them the log has.
+    """Return the numbers of a run (n, len(columns_of(run))), and which of them the log has.
 
     What was sent at other times than the states stands with the last state before it; of
     several there, the last counts.
@@ -70,9 +83,14 @@ def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
     def at_states(times: Floats | None, sent: Floats | None, width: int) -> _Part:
         return _at_states(run.times, times, sent, width)
 
-    parts = (
-        (states, np.ones(states.shape, bool)),
-        at_states(run.torque_times, run.torque, len(DRIVEN_JOINTS)),
+    torques, rates = _sent(run)
+    parts = [(states, np.ones(states.shape, bool))]
+    if torques:
+        parts.append(at_states(run.torque_times, run.torque, len(DRIVEN_JOINTS)))
+    if rates:
+        parts.append(at_states(run.cmd_vel_times, run.cmd_vel, 2))
+        parts.append(at_states(run.arm_rate_times, run.arm_rates, len(ARM_JOINTS)))
+    parts += (
         (reference, ~np.isnan(reference)),
         at_states(run.tracking_error_times, run.tracking_error, TASK_AXES),
         at_states(run.sliding_surface_times, run.sliding_surface, TASK_AXES),

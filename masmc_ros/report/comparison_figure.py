@@ -40,7 +40,10 @@ class Compared(NamedTuple):
 
 
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
-    """Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time."""
+    """Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time.
+
+    Where no run has torques, platform and arm have the rates that were commanded.
+    """
     longest = max(len(each.label) for each in compared) + _LINE
     rows = math.ceil(len(compared) / max(1, _LEGEND_WIDTH // longest))
     columns = math.ceil(len(compared) / rows)
@@ -52,16 +55,24 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     styles = dict(enumerate(line_styles(len(compared))))
     # What chatters covers everything, so that it goes to the back.
     order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque))
+    has_rates = all(each.run.commands_rates for each in compared)
     for depth, i in enumerate(order):
         _, run, tracked = compared[i]
         style = {**styles[i], 'zorder': 2.0 + depth / len(order)}
         error = tracked.error * _MILLIMETRES
         _draw(end_effector, tracked.times, error[:, :2], style)
         _draw(platform, tracked.times, error[:, 2:], style)
-        _draw(wheels, run.torque_times - run.times[0], run.torque[:, :2], style)
-        _draw(arm, run.torque_times - run.times[0], run.torque[:, 2:], style)
-    titles = ('end effector', 'platform', 'wheel torques', 'arm torques')
-    quantities = ('$|e_E|$ (mm)', '$|e_F|$ (mm)', r'$|\tau|$ (N·m)', r'$|\tau|$ (N·m)')
+        if has_rates:
+            _draw(wheels, run.cmd_vel_times - run.times[0], run.cmd_vel[:, 1:], style)
+            _draw(arm, run.arm_rate_times - run.times[0], run.arm_rates, style)
+        else:
+            _draw(wheels, run.torque_times - run.times[0], run.torque[:, :2], style)
+            _draw(arm, run.torque_times - run.times[0], run.torque[:, 2:], style)
+    sizes, unit = ('wheel torques', 'arm torques'), r'$|\tau|$ (N·m)'
+    if has_rates:
+        sizes, unit = ('commanded yaw rate', 'commanded arm rates'), r'$|\omega|$ (rad/s)'
+    titles = ('end effector', 'platform', *sizes)
+    quantities = ('$|e_E|$ (mm)', '$|e_F|$ (mm)', unit, unit)
     for axes, title, quantity in zip(panels, titles, quantities, strict=True):
         axes.set_title(title)
         axes.set_ylabel(quantity)

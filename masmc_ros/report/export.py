@@ -14,7 +14,7 @@ import numpy as np
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.reader import Run
-from masmc_ros.report.columns import COLUMNS, table_of
+from masmc_ros.report.columns import columns_of, table_of
 from masmc_ros.report.files import file_stem, make_folder, whole_file
 
 _BLOCK = 10_000
@@ -67,7 +67,7 @@ def _write_csv(run: Run, stream: BinaryIO) -> None:
     values, known = table_of(run)
     text = io.TextIOWrapper(stream, encoding='utf-8', newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow([column.name for column in COLUMNS])
+    writer.writerow([column.name for column in columns_of(run)])
     for first in range(0, len(values), _BLOCK):
         block = values[first : first + _BLOCK].astype(object)
         block[~known[first : first + _BLOCK]] = None
@@ -82,7 +82,7 @@ def _write_parquet(run: Run, stream: BinaryIO) -> None:
     from pyarrow import parquet
 
     values, known = table_of(run)
-    fields = [pa.field(c.name, pa.float64(), metadata={'unit': c.unit}) for c in COLUMNS]
+    fields = [pa.field(c.name, pa.float64(), metadata={'unit': c.unit}) for c in columns_of(run)]
     arrays = [
         pa.array(np.ascontiguousarray(column), mask=~present, from_pandas=False)
         for column, present in zip(values.T, known.T, strict=True)
@@ -97,8 +97,7 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
         'position': run.position,
         'velocity': run.velocity,
         'applied_effort': run.applied_effort,
-        'command_time_s': run.torque_times,
-        'command': run.torque,
+        **_commands(run),
         'reference': run.reference,
         'error_time_s': run.tracking_error_times,
         'error': run.tracking_error,
@@ -109,6 +108,18 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
     }
     there = {name: values for name, values in arrays.items() if values is not None}
     np.savez(stream, allow_pickle=False, **there)
+
+
+def _commands(run: Run) -> dict[str, np.ndarray]:
+    """Return what was commanded, of torques and rates what the log has."""
+    arrays: dict[str, np.ndarray] = {}
+    if not run.commands_rates:
+        arrays.update(command_time_s=run.torque_times, command=run.torque)
+    if len(run.cmd_vel):
+        arrays.update(cmd_vel_time_s=run.cmd_vel_times, cmd_vel=run.cmd_vel)
+    if len(run.arm_rates):
+        arrays.update(arm_rate_time_s=run.arm_rate_times, arm_rate=run.arm_rates)
+    return arrays
 
 
 FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {

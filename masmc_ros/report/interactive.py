@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.parameters import run_changes
+from masmc_ros.report.parameters import Change, run_changes
 from masmc_ros.report.thinning import envelope
 from masmc_ros.report.time_plot import (
     COLOURS,
@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 
 _MILLIMETRES = 1.0e3
 _AXES = ('x<sub>E</sub>', 'y<sub>E</sub>', 'x<sub>F</sub>', 'y<sub>F</sub>')
+_RATES = ('forward speed', 'yaw rate', 'arm joint 1', 'arm joint 2')
 _DRIVES = ('right wheel', 'left wheel', 'arm joint 1', 'arm joint 2')
 _ESTIMATES = (
     'M (kg)',
@@ -110,6 +111,8 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         times = run.sliding_surface_times - begun
         names = [f's of {axis}' for axis in _AXES]
         add('surface', 'Sliding surface', 's (m/s)', names, times, run.sliding_surface)
+    if run.commands_rates:
+        plots += _rates(run, span, changes)
     if len(run.torque):
         times = run.torque_times - begun
         add('torque', 'Torques commanded', 'torque (N·m)', _DRIVES, times, run.torque)
@@ -121,6 +124,27 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         title = 'Estimates of the base inertial parameters'
         add('estimate', title, 'estimate', _ESTIMATES, times, run.parameter_estimate)
     return plots
+
+
+def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:
+    """Return what was commanded where no torques were: a speed, and rates, each of its times."""
+    begun = run.times[0]
+    platform, arm = run.cmd_vel_times - begun, run.arm_rate_times - begun
+    (speed,) = lines(_RATES[:1], platform, run.cmd_vel[:, :1])
+    rates = [
+        Line(name, times, values, colour)
+        for name, times, values, colour in zip(
+            _RATES[1:],
+            (platform, arm, arm),
+            (run.cmd_vel[:, 1], *run.arm_rates.T),
+            COLOURS[1:],
+            strict=False,
+        )
+    ]
+    return [
+        Plot('speed', 'Speed commanded', time_plot([speed], 'speed (m/s)', span, changes)),
+        Plot('rates', 'Rates commanded', time_plot(rates, 'rate (rad/s)', span, changes)),
+    ]
 
 
 def _path(run: Run, tracked: Tracking) -> go.Figure:

@@ -13,6 +13,9 @@ _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
 
 _LONGEST = 40
 
+RATES = 'rates'
+"""What runs are called in which rates were commanded in place of torques."""
+
 
 def labels(runs: Sequence[Run]) -> list[str]:
     """Return one label a run, such as 'smc, tanh δ 0.2', all different.
@@ -33,9 +36,15 @@ def labels(runs: Sequence[Run]) -> list[str]:
 
 
 def law_of(run: Run) -> str | None:
-    """Return the law that a run started with, None where the log does not tell."""
-    law = run.parameters.get('controller', {}).get('law')
-    return law if isinstance(law, str) else None
+    """Return the law that a run started with, None where the log does not tell.
+
+    Commanded rates follow from no law: RATES.
+    """
+    controller = run.parameters.get('controller', {})
+    law = controller.get('law')
+    if not isinstance(law, str):
+        return None
+    return RATES if _commands_rates(controller) else law
 
 
 def _law_label(run: Run) -> str:
@@ -47,7 +56,13 @@ def _law_label(run: Run) -> str:
 
 def law_label(controller: Mapping[str, Any]) -> str:
     """Return a label such as 'smc, tanh δ 0.2' for a controller's parameter values."""
+    if _commands_rates(controller):
+        return RATES
     return ', '.join([controller['law'], *_switching(controller)])
+
+
+def _commands_rates(controller: Mapping[str, Any]) -> bool:
+    return controller.get('command_interface') == 'velocity'
 
 
 def _switching(controller: Mapping[str, Any]) -> list[str]:

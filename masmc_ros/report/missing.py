@@ -5,7 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from masmc_ros.log.names import COMMAND_TOPIC, REFERENCE_TOPIC, telemetry_topic
+from masmc_ros.log.names import (
+    ARM_VELOCITY_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    REFERENCE_TOPIC,
+    telemetry_topic,
+)
 from masmc_ros.log.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.report.tracking import Tracking
@@ -38,7 +44,11 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
         )
     if tracked.actual is None:
         yield 'No positions of E and F: the path is that of the middle of the axle.'
-    if not len(run.torque):
+    if run.commands_rates:
+        for topic, rates in ((CMD_VEL_TOPIC, run.cmd_vel), (ARM_VELOCITY_TOPIC, run.arm_rates)):
+            if not len(rates):
+                yield f'No {topic}.'
+    elif not len(run.torque):
         yield f'No {COMMAND_TOPIC}: the torques are those that the robot says were applied.'
     if run.sliding_surface is None:
         yield f'No {telemetry_topic("sliding_surface")}.'

@@ -19,7 +19,8 @@ class Recomputed:
         """Take the logged run."""
         self._run = run
         self._states = _stamps(run.times)
-        self._commands = _stamps(run.torque_times)
+        self._torques = _stamps(run.torque_times)
+        self._twists, self._arm_rates = _stamps(run.cmd_vel_times), _stamps(run.arm_rate_times)
         self._same = {'states': 0, 'commands': 0}
         self._first: tuple[int, str] | None = None
 
@@ -33,13 +34,21 @@ class Recomputed:
         logged = np.hstack([run.position, run.velocity, run.applied_effort])
         computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
         self._compare('states', self._states, logged, stamps, computed)
-        self._compare('commands', self._commands, run.torque, stamps, stretch.torque)
+        if len(stretch.rates):
+            platform, arm = stretch.rates[:, :2], stretch.rates[:, 2:]
+            self._compare('commands', self._twists, run.cmd_vel, stamps, platform)
+            self._compare('commands', self._arm_rates, run.arm_rates, stamps, arm)
+        else:
+            self._compare('commands', self._torques, run.torque, stamps, stretch.torque)
 
     def verdict(self, *, set_anew: bool) -> str:
         """Return one line on what was found; `set_anew` where other parameters were set."""
         states, commands = self._same['states'], self._same['commands']
-        total = f'{len(self._states)} states and {len(self._commands)} commands'
-        if states == len(self._states) and commands == len(self._commands):
+        sent = len(self._torques)
+        if self._run.commands_rates:
+            sent = len(self._twists) + len(self._arm_rates)
+        total = f'{len(self._states)} states and {sent} commands'
+        if states == len(self._states) and commands == sent:
             return f'computed again: all {total} of {self._run.path} are the same bits'
         # Whoever sets something else expects another run.
         reason = ' with other parameters' if set_anew else ''

@@ -60,10 +60,17 @@ def reduced_velocity(
     geometry: Geometry, u: float, w: float, a: float, b: float
 ) -> tuple[float, float, float, float]:
     """Return v (or its derivative) from quasi-velocities (or theirs): the inverse map."""
-    turn = geometry.half_track * w
-    right = (u + turn) / geometry.wheel_radius
-    left = (u - turn) / geometry.wheel_radius
+    right, left = wheel_rates(geometry, u, w)
     return right, left, a - w, b - a
+
+
+@formula
+def wheel_rates(geometry: Geometry, forward: float, turn: float) -> tuple[float, float]:
+    """Return the rates of right and left wheel (rad/s) of a platform's motion (m/s, rad/s)."""
+    sideways = geometry.half_track * turn
+    right = (forward + sideways) / geometry.wheel_radius
+    left = (forward - sideways) / geometry.wheel_radius
+    return right, left
 
 
 @formula

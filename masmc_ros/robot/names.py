@@ -9,6 +9,9 @@ BASE_JOINTS = ('base_x_joint', 'base_y_joint', 'base_yaw_joint')
 DRIVEN_JOINTS = ('wheel_right_joint', 'wheel_left_joint', 'arm_joint_1', 'arm_joint_2')
 """The joints that take a torque, in the order of the reduced velocity v; rad, rad/s, N m."""
 
+ARM_JOINTS = DRIVEN_JOINTS[2:]
+"""The arm's joints alone."""
+
 JOINTS = BASE_JOINTS + DRIVEN_JOINTS
 """The joints in the order of a joint state."""
 

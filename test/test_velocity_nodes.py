@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commanded rates between real nodes: lock-step, real time, bad messages, disagreement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import math
+from pathlib import Path
+import signal
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from foxglove_client import viewer
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
+from live_run import live_run, LiveRun
+from log_contents import read_log
+import numpy as np
+from processes import NODES, PAPER, peer, processes, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+from test_faults import GARBAGE, refused
+from test_lockstep import DECIMATED_TOPICS, SHOWN_TOPICS, simulated, TICK_TOPICS
+from test_nodes_live import listening
+
+from masmc_ros.cli.main import main
+from masmc_ros.log.cdr import ArmVelocityCdr, JointStateCdr, TwistCdr, TwistStampedCdr
+from masmc_ros.log.reader import read_run
+from masmc_ros.report.parameters import run_robot
+from masmc_ros.robot.forward_kinematics import task_positions
+
+TOPICS = (
+    'cmd_vel',
+    'arm_velocity_commands',
+    *(topic for topic in (*TICK_TOPICS, *DECIMATED_TOPICS, *SHOWN_TOPICS)
+      if topic != 'effort_commands'),
+)
+RATES = {'plant__command_interface': 'velocity', 'controller__command_interface': 'velocity'}
+STAMPED = {f'{node}__enable_stamped_cmd_vel': 'true' for node in ('plant', 'controller')}
+
+ANOTHER = """
+/**:
+  ros__parameters:
+    control_period: 0.002
+    duration: 1.0
+    frame_prefix: left/
+    robot: {half_track: 0.2, com_offset: 0.03}
+/**/plant:
+  ros__parameters:
+    wait_for: [controller]
+    command_interface: velocity
+    enable_stamped_cmd_vel: true
+    torque_limit: [8.0, 8.0, 20.0, 10.0]
+    velocity_noise: 0.01
+    encoder_resolution: 0.001
+    robot: {wheel_radius: 0.07}
+/**/controller:
+  ros__parameters:
+    command_interface: velocity
+    enable_stamped_cmd_vel: true
+    velocity_source: estimated
+    sigma: [3.0, 3.0, 2.0, 2.0]
+"""
+
+
+def settings_of(settings: dict[str, str]) -> list[str]:
+    """Return ROS settings as those of the simulation."""
+    return [f'{name.replace("__", ".")}={value}' for name, value in settings.items()]
+
+
+def check_recomputed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Compute a recorded run again: not a bit differs."""
+    capsys.readouterr()
+    assert main(['simulate', str(log)]) == 0
+    assert 'are the same bits' in capsys.readouterr().out.splitlines()[-1]
+
+
+@pytest.mark.parametrize('stamped', [{}, STAMPED], ids=['Twist', 'TwistStamped'])
+def test_lockstep_gives_the_bits_of_the_simulation(
+    stamped: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = {**RATES, **stamped}
+    log = tmp_path / 'live.mcap'
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            PAPER,
+            **{f'{node}__duration': 1.0 for node in NODES},
+            plant__wait_for='[controller, trajectory, recorder]',
+            recorder__output=log,
+            **settings,
+        )
+        started.start_all(*arguments)
+        assert set(started.wait().values()) == {0}, started.output()
+    contents = read_log(log)
+    computed = simulated(
+        PAPER, tmp_path / 'simulated.mcap', 'duration=1.0', *settings_of(settings)
+    )
+    for topic in TOPICS:
+        assert contents.messages[topic] == computed[topic], topic
+    assert len(computed['cmd_vel']) == len(computed['arm_velocity_commands']) == 1001
+    assert not contents.messages['effort_commands']
+    assert 'effort_commands' not in computed
+    check_recomputed(log, capsys)
+    check_recomputed(tmp_path / 'simulated.mcap', capsys)
+
+
+def test_another_robot_in_lockstep_in_one_process(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A base with other wheels than the controller believes turns them as its own need it."""
+    file, log = tmp_path / 'other.yaml', tmp_path / 'live.mcap'
+    file.write_text(ANOTHER)
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            file, plant__wait_for='[controller, trajectory, recorder]', recorder__output=log
+        )
+        started.start('composed', '--record', *arguments)
+        assert started.wait() == {'composed': 0}, started.output()
+    live, computed = read_log(log).messages, simulated(file, tmp_path / 'simulated.mcap')
+    for topic in TOPICS:
+        assert live[topic] == computed[topic], topic
+    assert b'left/base_link' in live['cmd_vel'][0]
+    check_recomputed(log, capsys)
+
+
+class Watched:
+    """A run by the wall clock, with what is commanded and how fast the joints turn."""
+
+    def __init__(self, run: LiveRun, *, is_stamped: bool) -> None:
+        self.run = run
+        self.type = TwistStamped if is_stamped else Twist
+        self._twist: Any = TwistStampedCdr() if is_stamped else TwistCdr()
+        self._arm, self._state = ArmVelocityCdr(), JointStateCdr()
+        self.rates = np.full(4, np.nan)
+        self.motion = np.full(4, np.nan)
+        run.tester.subscribe(self.type, 'cmd_vel', self._on_twist, raw=True)
+        run.tester.subscribe(
+            Float64MultiArray, 'arm_velocity_commands', self._on_arm, raw=True
+        )
+        run.tester.subscribe(JointState, 'joint_states', self._on_state, raw=True)
+
+    def rests(self) -> None:
+        """Wait until zero rates are sent and the joints hardly turn."""
+        self.run.tester.until(lambda: not self.rates.any(), f'zero rates, not {self.rates}')
+        self.stands_still()
+
+    def stands_still(self) -> None:
+        """Wait until the drives hold the joints, disturbed as they are."""
+        self.run.tester.until(lambda: np.abs(self.motion).max() < 0.05, f'rest, {self.motion}')
+
+    def _on_twist(self, raw: bytes) -> None:
+        if self._twist.load(raw):
+            self.rates[:2] = self._twist.linear[0], self._twist.angular[2]
+
+    def _on_arm(self, raw: bytes) -> None:
+        # Those that the test sends are not laid out like the controller's.
+        if self._arm.load(raw):
+            self.run.commands += 1
+            self.rates[2:] = self._arm.data
+
+    def _on_state(self, raw: bytes) -> None:
+        assert self._state.load(raw)
+        self.motion = self._state.velocity[3:].copy()
+
+
+@contextmanager
+def watched(folder: Path, *, is_stamped: bool) -> Iterator[Watched]:
+    """Yield a run by the wall clock that has begun."""
+    stamped = str(is_stamped).lower()
+    settings = {
+        'command_interface': 'velocity',
+        'plant__command_interface': 'velocity',
+        'enable_stamped_cmd_vel': stamped,
+        'plant__enable_stamped_cmd_vel': stamped,
+    }
+    with live_run(folder, **settings) as run:
+        found = Watched(run, is_stamped=is_stamped)
+        run.goes_on()
+        yield found
+
+
+@pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
+def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
+    with watched(tmp_path, is_stamped=is_stamped) as found:
+        run, tester = found.run, found.run.tester
+        begun = run.stamp
+        tester.until(lambda: run.stamp > begun + 5e9, 'five seconds')
+        assert found.rates.any()
+
+        assert tester.call(
+            Trigger, '/controller/emergency_stop', Trigger.Request()
+        ).success
+        found.rests()
+        tester.call(SetBool, '/controller/enable', SetBool.Request(data=True))
+        run.goes_on()
+
+        run.nodes['controller'].signal(signal.SIGKILL)
+        run.nodes['controller'].wait()
+        stopped = 'cmd_vel and arm_velocity_commands asked for is zero'
+        tester.until(lambda: run.nodes['plant'].logged('WARN', stopped), stopped)
+        found.stands_still()
+        run.start('controller')
+        run.goes_on()
+        run.end()
+    logged = read_run(run.log)
+    assert logged.commands_rates
+    assert len(logged.cmd_vel) > 1000
+    assert len(logged.arm_rates) > 1000
+    robot = run_robot(logged)
+    assert robot is not None
+    assert logged.reference is not None
+    error = task_positions(robot.geometry, logged.position) - logged.reference[:, :4]
+    before = np.flatnonzero(logged.times < (begun + 5e9) / 1e9)[-500:]
+    assert np.sqrt((error[before] ** 2).sum(axis=1).mean()) < 0.05
+
+
+@pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
+def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
+    with watched(tmp_path, is_stamped=is_stamped) as found:
+        run = found.run
+        twists = run.tester.publisher(found.type, 'cmd_vel')
+        arms = run.tester.publisher(Float64MultiArray, 'arm_velocity_commands')
+        for bad in (
+            twist_of(run, is_stamped, linear=Vector3(x=math.nan)),
+            twist_of(run, is_stamped, angular=Vector3(y=math.inf)),
+            GARBAGE,
+        ):
+            refused(run, 'plant', twists, 'cmd_vel', lambda bad=bad: bad)
+        assert run.nodes['plant'].logged('ERROR', 'linear.x = nan, expected a finite number')
+        for bad in (
+            Float64MultiArray(data=[0.0] * 4),
+            Float64MultiArray(data=[]),
+            Float64MultiArray(data=[0.0, math.nan]),
+            nan_for_the_arm(),
+            GARBAGE,
+        ):
+            refused(run, 'plant', arms, 'arm_velocity_commands', lambda bad=bad: bad)
+        run.goes_on()
+        pytest.importorskip('foxglove')
+        live = run.started.start('live', *['--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0'])
+        port = listening(run.tester, live)
+        run.tester.until(lambda: len(live.logged('INFO', 'turned up')) == 2, 'both topics')
+        with viewer(port) as shown:
+            expected = {'/cmd_vel', '/arm_velocity_commands'}
+            shown.until(lambda: set(shown.messages) >= expected, 'rates in the viewer')
+            assert shown.channels['/cmd_vel']['schemaName'] == (
+                f'geometry_msgs/msg/{found.type.__name__}'
+            )
+        live.signal(signal.SIGINT)
+        run.end()
+    assert read_log(run.log).types['cmd_vel'].endswith(found.type.__name__)
+
+
+def twist_of(run: LiveRun, is_stamped: bool, **parts: Vector3) -> Any:
+    """Return a twist, stamped with the present state's time if need be."""
+    if not is_stamped:
+        return Twist(**parts)
+    message = TwistStamped(twist=Twist(**parts))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(run.stamp, 10**9)
+    return message
+
+
+def nan_for_the_arm() -> bytes:
+    """Return a command in the controller's own layout with a number that is not right."""
+    command = ArmVelocityCdr()
+    command.data[1] = math.nan
+    return command.to_bytes()
+
+
+DISAGREEMENTS = {
+    'interface': (
+        {'plant__command_interface': 'velocity'},
+        'controller: it sends effort_commands, and with command_interface velocity the plant'
+        ' takes cmd_vel and arm_velocity_commands',
+        'command_interface = effort, and the plant has velocity',
+    ),
+    'the other way round': (
+        {'controller__command_interface': 'velocity'},
+        'controller: it sends cmd_vel and arm_velocity_commands, and with command_interface'
+        ' effort the plant takes effort_commands',
+        'command_interface = velocity, and the plant has effort',
+    ),
+    'type': (
+        {**RATES, 'controller__enable_stamped_cmd_vel': 'true'},
+        'controller: its cmd_vel is geometry_msgs/msg/TwistStamped, and with'
+        ' enable_stamped_cmd_vel false the plant takes geometry_msgs/msg/Twist',
+        'enable_stamped_cmd_vel = true, and the plant has false',
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ('settings', 'plant_says', 'controller_says'), DISAGREEMENTS.values(), ids=DISAGREEMENTS
+)
+def test_who_disagrees_says_so(
+    settings: dict[str, str], plant_says: str, controller_says: str, tmp_path: Path
+) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        arguments = ros_arguments(PAPER, plant__wait_for='[controller]', **settings)
+        running = started.start_all(*arguments, nodes=('plant', 'controller'))
+        tester.until(lambda: running['plant'].logged('INFO', plant_says), plant_says)
+        tester.until(
+            lambda: running['controller'].logged('ERROR', controller_says), controller_says
+        )
+        started.signal(signal.SIGINT)
+        assert set(started.wait().values()) == {0}, started.output()
+
+
+def test_a_restarted_controller_takes_up_the_run(tmp_path: Path) -> None:
+    """A stamped twist names its state, so that none is taken for the answer to another one."""
+    settings = {**RATES, **STAMPED}
+    log = tmp_path / 'live.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        arguments = ros_arguments(
+            PAPER,
+            **{f'{node}__duration': 6.0 for node in NODES},
+            plant__wait_for='[controller, trajectory, recorder, peer]',
+            recorder__output=log,
+            **settings,
+        )
+        stamps = tester.watch_time()
+        running = started.start_all(*arguments)
+        tester.until(lambda: stamps[-1] >= 1_000_000_000)
+        running['controller'].signal(signal.SIGKILL)
+        running['controller'].wait()
+        assert stamps[-1] < 6_000_000_000, 'killed too late to show anything'
+        started.start('controller', *arguments)
+        assert set(started.wait().values()) == {0}, started.output()
+    live = read_log(log).messages
+    computed = simulated(
+        PAPER, tmp_path / 'simulated.mcap', 'duration=6.0', *settings_of(settings)
+    )
+    assert live['joint_states'] == computed['joint_states']
+    for topic in ('cmd_vel', 'arm_velocity_commands'):
+        assert set(live[topic]) == set(computed[topic]), topic
