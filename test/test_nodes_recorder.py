@@ -179,7 +179,8 @@ def run_until(tester: Peer, stamp_ns: int) -> None:
 def realtime(started: Processes, log: Path) -> dict[str, Any]:
     """Start four endless nodes that go by the wall clock."""
     wait_for = '[controller, trajectory, recorder, peer]'
-    settings = {'pacing': 'realtime', 'wait_for': wait_for}
+    # Slowly: on a busy machine, commands would come too late for a loop to be stable.
+    settings = {'pacing': 'realtime', 'wait_for': wait_for, 'real_time_factor': 0.2}
     return started.start_all(
         *ros_arguments(
             recorder__output=log,

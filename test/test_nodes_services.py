@@ -199,18 +199,25 @@ def test_by_the_wall_clock_a_step_holds_the_last_command(tmp_path: Path) -> None
         plant.send(0, 0.0, 0.0, 0.0, 0.0)
         plant.tester.until(lambda: len(plant.states) > 5, 'motion')
         plant.pause()
-        plant.send(0, 0.5, 0.25, 1.0, -1.0)
-        begin = time.monotonic()
-        plant.tester.until(lambda: time.monotonic() > begin + 3 * timeout)
-        before = len(plant.states)
-        for _ in range(3):
-            assert plant.step().success
-        plant.tester.until(lambda: len(plant.states) >= before + 3, 'three states')
-        stepped = plant.states[-3:]
+        # What was sent before the answer arrives before another answer.
+        assert plant.step().success
+        plant.send(plant.stamps()[-1] // PERIOD, 0.5, 0.25, 1.0, -1.0)
         state = JointStateCdr()
-        for raw in stepped:
-            assert state.load(raw)
-            assert state.effort.tolist()[3:] == [0.5, 0.25, 1.0, -1.0]
+
+        def applied() -> list[float]:
+            """Make one step, and return the torque in it."""
+            before = len(plant.states)
+            assert plant.step().success
+            plant.tester.until(lambda: len(plant.states) > before, 'a state')
+            assert state.load(plant.states[-1])
+            return state.effort.tolist()[3:]
+
+        plant.tester.until(lambda: applied() == [0.5, 0.25, 1.0, -1.0], 'the command')
+        taken = time.monotonic()
+        plant.tester.until(lambda: time.monotonic() > taken + 3 * timeout)
+        for _ in range(3):
+            assert applied() == [0.5, 0.25, 1.0, -1.0]
+        before = len(plant.states) - 3
         plant.go_on()
         plant.tester.until(lambda: len(plant.states) > before + 3, 'motion again')
         assert state.load(plant.states[before + 3])

@@ -36,7 +36,7 @@ def digests(log: Path) -> dict[str, str]:
 
 def _add(digest: Any, value: Any) -> None:
     if isinstance(value, bytes):
-        (value,) = value  # the type `byte`, of which /diagnostics has one
+        value = list(value)  # of the type `byte`, one or many
     if isinstance(value, str):
         digest.update(value.encode())
     elif isinstance(value, bool | int | float):

@@ -77,12 +77,14 @@ class LiveNode(SuiteNode):
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
+        self._is_served = False
         self._awaited: list[Topic] = []
 
     def connect(self) -> None:
         """Listen, and subscribe to everything."""
         super().connect()
         port = self._server.start(self.values['host'], self.values['port'])
+        self._is_served = True
         self._parameters = LiveParameters(self.node, self._server, self.log.error)
         self._states = self.node.resolve_topic_name(STATE_TOPIC)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
@@ -100,7 +102,8 @@ class LiveNode(SuiteNode):
 
     def close(self, spin: Callable[[], None]) -> None:
         """Send what came last and let the viewers go."""
-        self._turn()
+        if self._is_served:
+            self._turn()
         self._server.stop()
         self._samples.close()
         super().close(spin)

@@ -21,6 +21,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.shared_memory import clear_half_made
 
 _SERVICE = '/list_parameters'
 _SPIN = 0.05
@@ -34,6 +35,7 @@ class ParameterSession:
     def __init__(self, patience: float) -> None:
         """Join the graph; `patience` is the longest time in s that anything may take."""
         self._patience = patience
+        clear_half_made()
         self._context = Context()
         self._clients: dict[str, AsyncParameterClient] = {}
         self._context.init([])
