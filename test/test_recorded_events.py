@@ -21,7 +21,8 @@ from masmc_ros.loop.controller_events import (
     EVENTS,
     RESUMED,
 )
-from masmc_ros.loop.simulation import Change, Simulation, Stretch
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.nodes.scenario import load_scenario, logged_scenario
 
 PAPER = str(Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml')

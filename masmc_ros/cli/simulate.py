@@ -16,7 +16,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.reader import is_log, read_run, Run
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.log.writer import check_log_path
-from masmc_ros.loop.simulation import Change, Simulation, Stretch
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.nodes.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half

@@ -39,7 +39,8 @@ from masmc_ros.log.topics import (
 )
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.writer import ChannelRows, LogWriter
-from masmc_ros.loop.simulation import Change, robot_of, Simulation, Stretch
+from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.robot.description import robot_description
 from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
 from masmc_ros.robot.platform_motion import platform_motion

@@ -10,7 +10,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.reader import Run
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
-from masmc_ros.loop.simulation import Change
+from masmc_ros.loop.stretch import Change
 from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
