@@ -64,6 +64,8 @@ def run_of(
         sliding_surface_times=None,
         parameter_estimate=None,
         parameter_estimate_times=None,
+        raw_torque=None,
+        raw_torque_times=None,
         parameters={'controller': {**PARAMETERS, **parameters}},
         changes=(),
         restarted=(),

@@ -106,10 +106,12 @@ def test_arrays_are_the_logs(logged: tuple[Numbers, Path]) -> None:
         ('error', told.telemetry['tracking_error']),
         ('surface', told.telemetry['sliding_surface']),
         ('estimate', told.telemetry['parameter_estimate']),
+        ('raw_torque', told.telemetry['raw_torque']),
     ):
         assert np.array_equal(found.pop(name), values), name
     assert {name for name, values in found.items() if np.array_equal(values, run.times)} == {
         'time_s', 'command_time_s', 'error_time_s', 'surface_time_s', 'estimate_time_s',
+        'raw_torque_time_s',
     } == set(found)  # fmt: skip
 
 
@@ -150,7 +152,7 @@ def test_what_the_log_lacks_is_empty(tmp_path: Path, kind: str, read: Any) -> No
     (path,) = write_export([bare()], tmp_path, kind, overwrite=False)
     table = read(path)
     for name, column in table.items():
-        if name.startswith(('command', 'surface', 'estimate')):
+        if name.startswith(('command', 'surface', 'estimate', 'raw_torque')):
             assert column == [None] * 4, name
         elif name.startswith('reference'):
             assert [value is None for value in column] == [True, True, False, False], name

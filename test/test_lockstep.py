@@ -43,6 +43,7 @@ TICK_TOPICS = (
     'controller/tracking_error',
     'controller/sliding_surface',
     'controller/parameter_estimate',
+    'controller/raw_torque',
     'tf',
 )
 

@@ -44,7 +44,7 @@ def test_round_trip(tmp_path: Path, namespace: str) -> None:
         assert np.array_equal(getattr(run, label), written.telemetry[label])
         assert np.array_equal(getattr(run, f'{label}_times'), seconds)
     assert run.topics[f'{namespace}joint_states'] == 1200
-    assert len(run.topics) == 6
+    assert len(run.topics) == 3 + len(TELEMETRY)
     assert run.metadata == {'origin': [{'law': 'smc'}]}
     assert run.attachments == {'paper.yaml': b'plant: {}'}
 

@@ -29,6 +29,7 @@ from masmc_ros.log.reader import read_run
 from masmc_ros.log.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
 
 TICKS = 2000
+PER_TICK = 6
 TOPICS = {
     '/joint_states': STATE,
     '/effort_commands': ARRAY,
@@ -36,6 +37,7 @@ TOPICS = {
     '/controller/tracking_error': ARRAY,
     '/controller/sliding_surface': ARRAY,
     '/controller/parameter_estimate': ARRAY,
+    '/controller/raw_torque': ARRAY,
 }
 
 
@@ -83,8 +85,8 @@ def test_statistics_and_indexes(log: Path) -> None:
     statistics = summary.statistics
     assert statistics is not None
     windows = TICKS // 50
-    assert statistics.message_count == 5 * TICKS + windows
-    assert sorted(statistics.channel_message_counts.values()) == [windows] + [TICKS] * 5
+    assert statistics.message_count == PER_TICK * TICKS + windows
+    assert sorted(statistics.channel_message_counts.values()) == [windows] + [TICKS] * PER_TICK
     assert (statistics.message_start_time, statistics.message_end_time) == (
         0,
         (TICKS - 1) * 7_000_000,
@@ -112,7 +114,7 @@ def test_messages_are_in_the_order_of_their_times(log: Path) -> None:
     assert times == sorted(times)
     assert [message.publish_time for _, message in messages] == times
     # Those of one tick come in the order in which the sources were given.
-    assert [topic for topic, _ in messages[-5:]] == [
+    assert [topic for topic, _ in messages[-PER_TICK:]] == [
         topic for topic in TOPICS if topic != '/reference'
     ]
 
@@ -141,7 +143,7 @@ def test_decoded_by_the_definitions_in_the_log(log: Path, run: Numbers) -> None:
 def test_opened_by_rosbags(log: Path, run: Numbers) -> None:
     with AnyReader([log]) as reader:
         assert {each.topic: each.msgtype for each in reader.connections} == TOPICS
-        assert reader.message_count == 5 * TICKS + TICKS // 50
+        assert reader.message_count == PER_TICK * TICKS + TICKS // 50
         [states] = [each for each in reader.connections if each.topic == '/joint_states']
         [profile] = states.ext.offered_qos_profiles
         assert profile.history is QosHistory.KEEP_LAST

@@ -22,6 +22,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
 
+from masmc_ros.log.names import TELEMETRY
 from masmc_ros.log.reader import read_run
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.text import text_of
@@ -74,7 +75,7 @@ def test_every_message_is_there_once(contents: LogContents) -> None:
     assert contents.stamps('odom') == [tick * 10**6 for tick in decimated(11)]
     assert contents.stamps('clock') == [tick * 10**6 for tick in decimated(13)]
     assert len(contents.messages['base_twist']) == len(decimated(11))
-    for label in ('tracking_error', 'sliding_surface', 'parameter_estimate'):
+    for label in TELEMETRY:
         expected = ticks[ticks % 3 == 0].tolist()
         assert contents.stamps(f'controller/{label}') == [tick * 10**6 for tick in expected]
     assert len(contents.messages['reference']) == 4

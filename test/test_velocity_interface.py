@@ -10,7 +10,8 @@ import pytest
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of, Simulation, Stretch
+from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.stretch import Stretch
 from masmc_ros.loop.velocity_loop import drive, joint_inertias
 from masmc_ros.nodes.scenario import load_scenario
 

@@ -37,7 +37,7 @@ TOPICS = (
     'cmd_vel',
     'arm_velocity_commands',
     *(topic for topic in (*TICK_TOPICS, *DECIMATED_TOPICS, *SHOWN_TOPICS)
-      if topic != 'effort_commands'),
+      if topic not in ('effort_commands', 'controller/raw_torque')),
 )
 RATES = {'plant__command_interface': 'velocity', 'controller__command_interface': 'velocity'}
 STAMPED = {f'{node}__enable_stamped_cmd_vel': 'true' for node in ('plant', 'controller')}

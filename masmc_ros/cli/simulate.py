@@ -16,8 +16,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.reader import is_log, read_run, Run
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.log.writer import check_log_path
-from masmc_ros.loop.simulation import Change, Simulation, Stretch
-from masmc_ros.nodes.scenario import load_scenario, logged_scenario, strays
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.nodes.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
@@ -40,8 +41,8 @@ class _Source(NamedTuple):
 def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrite: bool) -> int:
     """Compute a run, log it if asked to, and print what it reached.
 
-    The run of a log is computed again, with the changes of gains that were made on its way,
-    and compared with what the log says.
+    The run of a log is computed again, with the changes of gains, resets and activations on
+    its way, and compared with what the log says. A file's run is active from its first tick.
     """
     source = _source(file, settings)
     simulation = Simulation(source.values, source.changes)
@@ -53,7 +54,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
         log = SimulationLog(Path(output), simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
     again = Recomputed(source.run) if source.run is not None else None
-    errors, torques, singular = [], [], 0
+    errors, torques, active, singular = [], [], [], 0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
         for stretch in simulation.run():
@@ -62,11 +63,12 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             if again is not None:
                 again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
+            active.append(stretch.active)
             if not len(stretch.rates):
                 torques.append(stretch.torque)
             singular += stretch.singular
             progress.update(len(stretch.torque))
-    _print_table(source, simulation, errors, torques, stretch)
+    _print_table(source, simulation, errors, torques, active, stretch)
     if again is not None:
         print(again.verdict(set_anew=bool(settings)))
     if output is not None:
@@ -88,7 +90,7 @@ def _source(file: str, settings: Sequence[str]) -> _Source:
     values = load_scenario(file, settings)
     for line in strays(file):
         print(line, file=sys.stderr)
-    return _Source(values, (), {file: Path(file).read_bytes()}, None)
+    return _Source(values, activation(values), {file: Path(file).read_bytes()}, None)
 
 
 def _print_table(
@@ -96,19 +98,22 @@ def _print_table(
     simulation: Simulation,
     errors: Sequence[Any],
     torques: Sequence[Any],
+    active: Sequence[Any],
     last: Stretch,
 ) -> None:
     error = np.concatenate(errors)
     times = np.arange(len(error), dtype=np.float64) * simulation.timing.period
+    computed = np.concatenate(active)
     # Where rates were commanded there are no torques.
     torque = np.concatenate([np.zeros((0, AXES)), *torques])
     reached = measure(
-        times,
-        error,
+        times[computed],
+        error[computed],
         times[: len(torque)],
         torque,
         last.estimate[-1:],
         second_half(times),
     )
     label = law_label(source.values['controller'])
-    print(text_table({f'{label}, changed' if source.changes else label: reached}))
+    is_changed = any(change.values for change in source.changes)
+    print(text_table({f'{label}, changed' if is_changed else label: reached}))

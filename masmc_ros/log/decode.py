@@ -179,7 +179,7 @@ def joint_states() -> Topical:
         return Bulk(usable, Series(parts[:, 0] * NANOSECONDS + parts[:, 1], numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
-        message.load_message(received)
+        message.load_message(received, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
     return Topical(3 * len(JOINTS), _same, bulk, single)

@@ -14,6 +14,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.layout import Layout, NANOSECONDS, StampedMessage
 from masmc_ros.log.names import JOINTS
 
+_REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
+
 
 class JointStateLayout(NamedTuple):
     """The layout of a joint state of this robot, and where its arrays start in bytes."""
@@ -65,12 +67,28 @@ class JointStateCdr(StampedMessage):
             return True
         return all(map(isfinite, position.tolist() + velocity.tolist()))
 
-    def check(self, joints: tuple[str, ...] = JOINTS) -> None:
-        """Refuse positions and velocities of `joints` that are not finite, by InputError."""
-        for field, values in (('position', self.position), ('velocity', self.velocity)):
-            _check_finite(values[len(JOINTS) - len(joints) :], joints, field)
+    def check(
+        self, joints: tuple[str, ...] = JOINTS, *, unknown_velocity: float | None = None
+    ) -> None:
+        """Refuse positions and velocities of `joints` that are not finite, by InputError.
 
-    def load_message(self, message: Any, joints: tuple[str, ...] = JOINTS) -> None:
+        With `unknown_velocity` that takes the place of such velocities instead.
+        """
+        first = len(JOINTS) - len(joints)
+        _check_finite(self.position[first:], joints, 'position')
+        velocity = self.velocity[first:]
+        if unknown_velocity is None:
+            _check_velocity(velocity, joints)
+        else:
+            velocity[~np.isfinite(velocity)] = unknown_velocity
+
+    def load_message(
+        self,
+        message: Any,
+        joints: tuple[str, ...] = JOINTS,
+        *,
+        unknown_velocity: float | None = None,
+    ) -> None:
         """Take over a joint state of any sender, joint by joint by name.
 
         Joints of other names are left out; efforts that are absent or NaN become zero.
@@ -79,6 +97,8 @@ class JointStateCdr(StampedMessage):
             message: sensor_msgs/JointState as any deserialiser gives it.
             joints: which joints to take, `JOINTS` or the driven ones, which are its last;
                 what is held of the others stays.
+            unknown_velocity: what to take for velocities that are absent or not finite; None
+                refuses them.
 
         Raises:
             InputError: for missing or repeated joints, sizes that do not go with the names,
@@ -89,11 +109,13 @@ class JointStateCdr(StampedMessage):
             self._order = _order(names, joints)
             self._names, self._joints = names, joints
         position = self._pick(message.position, 'position')
-        velocity = self._pick(message.velocity, 'velocity')
+        _check_finite(position, joints, 'position')
+        velocity = self._pick_velocity(message.velocity, unknown_velocity)
         effort = np.zeros(len(joints))
         if len(message.effort):
             given = _doubles(message.effort)
             effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
+            _check_finite(effort, joints, 'effort')
         stamp = message.header.stamp
         first = len(JOINTS) - len(joints)
         self.position[first:] = position
@@ -108,13 +130,32 @@ class JointStateCdr(StampedMessage):
                 f'joint state: {field} has {len(array)} numbers for {len(self._names)} joints;'
                 ' it takes one for each name'
             )
-        picked = array[self._order]
-        _check_finite(picked, self._joints, field)
-        return picked
+        return array[self._order]
+
+    def _pick_velocity(
+        self, values: ArrayLike, unknown: float | None
+    ) -> NDArray[np.float64]:
+        if unknown is None:
+            if not len(_doubles(values)):
+                raise InputError(f'joint state: velocity is empty; {_REMEDY}')
+            velocity = self._pick(values, 'velocity')
+            _check_velocity(velocity, self._joints)
+            return velocity
+        if not len(_doubles(values)):
+            return np.full(len(self._joints), unknown)
+        velocity = self._pick(values, 'velocity')
+        return np.where(np.isfinite(velocity), velocity, unknown)
 
 
 def _doubles(values: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(values, dtype=np.float64)
+
+
+def _check_velocity(values: NDArray[np.float64], joints: tuple[str, ...]) -> None:
+    try:
+        _check_finite(values, joints, 'velocity')
+    except InputError as error:
+        raise InputError(f'{error}; {_REMEDY}') from None
 
 
 def _check_finite(values: NDArray[np.float64], joints: tuple[str, ...], field: str) -> None:

@@ -48,7 +48,12 @@ DESCRIPTION_TOPIC = 'robot_description'
 DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 
-TELEMETRY = {'tracking_error': 4, 'sliding_surface': 4, 'parameter_estimate': 7}
+TELEMETRY = {
+    'tracking_error': 4,
+    'sliding_surface': 4,
+    'parameter_estimate': 7,
+    'raw_torque': 4,
+}
 """Label of each telemetry message and how many values it carries."""
 
 

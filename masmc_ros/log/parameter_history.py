@@ -21,7 +21,7 @@ class ParameterHistory:
 
     Attributes:
         start: values by node and by name with which the run began.
-        changes: what was changed while it ran, in the order of the log.
+        changes: what was changed or happened while it ran, in the order of the log.
         restarted: nodes that were started again on the way, and began from nothing there.
     """
 
@@ -90,7 +90,8 @@ def _from_metadata(records: Records) -> ParameterHistory:
                     f"metadata '{CHANGES}': expected JSON objects of node, tick, stamp and"
                     ' parameters'
                 ) from error
-            changes.append(ParameterRecord(node, tick, stamp, dict(values), tuple(new)))
+            event = str(found.get('event', ''))
+            changes.append(ParameterRecord(node, tick, stamp, dict(values), tuple(new), event))
     return ParameterHistory(start, tuple(changes), ())
 
 

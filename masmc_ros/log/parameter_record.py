@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node says of its parameters on `NODE/parameters`: those in force, as JSON text."""
+"""What a node says on `NODE/parameters`: its parameters in force, and events, as JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class ParameterRecord(NamedTuple):
         tick: the first tick that was computed with them.
         stamp: of that tick, ns.
         parameters: all of them by name.
-        changed: names of those that are new; none at the start of a node.
+        changed: names of those that are new; none at the start of a node and with an event.
+        event: what else changed at the tick, one of the controller's EVENTS; empty for none.
     """
 
     node: str
@@ -25,11 +26,12 @@ class ParameterRecord(NamedTuple):
     stamp: int
     parameters: dict[str, Any]
     changed: tuple[str, ...]
+    event: str = ''
 
     @property
     def is_start(self) -> bool:
         """Whether the node tells what it started with."""
-        return not self.changed
+        return not self.changed and not self.event
 
     @property
     def changes(self) -> dict[str, Any]:
@@ -47,7 +49,12 @@ def read_record(text: str) -> ParameterRecord:
         found = json.loads(text)
         parameters, changed = dict(found['parameters']), tuple(map(str, found['changed']))
         record = ParameterRecord(
-            str(found['node']), int(found['tick']), int(found['stamp']), parameters, changed
+            str(found['node']),
+            int(found['tick']),
+            int(found['stamp']),
+            parameters,
+            changed,
+            str(found.get('event', '')),
         )
         if not parameters.keys() >= set(changed):
             raise KeyError

@@ -20,7 +20,8 @@ PARAMETERS = 'parameters'
 """Metadata record: the parameters at the start, a JSON object by node name."""
 
 CHANGES = 'parameter_changes'
-"""Metadata record: later changes in order, JSON objects with node, tick and parameters."""
+"""Metadata record: later changes and events in order, JSON objects with node, tick,
+parameters and event."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -56,6 +57,7 @@ def write_parameters(
                 'tick': change.tick,
                 'stamp': change.stamp,
                 'parameters': change.changes,
+                'event': change.event,
             }
         )
         for number, change in enumerate(changes)

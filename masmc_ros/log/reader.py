@@ -62,7 +62,7 @@ class Run:
         path: the log.
         times: (N) stamps of the states.
         position: (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
-        velocity: (N, 7) their rates in m/s and rad/s.
+        velocity: (N, 7) their rates in m/s and rad/s, NaN where they were not measured.
         applied_effort: (N, 4) torques applied over the interval that ends with the state, N m.
         torque: (M, 4) commanded torques in N m; M = 0 where rates were commanded.
         torque_times: (M) stamps of the states that they answer.
@@ -80,8 +80,11 @@ class Run:
         sliding_surface_times: (K) of these; None likewise.
         parameter_estimate: (K, 7) base inertial parameters used; None where the log has none.
         parameter_estimate_times: (K) of these; None likewise.
+        raw_torque: (K, 4) torque in N m that the law asked for before its limits; None where
+            the log has none.
+        raw_torque_times: (K) of these; None likewise.
         parameters: with which every node began.
-        changes: of parameters while the robot ran, in the order of the log.
+        changes: of parameters while the robot ran, and events, in the order of the log.
         restarted: nodes that were started again while the robot ran.
         topics: number of messages of every topic of the log.
         metadata: records of each name, in the order of the log.
@@ -106,6 +109,8 @@ class Run:
     sliding_surface_times: Floats | None
     parameter_estimate: Floats | None
     parameter_estimate_times: Floats | None
+    raw_torque: Floats | None
+    raw_torque_times: Floats | None
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
@@ -194,6 +199,8 @@ def _run(path: Path, records: Records) -> Run:
         sliding_surface_times=times['sliding_surface'],
         parameter_estimate=values['parameter_estimate'],
         parameter_estimate_times=times['parameter_estimate'],
+        raw_torque=values['raw_torque'],
+        raw_torque_times=times['raw_torque'],
         parameters=history.start,
         changes=history.changes,
         restarted=history.restarted,

@@ -39,7 +39,8 @@ from masmc_ros.log.topics import (
 )
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.writer import ChannelRows, LogWriter
-from masmc_ros.loop.simulation import Change, robot_of, Simulation, Stretch
+from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.robot.description import robot_description
 from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
 from masmc_ros.robot.platform_motion import platform_motion
@@ -80,7 +81,8 @@ class SimulationLog:
         types = {topic.name: topic.type_name for topic in TOPICS}
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
-        rates, torques = (CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC), (COMMAND_TOPIC,)
+        rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
+        torques = COMMAND_TOPIC, telemetry_topic('raw_torque')
         for name in torques if simulation.controller.commands_rates else rates:
             del types[name]
         self._channels = {
@@ -136,7 +138,7 @@ class SimulationLog:
         )
 
     def _change(self, change: Change) -> None:
-        """Write a change of the controller's parameters at its first tick."""
+        """Write a change of the controller at its first tick."""
         before = self._changes[-1].parameters if self._changes else self._values['controller']
         record = ParameterRecord(
             '/controller',
@@ -144,6 +146,7 @@ class SimulationLog:
             self._simulation.timing.stamp(change.tick),
             {**before, **change.values},
             tuple(change.values),
+            change.event,
         )
         self._changes.append(record)
         self._tell(record)
@@ -185,9 +188,11 @@ class SimulationLog:
         decimation = self._values['controller']['telemetry_decimation']
         if not decimation:
             return
-        signals = (stretch.error, stretch.surface, stretch.estimate)
-        chosen = ticks % decimation == 0
+        signals = (stretch.error, stretch.surface, stretch.estimate, stretch.raw_torque)
+        chosen = (ticks % decimation == 0) & stretch.active
         for label, signal in zip(TELEMETRY, signals, strict=True):
+            if telemetry_topic(label) not in self._channels:
+                continue
             data = rows.telemetry_rows(label, stamps[chosen], signal[chosen])
             yield self._rows(telemetry_topic(label), stamps[chosen], data)
 

@@ -99,6 +99,8 @@ TOPICS = (
                 'tracking_error': 'e (4) in m, after [sec, nanosec]',
                 'sliding_surface': 's (4) in m/s, after [sec, nanosec]',
                 'parameter_estimate': 'θ̂ (7) used in the torque, after [sec, nanosec]',
+                'raw_torque': 'what the law asked for (4) in N·m, before the limits of '
+                '`effort_commands`, after [sec, nanosec]',
             }[label],
         )
         for label in TELEMETRY
@@ -108,7 +110,8 @@ TOPICS = (
             parameters_topic(node),
             'std_msgs/msg/String',
             f'{node} →',
-            'parameters in force as JSON, at the start and at every change with its first tick',
+            'parameters in force as JSON, at the start and at every change with its first tick'
+            + ('; resets and activations too' if node == 'controller' else ''),
             holds=True,
         )
         for node in PARAMETER_NODES

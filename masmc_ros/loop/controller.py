@@ -51,8 +51,9 @@ class Controller:
     `used_estimate` (7) the theta_hat in that torque, `estimate` (7) the next tick's.
     With `command_interface` velocity `velocity_command` (4) stands in for the torque: forward
     speed of the platform in m/s, its yaw rate and the rates of both arm joints in rad/s.
-    `commanded` (4, N m) is what the rate is limited against; who commands something else
-    in the controller's place writes it there.
+    `commanded` (4, N m) is what was really commanded last: the rate is limited against it,
+    the velocity estimator and laws in plain Python reckon with it. Who commands nothing in
+    the controller's place says so by `rest`.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
@@ -79,10 +80,32 @@ class Controller:
 
     def reset(self) -> None:
         """Forget what was learned and commanded: everything as at the start."""
-        self.estimate[:] = self.nominal
+        self.rest()
+        self.forget()
+
+    def rest(self) -> None:
+        """Note that no torque is commanded in place of one that is computed.
+
+        What was predicted for the next tick is void, and the velocity estimator begins anew;
+        what was learned stays.
+        """
         self.commanded[:] = 0.0
+        self.predicted[:] = np.nan
         self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
+
+    def skip(self, periods: int) -> None:
+        """Note that so many ticks were left out, with the last torque held meanwhile.
+
+        The disturbance estimate takes nothing from what happened in them, and estimated
+        angles go on at their rates.
+        """
+        self.predicted[:] = np.nan
+        self.memory['angles'] += periods * self.period * self.memory['rates']
+
+    def forget(self) -> None:
+        """Forget what was learned: theta_hat is nominal, the disturbance estimate zero."""
+        self.estimate[:] = self.nominal
         self._forget_disturbance()
         if not self.is_compiled:
             self._plug_in = self._new_plug_in(self.values)

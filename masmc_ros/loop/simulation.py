@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +14,17 @@ from masmc_ros.control.command_interface import check_agreement
 from masmc_ros.errors import InputError
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    RESUMED,
+)
 from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
+from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot import AXES, BASE_PARAMETERS
-from masmc_ros.robot.forward_kinematics import task_positions
 from masmc_ros.robot.parameters import ROBOT, Robot
 
 Array = NDArray[np.float64]
@@ -29,67 +34,19 @@ BLOCK = 20_000
 """Ticks held in memory at a time."""
 
 
-class Change(NamedTuple):
-    """Checked values of some of the controller's parameters, new at a tick."""
-
-    tick: int
-    """The first tick that is computed with them."""
-    values: Values
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Consecutive ticks of a run; rows are ticks, SI units, radians."""
-
-    first: int
-    """Tick of row 0."""
-    position: Array
-    """(n, 7) as measured, in the order of joint_states."""
-    velocity: Array
-    """(n, 7) as measured, in the same order."""
-    true_position: Array
-    """(n, 7) as they are."""
-    true_velocity: Array
-    """(n, 7) as they are."""
-    applied: Array
-    """(n, 4) torque held over the interval that ended at the tick."""
-    raw_torque: Array
-    """(n, 4) torque that the law asked for, before the controller's limits."""
-    torque: Array
-    """(n, 4) command computed at the tick."""
-    rates: Array
-    """(n, 4) commanded at the tick in place of a torque: forward speed in m/s, yaw rate and
-    both arm joints' rates in rad/s; (0, 4) where a torque is."""
-    reference: Array
-    """(n, 12) x_d, xdot_d, xddot_d."""
-    error: Array
-    """(n, 4) e, of the measured state."""
-    surface: Array
-    """(n, 4) s."""
-    estimate: Array
-    """(n, 7) theta_hat used in the tick's torque."""
-    singular: int
-    """Number of ticks at which the arm was close to singular."""
-    changes: tuple[Change, ...] = ()
-    """Of the controller's parameters, at ticks of the stretch."""
-
-    def true_error(self, geometry: Array) -> Array:
-        """Return x - x_d (n, 4) of the true state in m, for the true lengths (5)."""
-        return task_positions(geometry, self.true_position) - self.reference[:, :AXES]
-
-
 class Simulation:
     """The closed loop of one robot, trajectory and controller."""
 
     def __init__(self, values: Mapping[str, Values], changes: Sequence[Change] = ()) -> None:
         """Take the checked parameter values of every node, by node name.
 
-        `changes` of the controller's parameters are made on the way, in order of their ticks.
-        Raises InputError where they do not fit together.
+        `changes` of the controller are made on the way, in order of their ticks. It begins
+        active or not, by `active_on_start`. Raises InputError where they do not fit together.
         """
         plant, control = values['plant'], values['controller']
         self._start = control
         self._changes = tuple(changes)
+        self._is_active = True
         check_agreement(plant, control)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
@@ -109,6 +66,7 @@ class Simulation:
         self.plant.reset()
         self.controller.change(self._start)
         self.controller.reset()
+        self._is_active = self._start['active_on_start']
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
@@ -126,11 +84,24 @@ class Simulation:
         for start, stop in pairwise(edges):
             for change in changes:
                 if change.tick == start:
-                    self.controller.change(change.values)
-            advance = self._compiled if self.controller.is_compiled else self._interpreted
+                    self._make(change)
+            compiles = self._is_active and self.controller.is_compiled
+            advance = self._compiled if compiles else self._interpreted
             samples = reference[start - first : stop - first]
             parts.append(advance(start, samples, final=final and stop == end))
-        return parts[0] if not changes else _joined(parts, changes)
+        return parts[0] if not changes else joined(parts, changes)
+
+    def _make(self, change: Change) -> None:
+        if change.values:
+            self.controller.change(change.values)
+        if change.event == ACTIVATED:
+            self.controller.reset()
+        elif change.event == ADAPTATION_RESET:
+            self.controller.forget()
+        elif change.event == DEACTIVATED:
+            self.controller.rest()
+        if change.event in (ACTIVATED, RESUMED, DEACTIVATED):
+            self._is_active = change.event != DEACTIVATED
 
     def _check_finite(self, stretch: Stretch) -> None:
         finite = np.isfinite(stretch.torque).all(axis=1)
@@ -188,6 +159,7 @@ class Simulation:
             applied[:n],
             raw_torque,
             torque,
+            np.ones(n, bool),
             rates,
             reference,
             error,
@@ -197,50 +169,49 @@ class Simulation:
         )
 
     def _interpreted(self, first: int, reference: Array, *, final: bool) -> Stretch:
-        """Run tick by tick, as the nodes do; for laws in plain Python."""
+        """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
         n = len(reference)
-        plant, controller = self.plant, self.controller
+        plant, controller, is_active = self.plant, self.controller, self._is_active
         rows: dict[str, Any] = {
             'position': np.empty((n, 7)),
             'velocity': np.empty((n, 7)),
             'true_position': np.empty((n, 7)),
             'true_velocity': np.empty((n, 7)),
             'applied': np.empty((n, AXES)),
-            'raw_torque': np.empty((n, AXES)),
-            'torque': np.empty((n, AXES)),
-            'error': np.empty((n, AXES)),
-            'surface': np.empty((n, AXES)),
+            'raw_torque': np.zeros((n, AXES)),
+            'torque': np.zeros((n, AXES)),
+            'error': np.full((n, AXES), np.nan),
+            'surface': np.full((n, AXES), np.nan),
             'estimate': np.empty((n, BASE_PARAMETERS)),
         }
         singular = 0
         for k in range(n):
-            singular += controller.tick(plant.position, plant.velocity, reference[k])
+            if is_active:
+                singular += controller.tick(plant.position, plant.velocity, reference[k])
+                rows['raw_torque'][k] = controller.raw_torque
+                rows['torque'][k] = controller.torque
+                rows['error'][k] = controller.error
+                rows['surface'][k] = controller.surface
+                rows['estimate'][k] = controller.used_estimate
+            else:
+                rows['estimate'][k] = controller.estimate
             rows['position'][k] = plant.position
             rows['velocity'][k] = plant.velocity
             rows['true_position'][k] = plant.true_position
             rows['true_velocity'][k] = plant.true_velocity
             rows['applied'][k] = plant.applied
-            rows['raw_torque'][k] = controller.raw_torque
-            rows['torque'][k] = controller.torque
-            rows['error'][k] = controller.error
-            rows['surface'][k] = controller.surface
-            rows['estimate'][k] = controller.used_estimate
             if not (final and k == n - 1):
-                plant.advance(controller.torque)
-        none = np.empty((0, AXES))
+                plant.advance(rows['torque'][k])
+        # Rates that are commanded are compiled; at rest they are as zero as torques.
+        rates = np.zeros((n if controller.commands_rates else 0, AXES))
         return Stretch(
-            first=first, reference=reference, rates=none, singular=singular, **rows
+            first=first,
+            reference=reference,
+            active=np.full(n, is_active),
+            rates=rates,
+            singular=singular,
+            **rows,
         )
-
-
-def _joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:
-    rows = {
-        field.name: np.concatenate([getattr(part, field.name) for part in parts])
-        for field in fields(Stretch)
-        if isinstance(getattr(parts[0], field.name), np.ndarray)
-    }
-    singular = sum(part.singular for part in parts)
-    return Stretch(first=parts[0].first, singular=singular, changes=changes, **rows)
 
 
 def robot_of(values: Values) -> Robot:

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -24,6 +24,17 @@ from masmc_ros.nodes.ros_parameters import RosParameters
 _DELIVERY = 5.0
 _PATIENCE = 3.0
 _REMINDER = 5.0
+
+
+class Recorded(NamedTuple):
+    """A change to be told once its first tick is known."""
+
+    values: Mapping[str, Any]
+    """All parameters, as they were right after it."""
+    changed: tuple[str, ...] = ()
+    """Names of those that are new."""
+    event: str = ''
+    """What happened where no parameter changed, one of the controller's EVENTS."""
 
 
 class SuiteNode:
@@ -66,13 +77,14 @@ class SuiteNode:
         self.record_parameters(0, 0)
         self.node.create_timer(1.0, self._remind, clock=self.steady)
 
-    def record_parameters(self, tick: int, stamp: int, changed: Iterable[str] = ()) -> None:
-        """Publish the parameters in force, and the first tick that is computed with them.
+    def record_parameters(self, tick: int, stamp: int, change: Recorded | None = None) -> None:
+        """Publish the parameters, and the first tick that is computed with them.
 
-        `changed` names those that are new.
+        `change` is what is new since the last time; without one they are those of the start.
         """
         node = self.node.get_fully_qualified_name()
-        record = ParameterRecord(node, tick, stamp, self.values, tuple(changed))
+        values, changed, event = change or Recorded(self.values)
+        record = ParameterRecord(node, tick, stamp, dict(values), changed, event)
         self._record.publish(String(data=record.to_text()))
 
     def wait(self, reason: str | None) -> None:

@@ -12,33 +12,39 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from rclpy.context import Context
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import String
 
 from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import ReferenceWindow, TelemetryCdr
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    RESUMED,
+)
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
 from masmc_ros.loop.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.base import Recorded, SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.command_output import CommandOutput, RateOutput, TorqueOutput
 from masmc_ros.nodes.controller_health import ControllerHealth
+from masmc_ros.nodes.controller_telemetry import ControllerTelemetry
 from masmc_ros.nodes.diagnostics import publish_health
 from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
+from masmc_ros.nodes.reference_input import ReferenceInput
 from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 from masmc_ros.nodes.state_input import StateInput
 from masmc_ros.nodes.supervision import Supervision
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
-from masmc_ros.reference.windows import ReferenceWindows
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -61,48 +67,38 @@ class ControllerNode(SuiteNode):
         values = self.values
         self._timing = Timing.from_values(values)
         self._controller = Controller(robot_of(values), self._timing.period, values)
-        self._reference = ReferenceWindows()
         self._order = StampOrder()
         self._supervisor = Supervisor(active=values['active_on_start'])
-        self._activations = 0
+        self._activations = self._supervisor.activations
+        self._computes: bool | None = self._supervisor.is_active
+        self._computed: int | None = None
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        self._health = ControllerHealth(self._timing.period)
+        self._health = ControllerHealth(self._timing.period, self.node.get_clock())
         self._pending: int | None = None
         self._may_finish = True
         self._held_since: float | None = None
-        self._changes: dict[str, Any] = {}
+        self._untold: list[Recorded] = []
         self._was_singular = False
         self._output: CommandOutput = (
             RateOutput(self._controller, values)
             if self._controller.commands_rates
             else TorqueOutput(self._controller)
         )
-        self._decimation: int = values['telemetry_decimation']
         self._compile()
 
     def connect(self) -> None:
         """Create the topics: commands and telemetry out, reference and states in."""
         super().connect()
         self._output.connect(self.publisher)
-        self._telemetry = [
-            (
-                self.publisher(Float64MultiArray, f'controller/{label}'),
-                TelemetryCdr(label, len(values)),
-                values,
-            )
-            for label, values in (
-                ('tracking_error', self._controller.error),
-                ('sliding_surface', self._controller.surface),
-                ('parameter_estimate', self._controller.used_estimate),
-            )
-            if self._decimation
-        ]
+        self._telemetry = ControllerTelemetry(
+            self._controller, self.values['telemetry_decimation'], self.publisher
+        )
         self._supervision = Supervision(
             self.node,
             self._supervisor,
             self.publisher(String, 'controller/state', 10),
-            reset=self._controller.reset,
+            reset=self._reset_adaptation,
             stopped=self._on_stopped,
         )
         self.parameters.on_change(self._change)
@@ -119,11 +115,9 @@ class ControllerNode(SuiteNode):
         subscribe_with_past(
             self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
-        subscribe_with_past(
-            self.node, Float64MultiArray, 'reference', self._on_reference, depth=100
-        )
+        self._reference = ReferenceInput(self.node, self._refusals, self._on_reference)
         self._input = StateInput(
-            self.node, self.values['pose_source'], self._refusals, self._accepts, self._on_state
+            self.node, self.values, self._refusals, self._accepts, self._on_state
         )
         self.wait('the plant (joint_states)')
 
@@ -135,11 +129,20 @@ class ControllerNode(SuiteNode):
         for stamp in range(2):
             self._approach.begin()
             self._approach.follow(stamp, position, reference.copy())
+        self._approach.begin()
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
-        self._changes.update(values)
+        self._note(changed=tuple(values))
         self._set_pacing('realtime' if self._is_realtime else 'lockstep')
+
+    def _reset_adaptation(self) -> None:
+        self._controller.forget()
+        self._note(ADAPTATION_RESET)
+
+    def _note(self, event: str = '', changed: tuple[str, ...] = ()) -> None:
+        """Note what is to be told on ~/parameters with the next tick that is answered."""
+        self._untold.append(Recorded(dict(self.values), changed, event))
 
     # Pacing.
 
@@ -179,26 +182,16 @@ class ControllerNode(SuiteNode):
             self._supervision.fail(STATES, f'no usable joint_states for {timeout:g} s')
 
     def _on_stopped(self) -> None:
-        """Send zeros at once; in lock-step the next state is answered so."""
+        """Send zeros at once; in lock-step as the answer to the state that waits for one."""
         last = self._order.last
         if self._is_realtime and last is not None:
-            self._output.send_zero(last)
+            self._send_zero(last)
+        elif self._pending is not None:
+            self._answer(self._pending)
 
     # Input.
 
-    def _on_reference(self, raw: bytes) -> None:
-        try:
-            window = ReferenceWindow.from_bytes(raw)
-            if window is None:
-                window = ReferenceWindow.from_message(deserialized(raw, Float64MultiArray))
-            samples = window.samples.reshape(-1, 12)
-            if window.stamp_ns is None:
-                self._reference.set_point(samples[0])
-            else:
-                self._reference.add(window.stamp_ns, window.period, samples)
-        except InputError as error:
-            self._refusals.add('reference', error)
-            return
+    def _on_reference(self) -> None:
         if self._pending is not None:
             self._answer(self._pending)
 
@@ -237,6 +230,7 @@ class ControllerNode(SuiteNode):
             )
         self._pending = None
         self._activations = -1
+        self._computes = None
 
     # Answer.
 
@@ -253,18 +247,16 @@ class ControllerNode(SuiteNode):
         self.wait(None)
         if self._supervisor.is_active:
             self._output.send(stamp)
+            self._health.computed(self._controller)
         else:
-            self._output.send_zero(stamp)
+            self._send_zero(stamp)
         self._health.answered()
         tick = round(stamp / (1e9 * self._timing.period))
-        if self._telemetry and self._supervisor.is_active and tick % self._decimation == 0:
-            for publisher, message, values in self._telemetry:
-                message.set_stamp(stamp)
-                message.values[:] = values
-                publisher.publish(message.to_bytes())
-        if self._changes:
-            self.record_parameters(tick, stamp, self._changes)
-            self._changes = {}
+        if self._supervisor.is_active:
+            self._telemetry.send(tick, stamp)
+        for change in self._untold:
+            self.record_parameters(tick, stamp, change)
+        self._untold.clear()
         if self._timing.last is not None and tick >= self._timing.last and self._may_finish:
             self.finished = True
 
@@ -275,7 +267,7 @@ class ControllerNode(SuiteNode):
         time, and where a newer state while one is unanswered tells that the plant does not
         wait, the last position is held.
         """
-        reference = self._reference.at(stamp)
+        reference = self._reference.windows.at(stamp)
         if reference is not None:
             self._held_since = None
             if not self._supervisor.is_active:
@@ -283,7 +275,7 @@ class ControllerNode(SuiteNode):
             return reference
         if not self._is_realtime and self._pending in (None, stamp):
             return None
-        reference = self._reference.held_after(stamp)
+        reference = self._reference.windows.held_after(stamp)
         timeout = self.values['reference_timeout']
         if reference is not None and self._is_realtime:
             now = time.monotonic()
@@ -299,7 +291,15 @@ class ControllerNode(SuiteNode):
             self._activations = self._supervisor.activations
             controller.reset()
             self._approach.begin()
-        if self._is_realtime and self.values['approach_speed'] > 0.0:
+            self._note(ACTIVATED)
+        elif not self._computes:
+            self._note(RESUMED)
+        elif self._is_realtime and self._computed is not None:
+            left_out = round((stamp - self._computed) / (1e9 * self._timing.period)) - 1
+            if left_out > 0:
+                controller.skip(left_out)
+        self._computes, self._computed = True, stamp
+        if self._is_realtime:
             reference = self._approach.follow(stamp, state.position, reference)
         try:
             singular = controller.tick(state.position, state.velocity, reference)
@@ -314,6 +314,13 @@ class ControllerNode(SuiteNode):
         if singular != self._was_singular:
             self._was_singular = singular
             self._say_singular(stamp, singular)
+
+    def _send_zero(self, stamp: int) -> None:
+        self._controller.rest()
+        if self._computes is not False:
+            self._computes = False
+            self._note(DEACTIVATED)
+        self._output.send_zero(stamp)
 
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:

@@ -7,6 +7,7 @@ import math
 import time
 
 import numpy as np
+from rclpy.clock import Clock
 from rclpy.node import Node
 
 from masmc_ros.loop.controller import Controller
@@ -14,10 +15,14 @@ from masmc_ros.loop.supervisor import ACTIVE, FAULT, Supervisor
 from masmc_ros.nodes.command_output import CommandOutput
 from masmc_ros.nodes.diagnostics import ERROR, Health, OK, senders, WARN
 from masmc_ros.nodes.refusals import Refusals
+from masmc_ros.nodes.saturation import Saturation
 from masmc_ros.nodes.tick_times import TickTimes
 
 _ONE_CLOCK = 1e3
-"""Stamps within so many s of the system's time are on its clock; others are simulated."""
+"""Stamps within so many s of the node's time are on its clock; others are on another one."""
+
+_MOST_AGES = 100_000
+"""States whose ages are kept between two reports."""
 
 
 class ControllerHealth:
@@ -29,9 +34,12 @@ class ControllerHealth:
         gaps: states that were missing for longer than the timeout.
     """
 
-    def __init__(self, period: float) -> None:
-        """Take the control period in s."""
+    def __init__(self, period: float, clock: Clock) -> None:
+        """Take the control period in s and the node's clock."""
         self._ticks = TickTimes(period)
+        self._clock = clock
+        self._saturation = Saturation()
+        self._ages: list[float] = []
         self._arrival = math.inf
         self._stamp = 0
         self._problems = 0
@@ -42,9 +50,16 @@ class ControllerHealth:
         self._arrival = time.monotonic()
         self._stamp = stamp
 
+    def computed(self, controller: Controller) -> None:
+        """Note that the controller has computed a torque."""
+        self._saturation.add(controller)
+
     def answered(self) -> None:
         """Note that the state that came last is answered."""
         self._ticks.add(time.monotonic() - self._arrival)
+        age = 1e-9 * (self._clock.now().nanoseconds - self._stamp)
+        if abs(age) < _ONE_CLOCK and len(self._ages) < _MOST_AGES:
+            self._ages.append(age)
 
     def silence(self) -> float:
         """Return the time in s since the last usable state, 0 before the first."""
@@ -69,12 +84,15 @@ class ControllerHealth:
             'gaps in states': str(self.gaps),
             '|s| (m/s)': f'{float(np.linalg.norm(controller.surface)):.6g}',
             '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
+            **self._saturation.report(),
             **output.figures(),
             **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
         }
-        latency = time.time() - 1e-9 * self._stamp
-        if abs(latency) < _ONE_CLOCK:
-            values['latency of the last state (s)'] = f'{latency - self.silence():.6f}'
+        if self._ages:
+            mean = sum(self._ages) / len(self._ages)
+            values['age of answered states, mean (ms)'] = f'{1e3 * mean:.3f}'
+            values['age of answered states, most (ms)'] = f'{1e3 * max(self._ages):.3f}'
+            self._ages.clear()
         me = node.get_fully_qualified_name()
         others = {}
         for publisher in output.publishers:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.reader import Run
 from masmc_ros.log.topics import PARAMETER_NODES
-from masmc_ros.loop.simulation import Change
+from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
+from masmc_ros.loop.stretch import Change
 from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
@@ -39,6 +40,11 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
             values[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = values
     return scenario
+
+
+def activation(scenario: Mapping[str, Values]) -> list[Change]:
+    """Return what a simulation of a file needs that nobody enables: the controller enabled."""
+    return [] if scenario['controller']['active_on_start'] else [Change(0, {}, ACTIVATED)]
 
 
 def logged_scenario(
@@ -77,15 +83,20 @@ def logged_scenario(
 
 
 def _controller_changes(run: Run, without: Values) -> list[Change]:
-    """Return the changes of the controller, checked, those of some parameters left out."""
+    """Return what changed of the controller, checked, some parameters left out."""
     known = {parameter.name: parameter for parameter in declared('controller')}
     changes = []
     for change in run.changes:
         if change.node.rpartition('/')[2] != 'controller':
             continue
         new = {n: known[n].check(v) for n, v in change.changes.items() if n not in without}
-        if new:
-            changes.append(Change(change.tick, new))
+        if change.event and change.event not in EVENTS:
+            raise InputError(
+                f'{run.path}: event {change.event!r} of the controller at tick {change.tick};'
+                f' expected one of {", ".join(EVENTS)}'
+            )
+        if new or change.event:
+            changes.append(Change(change.tick, new, change.event))
     return changes
 
 

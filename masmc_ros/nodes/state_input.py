@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import JointStateCdr
 from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
@@ -31,21 +33,24 @@ class StateInput:
     def __init__(
         self,
         node: Node,
-        pose_source: str,
+        values: Mapping[str, Any],
         refusals: Refusals,
         accepts: Callable[[int], bool],
         on_state: Callable[[int], None],
     ) -> None:
         """Take every state that is complete and finite, and whose stamp in ns is accepted.
 
-        `on_state` is called with the stamp, after which `state` stays until the next one.
+        `values` are the controller's parameters in force, which may change: with
+        `velocity_source` estimated a state needs no velocities. `on_state` is called with the
+        stamp, after which `state` stays until the next one.
         """
+        self._values = values
         self.state = JointStateCdr()
         self._spare = JointStateCdr()
         self._refusals = refusals
         self._accepts = accepts
         self._on_state = on_state
-        self._base = BasePose() if pose_source == 'odom' else None
+        self._base = BasePose() if values['pose_source'] == 'odom' else None
         self._joints = JOINTS if self._base is None else DRIVEN_JOINTS
         self._is_waiting = False
         if self._base is not None:
@@ -56,10 +61,14 @@ class StateInput:
         # What is refused must not touch the state in force: it is read into the spare one.
         state = self._spare
         try:
-            if not state.load(raw):
-                state.load_message(deserialized(raw, JointState), self._joints)
-            elif not state.is_finite():
-                state.check(self._joints)
+            is_ours = state.load(raw)
+            if not (is_ours and state.is_finite()):
+                unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
+                if is_ours:
+                    state.check(self._joints, unknown_velocity=unknown)
+                else:
+                    message = deserialized(raw, JointState)
+                    state.load_message(message, self._joints, unknown_velocity=unknown)
             stamp = state.stamp_ns
             if stamp < 0:
                 raise InputError(f'joint state: stamp {stamp} ns is negative')

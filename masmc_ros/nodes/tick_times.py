@@ -19,26 +19,30 @@ class TickTimes:
         self._period = period
         self._since = time.monotonic()
         self._counted = 0
-        self._longest = 0.0
+        self._longest = self._sum = 0.0
         self.total = 0
         self.overruns = 0
 
     def add(self, duration: float) -> None:
         """Note a tick that took `duration` s."""
         self.total += 1
+        self._sum += duration
         if duration > self._longest:
             self._longest = duration
         if duration > self._period:
             self.overruns += 1
 
     def report(self) -> dict[str, str]:
-        """Return rate, longest tick and overruns since the last report, and start over."""
+        """Return rate, mean and longest tick since the last report, and all overruns."""
         now = time.monotonic()
-        rate = (self.total - self._counted) / max(now - self._since, 1e-9)
+        count = self.total - self._counted
+        rate = count / max(now - self._since, 1e-9)
         report = {
             'rate (1/s)': f'{rate:.1f}',
+            'mean tick (ms)': f'{1e3 * self._sum / max(count, 1):.3f}',
             'longest tick (ms)': f'{1e3 * self._longest:.3f}',
             'overruns': str(self.overruns),
         }
-        self._since, self._counted, self._longest = now, self.total, 0.0
+        self._since, self._counted = now, self.total
+        self._longest = self._sum = 0.0
         return report

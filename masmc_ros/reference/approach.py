@@ -79,7 +79,7 @@ class Approach:
     """
 
     def __init__(self, geometry: Array, speed: float) -> None:
-        """Take the robot's lengths (5) and the largest speed per task axis in m/s."""
+        """Take the robot's lengths (5) and the largest speed per task axis in m/s; 0 jumps."""
         self._geometry = geometry
         self._speed = speed
         self._distance = np.zeros(12)
@@ -100,6 +100,8 @@ class Approach:
 
         `position` (7) in the order of joint_states, `reference` (12).
         """
+        if self._speed == 0.0:
+            return reference
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         if before is not None and before is not reference:
             limit = self._speed * _CONTINUOUS

@@ -41,6 +41,9 @@ _RATES = (
 )
 """What a base and an arm are told that take no torques."""
 
+_RAW_TORQUES = tuple(Column(f'raw_torque_{joint}', 'N_m') for joint in DRIVEN_JOINTS)
+"""What a law asked for, before its torques were limited."""
+
 
 def columns_of(run: Run) -> tuple[Column, ...]:
     """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
@@ -61,6 +64,7 @@ def columns_of(run: Run) -> tuple[Column, ...]:
             Column(f'estimate_{name}', unit)
             for name, unit in zip(BaseParameters._fields, _ESTIMATE_UNITS, strict=True)
         ),
+        *(_RAW_TORQUES if torques else ()),
     )
 
 
@@ -84,7 +88,7 @@ def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
         return _at_states(run.times, times, sent, width)
 
     torques, rates = _sent(run)
-    parts = [(states, np.ones(states.shape, bool))]
+    parts = [(states, ~np.isnan(states))]
     if torques:
         parts.append(at_states(run.torque_times, run.torque, len(DRIVEN_JOINTS)))
     if rates:
@@ -98,6 +102,8 @@ def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
             run.parameter_estimate_times, run.parameter_estimate, len(BaseParameters._fields)
         ),
     )
+    if torques:
+        parts.append(at_states(run.raw_torque_times, run.raw_torque, len(DRIVEN_JOINTS)))
     values, known = zip(*parts, strict=True)
     return np.hstack(values), np.hstack(known)
 

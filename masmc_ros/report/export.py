@@ -105,6 +105,8 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
         'surface': run.sliding_surface,
         'estimate_time_s': run.parameter_estimate_times,
         'estimate': run.parameter_estimate,
+        'raw_torque_time_s': run.raw_torque_times,
+        'raw_torque': run.raw_torque,
     }
     there = {name: values for name, values in arrays.items() if values is not None}
     np.savez(stream, allow_pickle=False, **there)

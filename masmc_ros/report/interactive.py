@@ -115,7 +115,9 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         plots += _rates(run, span, changes)
     if len(run.torque):
         times = run.torque_times - begun
-        add('torque', 'Torques commanded', 'torque (N·m)', _DRIVES, times, run.torque)
+        drawn = [*lines(_DRIVES, times, run.torque), *_raw_torques(run)]
+        figure = time_plot(drawn, 'torque (N·m)', span, changes)
+        plots.append(Plot('torque', 'Torques commanded', figure))
     else:
         times = run.times - begun
         add('torque', 'Torques applied', 'torque (N·m)', _DRIVES, times, run.applied_effort)
@@ -124,6 +126,21 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         title = 'Estimates of the base inertial parameters'
         add('estimate', title, 'estimate', _ESTIMATES, times, run.parameter_estimate)
     return plots
+
+
+def _raw_torques(run: Run) -> list[Line]:
+    """Return what the law asked for, of the joints where limits cut some of it."""
+    if run.raw_torque is None or run.raw_torque_times is None:
+        return []
+    _, sent, asked = np.intersect1d(run.torque_times, run.raw_torque_times, return_indices=True)
+    is_cut = (run.torque[sent] != run.raw_torque[asked]).any(axis=0)
+    times = run.raw_torque_times - run.times[0]
+    names = [f'{drive}, asked for' for drive in _DRIVES]
+    return [
+        line._replace(dash='dot')
+        for line, cut in zip(lines(names, times, run.raw_torque), is_cut, strict=True)
+        if cut
+    ]
 
 
 def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:

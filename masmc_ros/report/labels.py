@@ -51,7 +51,7 @@ def _law_label(run: Run) -> str:
     if law_of(run) is None:
         return ''
     label = law_label(run.parameters['controller'])
-    return f'{label}, changed' if run.changes else label
+    return f'{label}, changed' if any(each.changed for each in run.changes) else label
 
 
 def law_label(controller: Mapping[str, Any]) -> str:

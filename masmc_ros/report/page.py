@@ -16,7 +16,7 @@ from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.interactive import comparison_plots, Plot, run_plots, span_of
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.missing import missing
-from masmc_ros.report.parameters import run_changes, value_text
+from masmc_ros.report.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.settling import BAND, FLOOR
 from masmc_ros.report.table import cells, heads
 
@@ -58,6 +58,8 @@ def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, An
     changes = run_changes(run)
     later: dict[tuple[str, str], list[str]] = {}
     for change in changes:
+        if change.is_event:
+            continue
         text = f'{value_text(change.new)} from {change.time:.3f} s'
         later.setdefault((change.node, change.name), []).append(text)
     return {
@@ -68,7 +70,7 @@ def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, An
         'duration': f'{run.times[-1] - run.times[0]:g}',
         'missing': missing(run, each.tracked),
         'changes': [
-            (f'{c.time:.3f}', c.tick, c.node, c.name, value_text(c.old), value_text(c.new))
+            (f'{c.time:.3f}', c.tick, c.node, c.name, *change_texts(c))
             for c in changes
         ],
         'plots': _plots(f'run-{number}', run_plots(each, span)),

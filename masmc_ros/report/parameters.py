@@ -12,16 +12,19 @@ from masmc_ros.robot.parameters import ROBOT, Robot
 
 
 class Change(NamedTuple):
-    """One parameter that changed while the robot ran."""
+    """One parameter that changed while the robot ran, or something that happened."""
 
     time: float
     """Of the first tick that was computed with the new value, s from the first state."""
     tick: int
     node: str
     name: str
+    """Of the parameter, or what happened."""
     old: Any
     """None where the log does not tell it."""
     new: Any
+    is_event: bool = False
+    """Whether something happened, and no parameter changed."""
 
 
 def run_changes(run: Run) -> list[Change]:
@@ -36,6 +39,8 @@ def run_changes(run: Run) -> list[Change]:
             Change(time, record.tick, node, name, known.get(name), value)
             for name, value in record.changes.items()
         ]
+        if record.event:
+            changes.append(Change(time, record.tick, node, record.event, None, None, True))
         known.update(record.parameters)
     return changes
 
@@ -50,6 +55,13 @@ def run_robot(run: Run) -> Robot | None:
         if all(_is_number(values.get(p.name)) for p in ROBOT):
             return Robot.from_values({p.name: values[p.name] for p in ROBOT})
     return None
+
+
+def change_texts(change: Change) -> tuple[str, str]:
+    """Return the old and the new value as a parameter file has them; empty for an event."""
+    if change.is_event:
+        return '', ''
+    return value_text(change.old), value_text(change.new)
 
 
 def value_text(value: Any) -> str:

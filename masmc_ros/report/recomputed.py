@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.reader import Run
-from masmc_ros.loop.simulation import Stretch
+from masmc_ros.loop.stretch import Stretch
 from masmc_ros.loop.timing import Timing
 
 

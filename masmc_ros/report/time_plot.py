@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 import plotly.graph_objects as go
 
-from masmc_ros.report.parameters import Change, value_text
+from masmc_ros.report.parameters import Change, change_texts
 from masmc_ros.report.thinning import envelope
 
 Floats = NDArray[np.float64]
@@ -122,7 +122,7 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
             x=times,
             y=[1.0] * len(times),
             yaxis='y2',
-            name='parameters changed',
+            name='changed',
             showlegend=len(times) > _NAMED,
             mode='markers+text' if len(times) <= _NAMED else 'markers',
             marker={'symbol': 'triangle-down', 'size': 12},
@@ -141,6 +141,7 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
 
 def _change_text(change: Change) -> str:
     """Return a change as the HTML that plotly takes, such as 'controller k_s1: 1.0 → 2.0'."""
-    return escape(
-        f'{change.node} {change.name}: {value_text(change.old)} → {value_text(change.new)}'
-    )
+    if change.is_event:
+        return escape(f'{change.node}: {change.name}')
+    old, new = change_texts(change)
+    return escape(f'{change.node} {change.name}: {old} → {new}')

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Consecutive ticks of a computed run, and what was changed among them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.robot import AXES
+from masmc_ros.robot.forward_kinematics import task_positions
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+
+
+class Change(NamedTuple):
+    """Checked values of some of the controller's parameters, new at a tick, or an event."""
+
+    tick: int
+    """The first tick that is computed with them."""
+    values: Values
+    event: str = ''
+    """One of EVENTS, after the values; empty for none."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive ticks of a run; rows are ticks, SI units, radians."""
+
+    first: int
+    """Tick of row 0."""
+    position: Array
+    """(n, 7) as measured, in the order of joint_states."""
+    velocity: Array
+    """(n, 7) as measured, in the same order."""
+    true_position: Array
+    """(n, 7) as they are."""
+    true_velocity: Array
+    """(n, 7) as they are."""
+    applied: Array
+    """(n, 4) torque held over the interval that ended at the tick."""
+    raw_torque: Array
+    """(n, 4) torque that the law asked for, before the controller's limits."""
+    torque: Array
+    """(n, 4) command computed at the tick."""
+    active: NDArray[np.bool_]
+    """(n) whether a torque was computed; where not, zero is commanded, error and surface are
+    not known, and the estimate is that of the next activation."""
+    rates: Array
+    """(n, 4) commanded at the tick in place of a torque: forward speed in m/s, yaw rate and
+    both arm joints' rates in rad/s; (0, 4) where a torque is."""
+    reference: Array
+    """(n, 12) x_d, xdot_d, xddot_d."""
+    error: Array
+    """(n, 4) e, of the measured state."""
+    surface: Array
+    """(n, 4) s."""
+    estimate: Array
+    """(n, 7) theta_hat used in the tick's torque."""
+    singular: int
+    """Number of ticks at which the arm was close to singular."""
+    changes: tuple[Change, ...] = ()
+    """Of the controller's parameters, at ticks of the stretch."""
+
+    def true_error(self, geometry: Array) -> Array:
+        """Return x - x_d (n, 4) of the true state in m, for the true lengths (5)."""
+        return task_positions(geometry, self.true_position) - self.reference[:, :AXES]
+
+
+def joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:
+    """Return consecutive stretches as one, with the changes on its way."""
+    rows = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in fields(Stretch)
+        if isinstance(getattr(parts[0], field.name), np.ndarray)
+    }
+    singular = sum(part.singular for part in parts)
+    return Stretch(first=parts[0].first, singular=singular, changes=changes, **rows)

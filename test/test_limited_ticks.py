@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller makes of ticks that were cut, left out, or answered by somebody else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from processes import PAPER
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.nodes.saturation import Saturation
+from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.reference.trajectory import Trajectory
+
+PERIOD = 1e-3
+GENTLE = ('controller.k_s1=20', 'controller.k_s2=20', 'controller.law=smc')
+
+
+class Loop:
+    """A controller on its robot, tick by tick."""
+
+    def __init__(self, *settings: str) -> None:
+        values = load_scenario(str(PAPER), (*GENTLE, *settings))
+        self.controller = Controller(robot_of(values['controller']), PERIOD, values['controller'])
+        self.robot = SimulatedRobot(robot_of(values['plant']), PERIOD, values['plant'])
+        trajectory = Trajectory(values['trajectory'], PERIOD, robot_of(values['trajectory']))
+        self.reference = trajectory.sample(0, 3000)
+
+    def tick(self) -> None:
+        """Answer the robot's state."""
+        robot = self.robot
+        self.controller.tick(robot.position, robot.velocity, self.reference[robot.tick])
+
+    def move(self, torque: Any) -> None:
+        """Let the robot move on for a period."""
+        self.robot.advance(np.asarray(torque, dtype=np.float64))
+
+
+def rate_errors(*, says_so: bool) -> np.ndarray:
+    """Return errors of estimated rates where only every third state is answered."""
+    loop = Loop('controller.velocity_source=estimated')
+    errors = []
+    for tick in range(1500):
+        if tick % 3 == 0:
+            if says_so and tick:
+                loop.controller.skip(2)
+            loop.tick()
+            errors.append(loop.controller.memory['rates'][0] - loop.robot.velocity[3:])
+        loop.move(loop.controller.torque)
+    return np.array(errors[100:])
+
+
+def test_rates_are_estimated_through_ticks_that_are_left_out() -> None:
+    told, untold = (np.abs(rate_errors(says_so=each)).max() for each in (True, False))
+    assert told < 0.2 * untold
+    assert told < 0.15
+
+
+def test_ticks_that_are_left_out_are_no_disturbance() -> None:
+    loop = Loop(
+        'controller.switching=implicit', 'controller.observer_gain=0.5',
+        'controller.model_scale=1.0', 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+    )  # fmt: skip
+    for _ in range(200):
+        loop.tick()
+        loop.move(loop.controller.torque)
+    before = loop.controller.disturbance.copy()
+    for _ in range(20):
+        loop.move(np.zeros(4))
+    loop.controller.rest()
+    loop.tick()
+    assert (loop.controller.disturbance == before).all()
+    for _ in range(20):
+        loop.move(loop.controller.torque)
+    loop.controller.skip(19)
+    loop.tick()
+    assert (loop.controller.disturbance == before).all()
+    # The same without a word would be taken for a push.
+    for _ in range(20):
+        loop.move(np.zeros(4))
+    loop.tick()
+    assert (loop.controller.disturbance != before).any()
+
+
+def test_saturation_is_told_by_joint_and_from_report_to_report() -> None:
+    loop = Loop('controller.torque_limit=[0.0, 0.0, 0.5, 0.0]')
+    saturation = Saturation()
+    assert saturation.report() == {
+        'ticks with limited torque': '0.0%', 'joints with limited torque': 'none',
+    }  # fmt: skip
+    cut = 0
+    for _ in range(100):
+        loop.tick()
+        saturation.add(loop.controller)
+        cut += bool(abs(loop.controller.raw_torque[2]) > 0.5)
+        loop.move(loop.controller.torque)
+    assert cut > 0
+    assert saturation.report() == {
+        'ticks with limited torque': f'{cut}.0%',
+        'joints with limited torque': f'arm_joint_1 {cut}%',
+    }
+    assert saturation.report()['ticks with limited torque'] == '0.0%'

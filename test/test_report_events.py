@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the report shows of limits that cut the torque, and of resets and activations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from report_html import numbers, Page
+from report_runs import paper_like, with_change
+
+from masmc_ros.log.reader import Run
+from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
+from masmc_ros.report.comparison_figure import Compared
+from masmc_ros.report.labels import labels
+from masmc_ros.report.metrics import metrics
+from masmc_ros.report.page import report_page
+from masmc_ros.report.tracking import tracking
+
+
+def page(run: Run) -> Page:
+    (label,) = labels([run])
+    return Page(report_page([Compared(label, run, tracking(run))], [metrics(run)]))
+
+
+def cut(run: Run) -> Run:
+    """Return a run whose law asked for more than was sent, of both arm joints at some ticks."""
+    asked = run.torque[::2].copy()
+    asked[100:200, 2] += 5.0
+    asked[300, 3] -= 9.0
+    return replace(run, raw_torque=asked, raw_torque_times=run.torque_times[::2])
+
+
+def event(run: Run, time: float, what: str) -> Run:
+    """Return a run in which something happened to the controller, `time` in s from its start."""
+    changed = with_change(run, time, 'controller')
+    return replace(changed, changes=(*run.changes, changed.changes[-1]._replace(event=what)))
+
+
+def test_what_the_law_asked_for_is_drawn_where_it_was_cut() -> None:
+    run = cut(paper_like())
+    drawn = {trace['name']: trace for trace in page(run).figure('run-1-torque')['data']}
+    assert set(drawn) == {
+        'right wheel', 'left wheel', 'arm joint 1', 'arm joint 2',
+        'arm joint 1, asked for', 'arm joint 2, asked for',
+    }  # fmt: skip
+    assert run.raw_torque is not None
+    asked = drawn['arm joint 2, asked for']
+    assert min(numbers(asked['y'])) == run.raw_torque[300, 3]
+    assert numbers(asked['x'])[np.argmin(numbers(asked['y']))] == run.torque_times[600]
+    assert asked['meta'] == drawn['arm joint 2']['meta']
+    assert asked['line']['dash'] != drawn['arm joint 2']['line'].get('dash', 'solid')
+
+
+def test_what_was_not_cut_is_drawn_once() -> None:
+    run = paper_like()
+    run = replace(run, raw_torque=run.torque.copy(), raw_torque_times=run.torque_times)
+    assert len(page(run).figure('run-1-torque')['data']) == 4
+
+
+def test_events_are_marked_and_are_no_changes_of_parameters() -> None:
+    run = event(paper_like(k_s1=100.0), 2.0, ADAPTATION_RESET)
+    assert labels([run]) == labels([paper_like(k_s1=100.0)])
+    run = event(with_change(run, 5.0, 'controller', k_s1=1.0), 5.0, ACTIVATED)
+    shown = page(run)
+    (mark,) = (t for t in shown.figure('run-1-torque')['data'] if t['mode'] != 'lines')
+    assert mark['text'] == ['adaptation reset', 'k_s1, activated']
+    assert mark['hovertext'] == [
+        'controller: adaptation reset',
+        'controller k_s1: 100.0 → 1.0<br>controller: activated',
+    ]
+    _, *rows = shown.table(**{'class': 'changes'})
+    assert rows == [
+        ['2.000', '200', 'controller', 'adaptation reset', '', ''],
+        ['5.000', '500', 'controller', 'k_s1', '100.0', '1.0'],
+        ['5.000', '500', 'controller', 'activated', '', ''],
+    ]
