@@ -147,7 +147,7 @@ REFUSED = {
     'no joints': (JointState(), "'base_x_joint' is missing"),
     'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' is given 2 times"),
     'short positions': (state(position=[0.0] * 6), 'position has 6 numbers for 7 joints'),
-    'no velocities': (state(velocity=[]), 'velocity has 0 numbers for 7 joints'),
+    'no velocities': (state(velocity=[]), 'set velocity_source to estimated'),
     'position not a number': (
         state(position=[*POSITION[:6], math.nan]),
         "position of 'arm_joint_2' is not a finite number",
