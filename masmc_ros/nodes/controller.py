@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.cdr import EffortCdr, ReferenceWindow, TelemetryCdr
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import diverged
@@ -162,7 +162,7 @@ class ControllerNode(SuiteNode):
 
     def _watch(self) -> None:
         """In real time, note when states have been away for too long."""
-        if not (self._is_realtime and self._supervisor.is_active):
+        if self.finished or not (self._is_realtime and self._supervisor.is_active):
             return
         timeout = self._state_timeout()
         if self._health.silence() > timeout:
@@ -239,6 +239,8 @@ class ControllerNode(SuiteNode):
                 self.wait('the trajectory (reference)')
                 return
             self._compute(stamp, reference)
+            if self.failure is not None:
+                return
         self._pending = None
         self.wait(None)
         if self._supervisor.is_active:
@@ -299,7 +301,10 @@ class ControllerNode(SuiteNode):
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             if not self._is_realtime:
-                raise
+                if not isinstance(error, UserError):
+                    raise
+                self.fail(error)
+                return
             # A plugged-in law may fail in any way, and must not take the node with it.
             self._supervision.fail(LAW, ' '.join(str(error).split()), is_latched=True)
             return

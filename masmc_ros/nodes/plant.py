@@ -205,7 +205,7 @@ class PlantNode(SuiteNode):
 
     def _answer(self) -> None:
         """Apply the command at hand in lock-step, unless something holds the plant up."""
-        if self._command is None:
+        if self._command is None or self.finished:
             return
         if self._paused and not self._single_steps:
             return
@@ -221,8 +221,20 @@ class PlantNode(SuiteNode):
             self.finished = True
             self._say_pace()
             return
-        self._robot.advance(command)
+        try:
+            self._robot.advance(command)
+        except InputError as error:
+            self.fail(error if self._lockstep else self._with_figures(error))
+            return
         self._publish_state()
+
+    def _with_figures(self, error: InputError) -> InputError:
+        """Add what else may be to blame in real time: a machine that does not keep up."""
+        age = time.monotonic() - self._command_time
+        return InputError(
+            f'{error}, and a machine that keeps up with it; {self._health.late} ticks were late,'
+            f' the last command came {age:.3f} s ago'
+        )
 
     def _say_pace(self) -> None:
         """Tell how fast the run was, from its first state to the last command."""
@@ -286,7 +298,7 @@ class PlantNode(SuiteNode):
         self._anchor = (time.monotonic(), self._robot.tick)
 
     def _on_wall_clock(self) -> None:
-        if self._paused or not self._runs:
+        if self._paused or not self._runs or self.finished:
             return
         since, tick = self._anchor
         now = time.monotonic()

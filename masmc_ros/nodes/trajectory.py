@@ -88,6 +88,8 @@ class TrajectoryNode(SuiteNode):
             self._is_activated |= deserialized(raw, String).data == ACTIVE
         except InputError as error:
             self._refusals.add('controller/state', error)
+        if self._is_activated and self._origin is None:
+            self.wait('a state of the robot (joint_states)')
 
     def _follow(self, raw: bytes) -> None:
         """Send what comes within the horizon of a message's stamp."""
