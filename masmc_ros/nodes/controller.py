@@ -237,6 +237,9 @@ class ControllerNode(SuiteNode):
             if reference is None:
                 self._pending = stamp
                 self.wait('the trajectory (reference)')
+                if self._is_realtime and self._answered:
+                    # A robot that was moved before must not go on with its last torque.
+                    self._send_zero(stamp)
                 return
             self._compute(stamp, reference)
             if self.failure is not None:
