@@ -24,7 +24,7 @@ shims = []
 if is_wheel:
     shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
 else:
-    scripts += [f'{node} = masmc_ros.nodes.{node}:main' for node in NODES]
+    scripts += [f'{node} = masmc_ros.cli.run:{node}' for node in NODES]
 
 setup(
     name=NAME,

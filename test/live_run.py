@@ -10,6 +10,7 @@ import signal
 import time
 from typing import Any
 
+from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from processes import NodeProcess, NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
@@ -17,9 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.log.cdr import EffortCdr, JointStateCdr
-
-LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
-"""Limits of the plant's torques in N m."""
+from masmc_ros.log.text import text_of
 
 
 class LiveRun:
@@ -31,6 +30,7 @@ class LiveRun:
         commands: number of commands so far.
         wrong: what was wrong with torques so far.
         told: every state that the controller told.
+        injected: what a test has sent in our own layout, which is not the nodes' doing.
     """
 
     def __init__(
@@ -44,9 +44,11 @@ class LiveRun:
         self.commands = 0
         self.wrong: list[str] = []
         self.told: list[str] = []
+        self.injected: set[bytes] = set()
         self.health: dict[str, dict[str, str]] = {}
         self.nodes: dict[str, NodeProcess] = {}
         self._state, self._command = JointStateCdr(), EffortCdr()
+        self._limit = np.full(4, np.inf) if 'torque_limit' in settings else LIMIT
         self._logs = 0
         self._settings: dict[str, Any] = {
             'pacing': 'realtime',
@@ -56,6 +58,7 @@ class LiveRun:
             'plant__torque_limit': str(LIMIT.tolist()),
             'plant__command_timeout': 0.2,
             'state_timeout': 0.2,
+            'torque_limit': str(LIMIT.tolist()),
             # The period and one more until a torque is applied need a thick layer.
             'k_s1': 40.0,
             'k_s2': 40.0,
@@ -66,7 +69,7 @@ class LiveRun:
         }
         tester.subscribe(JointState, 'joint_states', self._on_state, raw=True)
         tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
-        tester.subscribe(String, 'controller/state', lambda m: self.told.append(m.data))
+        tester.subscribe(String, 'controller/state', self._on_told, raw=True)
         tester.subscribe(DiagnosticArray, '/diagnostics', self._on_health)
 
     @property
@@ -122,16 +125,19 @@ class LiveRun:
         self.tester.until(lambda: time.monotonic() > end)
 
     def end(self) -> None:
-        """End all nodes by SIGINT; those that run must end with status 0, and say nothing bad."""
+        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole."""
         for node in self.nodes.values():
             node.signal(signal.SIGINT)
         for node in self.nodes.values():
             assert node.wait() == 0, self.started.output()
         assert 'Traceback' not in self.started.output()
         assert self.wrong == []
+        if 'recorder' in self.nodes:
+            told = self.told if self._logs == 1 else None
+            check_log(self.log, told=told, limit=self._limit, injected=self.injected)
 
     def _on_state(self, raw: bytes) -> None:
-        if not self._state.load(raw):
+        if raw in self.injected or not self._state.load(raw):
             return  # brought in by a test, as those of other layouts are
         torque = self._state.effort[3:]
         if not np.all(np.abs(torque) <= LIMIT):
@@ -140,10 +146,15 @@ class LiveRun:
         self.torque = torque.copy()
 
     def _on_command(self, raw: bytes) -> None:
-        if self._command.load(raw):
+        if raw not in self.injected and self._command.load(raw):
             self.commands += 1
-            if not self._command.is_finite():
+            fits = np.all(np.abs(self._command.data) <= self._limit)
+            if not (fits and self._command.is_finite()):
                 self.wrong.append(f'a command {self._command.data.tolist()}')
+
+    def _on_told(self, raw: bytes) -> None:
+        if raw not in self.injected:
+            self.told.append(text_of(raw))
 
     def _on_health(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -29,14 +29,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from masmc_ros.cli.run import run_node
 
         return run_node(arguments[1], arguments[2:])
-    options = _parser().parse_args(arguments)
+    name = 'masmc'
     try:
+        options = _parser().parse_args(arguments)
+        name = f'masmc {options.command}'
         return _dispatch(options)
     except UserError as error:
-        print(f'masmc {options.command}: {error}', file=sys.stderr)
+        print(f'{name}: {error}', file=sys.stderr)
         return error.exit_status
     except KeyboardInterrupt:
-        print(f'masmc {options.command}: interrupted', file=sys.stderr)
+        print(f'{name}: interrupted', file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The reader of our output has gone, as in `masmc ... | head`.

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc run`: a node where the `ros2` command is not installed."""
+"""How nodes are started: `masmc run` where the `ros2` command is not installed, and `ros2 run`.
+
+Nothing of weight is imported before signals are taken care of.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import importlib
+import os
+import signal
 import sys
+from types import FrameType
 
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
@@ -18,6 +25,10 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
     if name not in NODES:
         print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
         return 2
+    # Imports take a second: a traceback of them is not what SIGINT asks for, and nothing is
+    # to be completed yet. A node that has begun takes the signals itself.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     try:
         require_rclpy()
     except UserError as error:
@@ -25,3 +36,16 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
         return error.exit_status
     status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
     return status
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    os._exit(0)
+
+
+def _executable(name: str) -> int:
+    return run_node(name, sys.argv[1:])
+
+
+plant, trajectory, controller, recorder, live, composed = (
+    partial(_executable, name) for name in NODES
+)

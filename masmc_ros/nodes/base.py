@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+import signal
 import time
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
+from masmc_ros.errors import UserError
 from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.parameters import declared
@@ -63,6 +65,7 @@ class SuiteNode:
         self._waiting: str | None = None
         self._waiting_since = 0.0
         self._reminded = 0.0
+        self.failure: UserError | None = None
 
     def publisher(self, message_type: Any, topic: str, depth: int | None = None) -> Publisher:
         """Create a publisher whose messages are delivered before the node ends."""
@@ -94,18 +97,34 @@ class SuiteNode:
         self._waiting = reason
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Deliver what was published to everybody who is listening.
+        """Deliver what was published to everybody who is listening; raise what ended the node.
 
         A listener that was killed counts as there for a while yet, so that the time is bounded.
+        From here on the node has finished: while others of its process take what is under way,
+        its timers and subscriptions do nothing more.
         """
+        self.finished = True
         limit = time.monotonic() + _DELIVERY
         for publisher in self._publishers:
             left = max(0.0, limit - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
+        if self.failure is not None:
+            raise self.failure
+
+    def fail(self, error: UserError) -> None:
+        """End the process with this error: one line once everything is delivered, status 2.
+
+        An exception from a callback would end it too, but the executor writes a traceback.
+        """
+        if self.failure is None:
+            self.failure = UserError(f'{self.name}: {error}')
+            self.finished = True
+            # The other nodes of the process end with this one, as on a signal from outside.
+            signal.raise_signal(signal.SIGTERM)
 
     def _remind(self) -> None:
         now = time.monotonic()
-        if self._waiting is None or now - self._waiting_since < _PATIENCE:
+        if self.finished or self._waiting is None or now - self._waiting_since < _PATIENCE:
             return
         if self._reminded > self._waiting_since and now - self._reminded < _REMINDER:
             return

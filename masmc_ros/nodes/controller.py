@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, UserError
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
@@ -80,6 +80,7 @@ class ControllerNode(SuiteNode):
         self._held_since: float | None = None
         self._untold: list[Recorded] = []
         self._was_singular = False
+        self._has_commanded = False
         self._output: CommandOutput = (
             RateOutput(self._controller, values)
             if self._controller.commands_rates
@@ -175,7 +176,7 @@ class ControllerNode(SuiteNode):
 
     def _watch(self) -> None:
         """In real time, note when states have been away for too long."""
-        if not (self._is_realtime and self._supervisor.is_active):
+        if self.finished or not (self._is_realtime and self._supervisor.is_active):
             return
         timeout = self._state_timeout()
         if self._health.silence() > timeout:
@@ -241,12 +242,18 @@ class ControllerNode(SuiteNode):
             if reference is None:
                 self._pending = stamp
                 self.wait('the trajectory (reference)')
+                if self._is_realtime and self._has_commanded:
+                    # A robot that was moved before must not go on with its last torque.
+                    self._send_zero(stamp)
                 return
             self._compute(stamp, reference)
+            if self.failure is not None:
+                return
         self._pending = None
         self.wait(None)
         if self._supervisor.is_active:
             self._output.send(stamp)
+            self._has_commanded = True
             self._health.computed(self._controller)
         else:
             self._send_zero(stamp)
@@ -307,7 +314,10 @@ class ControllerNode(SuiteNode):
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             if not self._is_realtime:
-                raise
+                if not isinstance(error, UserError):
+                    raise
+                self.fail(error)
+                return
             # A plugged-in law may fail in any way, and must not take the node with it.
             self._supervision.fail(LAW, ' '.join(str(error).split()), is_latched=True)
             return

@@ -194,7 +194,7 @@ class PlantNode(SuiteNode):
 
     def _answer(self) -> None:
         """Apply the command at hand in lock-step, unless something holds the plant up."""
-        if not self._input.is_complete:
+        if self.finished or not self._input.is_complete:
             return
         if self._paused and not self._single_steps:
             return
@@ -209,8 +209,20 @@ class PlantNode(SuiteNode):
             self.finished = True
             self._say_pace()
             return
-        self._robot.advance(command)
+        try:
+            self._robot.advance(command)
+        except InputError as error:
+            self.fail(error if self._lockstep else self._with_figures(error))
+            return
         self._publish_state()
+
+    def _with_figures(self, error: InputError) -> InputError:
+        """Add what else may be to blame in real time: a machine that does not keep up."""
+        age = self._input.age(time.monotonic())
+        return InputError(
+            f'{error}, and a machine that keeps up with it; {self._health.late} ticks were late,'
+            f' the last command came {age:.3f} s ago'
+        )
 
     def _say_pace(self) -> None:
         """Tell how fast the run was, from its first state to the last command."""
@@ -276,7 +288,7 @@ class PlantNode(SuiteNode):
         self._anchor = (time.monotonic(), self._robot.tick)
 
     def _on_wall_clock(self) -> None:
-        if self._paused or not self._runs:
+        if self._paused or not self._runs or self.finished:
             return
         since, tick = self._anchor
         now = time.monotonic()

@@ -157,7 +157,7 @@ def _as_ros(parameter: Parameter, value: Any) -> Any:
         value = [float(v) for v in value] if isinstance(value, list) else value
         return float(value) if isinstance(value, int) else value
     # rclpy cannot tell the type of an empty array; one empty name stands for none.
-    return value if value != () else ['']
+    return [''] if value in (None, (), []) else value
 
 
 def _doubles(parameter: Parameter | None, change: Any) -> Any:

@@ -51,6 +51,8 @@ class TrajectoryNode(SuiteNode):
         self._next = 0
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
+        self._is_relative = self._origin is None
+        self._was_before = False
         self._is_activated = False
         self._last_tick: int | None = None
         self._refusals = Refusals(self.log)
@@ -88,6 +90,8 @@ class TrajectoryNode(SuiteNode):
             self._is_activated |= deserialized(raw, String).data == ACTIVE
         except InputError as error:
             self._refusals.add('controller/state', error)
+        if self._is_activated and self._origin is None:
+            self.wait('a state of the robot (joint_states)')
 
     def _follow(self, raw: bytes) -> None:
         """Send what comes within the horizon of a message's stamp."""
@@ -101,6 +105,16 @@ class TrajectoryNode(SuiteNode):
         origin = self._begin(stamp) if self._origin is None else self._origin
         self.wait(None)
         tick = round((stamp - origin) / (1e9 * self._timing.period))
+        if self._is_relative and tick + self._horizon < 0:
+            # The clock was set back to before the path began: it begins anew. A single such
+            # stamp may be wrong; the next one tells.
+            self._was_before = not self._was_before
+            if self._was_before:
+                return
+            self.log.info("the robot's clock was set back; the path begins anew")
+            self._begin(stamp)
+            tick = self._next = 0
+        self._was_before = False
         if tick + self._horizon + self._window < self._next:
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)

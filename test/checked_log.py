@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a log is whole and every torque in it fine, whatever was done to the run."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from pathlib import Path
+
+from log_contents import LogContents, read_log
+from mcap.reader import make_reader
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.log.text import text_of
+
+LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
+"""Limits in N m of the torques that are commanded and applied."""
+
+
+def check_log(
+    log: Path,
+    *,
+    told: list[str] | None = None,
+    limit: NDArray[np.float64] = LIMIT,
+    injected: Set[bytes] = frozenset(),
+) -> LogContents:
+    """Check a complete log message by message, and return what is in it.
+
+    Every command is finite and no larger than `limit` (4), every torque applied no larger
+    than LIMIT. Messages that a test brought in are left out: those of a layout that is not
+    ours, and those in `injected`. `told` are states of the controller, all of which must be
+    there, in order.
+    """
+    contents = read_log(log)
+    statistics = contents.summary.statistics
+    assert statistics is not None
+    with log.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert sum(1 for _ in reader.iter_messages()) == statistics.message_count
+    assert statistics.message_count == sum(map(len, contents.messages.values()))
+    command, state = EffortCdr(), JointStateCdr()
+    commands = states = 0
+    for raw in contents.messages['effort_commands']:
+        if raw not in injected and command.load(raw):
+            commands += 1
+            assert np.all(np.abs(command.data) <= limit), (command.stamp_ns, command.data)
+            assert command.is_finite(), command.stamp_ns
+    for raw in contents.messages['joint_states']:
+        if raw not in injected and state.load(raw):
+            states += 1
+            assert np.all(np.abs(state.effort[3:]) <= LIMIT), (state.stamp_ns, state.effort)
+            assert np.all(np.isfinite(state.effort)), state.stamp_ns
+    assert commands, 'no commands in the log'
+    assert states, 'no states in the log'
+    if told is not None:
+        recorded = [
+            text_of(raw) for raw in contents.messages['controller/state'] if raw not in injected
+        ]
+        assert recorded[: len(told)] == told
+    return contents

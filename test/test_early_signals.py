@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whoever is ended while still importing ends at once, without a traceback."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from masmc_ros.cli import run
+from masmc_ros.cli.run import NODES
+
+ROOT = Path(__file__).resolve().parent.parent
+PATIENCE = 60.0
+LIBRARIES = ('_multiarray_umath', 'libllvmlite')
+"""Libraries of numpy and of numba, which come early and late among the imports."""
+
+
+def interrupted(command: list[str], library: str, number: signal.Signals) -> tuple[int, str]:
+    """Send a signal once a library is being imported; return exit status and standard error."""
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        env={
+            **os.environ,
+            'PYTHONPATH': path,
+            'ROS_DOMAIN_ID': '98',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        maps = Path(f'/proc/{process.pid}/maps')
+        limit = time.monotonic() + PATIENCE
+        while library not in maps.read_text():
+            assert time.monotonic() < limit, f'{library} is not imported'
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.001)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    return process.returncode, err
+
+
+@pytest.mark.parametrize('library', LIBRARIES)
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    'command',
+    [
+        ['-m', 'masmc_ros.cli.main', 'run', 'controller'],
+        ['-c', 'import sys; from masmc_ros.cli.run import controller; sys.exit(controller())'],
+    ],
+    ids=['masmc run', 'ros2 run'],
+)
+def test_a_node_ends_with_status_0(
+    command: list[str], number: signal.Signals, library: str
+) -> None:
+    pytest.importorskip('rclpy')
+    assert interrupted(command, library, number) == (0, '')
+
+
+@pytest.mark.parametrize('library', LIBRARIES)
+def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    command = ['-m', 'masmc_ros.cli.main', 'simulate', 'config/paper.yaml', '--output', str(log)]
+    ended = interrupted(command, library, signal.SIGINT)
+    assert ended == (130, 'masmc simulate: interrupted\n')
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_executable_of_colcon_is_there() -> None:
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert "f'{node} = masmc_ros.cli.run:{node}'" in setup
+    named = re.search(r'^NODES = \((.*)\)$', setup, re.MULTILINE)
+    assert named is not None
+    assert re.findall(r"'(\w+)'", named[1]) == list(NODES)
+    for node in NODES:
+        assert callable(getattr(run, node))

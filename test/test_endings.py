@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How runs end: quietly when they are over, with one line and status 2 where they cannot go on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from log_contents import read_log
+from processes import peer, processes, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.log.cdr import EffortCdr
+
+ALL = '[controller, trajectory, recorder]'
+
+
+def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> None:
+    """While the recorder of the same process takes what is under way, nothing is late or lost."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            duration=0.5,
+            control_period=0.002,
+            pacing='realtime',
+            plant__wait_for=ALL,
+            plant__command_timeout=0.02,
+            controller__state_timeout=0.01,
+            recorder__output=log,
+        )
+        composed = started.start('composed', '--record', *arguments)
+        assert started.wait() == {'composed': 0}, started.output()
+        lines = composed.stderr()
+    (over,) = (i for i, line in enumerate(lines) if ' ticks in ' in line)
+    assert len(lines[over + 1 :]) == 1, lines[over:]
+    assert 'messages in' in lines[-1]
+    contents = read_log(log)
+    assert contents.stamps('joint_states')[-1] == 500_000_000
+    assert contents.messages['controller/state'][-1:] != []
+
+
+@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+def test_a_robot_that_diverges_ends_the_plant_with_one_line(pacing: str, tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        plant = started.start(
+            'plant', *ros_arguments(pacing=pacing, wait_for='[peer]', duration=0.0)
+        )
+        tester.wait_for_subscribers(commands)
+        tester.until(lambda: states, 'the first state')
+        wild = EffortCdr()
+        wild.data[:] = 1e308
+        wild.set_stamp(0)
+        commands.publish(wild.to_bytes())
+        assert plant.wait() == 2, started.output()
+        (line,) = plant.stderr()
+    assert line.startswith('plant: the closed loop diverged at t = 0.001 s; expected gains and a')
+    assert ('ticks were late' in line) == (pacing == 'realtime')
+
+
+def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_path: Path) -> None:
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            controller__switching='implicit',
+            controller__observer_gain=1.0,
+            controller__model_scale=9.0,
+            plant__wait_for='[controller, trajectory]',
+        )
+        composed = started.start('composed', *arguments)
+        assert composed.wait() == 2, started.output()
+        (line,) = composed.stderr()
+    assert 'the closed loop diverged at t = ' in line
+
+
+WAITING = (
+    ('trajectory', {}, 'waiting for the plant (odom)'),
+    ('trajectory', {'start_time': -1.0}, 'waiting for the controller to become active'),
+    ('controller', {}, 'waiting for the plant (joint_states)'),
+    ('recorder', {}, 'waiting for the senders of joint_states, effort_commands, reference'),
+    ('plant', {'wait_for': '[controller]'}, 'waiting for controller'),
+    ('plant', {'wait_for': '[]'}, "waiting for the controller's command (effort_commands)"),
+)
+"""Nodes, their settings, and what they say that they wait for when each is alone."""
+
+
+def test_a_node_alone_says_what_it_waits_for(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        alone = []
+        for number, (node, settings, reason) in enumerate(WAITING):
+            output = {'recorder__output': tmp_path / 'run.mcap'} if node == 'recorder' else {}
+            arguments = ros_arguments(**settings, **output)
+            space = ('-r', f'__ns:=/space_{number}')
+            alone.append((started.start(node, *arguments, *space), reason))
+        for process, reason in alone:
+            tester.until(lambda p=process, r=reason: p.logged('INFO', r), reason)
+        started.signal(signal.SIGINT)
+        assert set(started.wait().values()) == {0}, started.output()
