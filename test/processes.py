@@ -41,6 +41,9 @@ NODES = ('trajectory', 'controller', 'plant', 'recorder')
 PATIENCE = 60.0
 """Longest time in s that anything may take; machines may be slow and busy."""
 
+_RESPONSE = 5.0
+"""Time in s after which a service is called again."""
+
 _LAST_WORDS = 5.0
 """Time in s that a process takes at most to tell where it stands."""
 
@@ -215,14 +218,26 @@ class Peer:
         """Create a reliable publisher, volatile as rclpy's default is or latched."""
         return self.node.create_publisher(message_type, topic, _qos(latched=latched))
 
-    def call(self, service_type: Any, name: str, request: Any) -> Any:
-        """Call a service and return its response."""
+    def call(self, service_type: Any, name: str, request: Any, *, again: bool = True) -> Any:
+        """Call a service and return its response.
+
+        The middleware drops the response to a client that the server has not found within
+        0.1 s. Such a call is made `again`, unless it would do more than the first alone.
+        """
         client = self.node.create_client(service_type, name)
         try:
             self.until(client.service_is_ready, f'service {name}')
-            future = client.call_async(request)
-            self.until(future.done, f'response of {name}')
-            return future.result()
+            futures = [client.call_async(request)]
+            limit = time.monotonic() + _RESPONSE
+
+            def answered() -> Any:
+                nonlocal limit
+                if again and time.monotonic() > limit:
+                    limit = time.monotonic() + _RESPONSE
+                    futures.append(client.call_async(request))
+                return next((f for f in futures if f.done()), None)
+
+            return self.until(answered, f'response of {name}').result()
         finally:
             self.node.destroy_client(client)
 

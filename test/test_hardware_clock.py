@@ -56,6 +56,12 @@ class StillRobot:
         tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
         tester.subscribe(String, 'controller/state', lambda m: self.told.append(m.data))
         tester.subscribe(DiagnosticArray, '/diagnostics', self._on_health)
+        tester.until(lambda: self._listeners() >= set(NODES), 'all nodes')
+        tester.wait_for_subscribers(self._states, len(NODES))
+
+    def _listeners(self) -> set[str]:
+        topic = self._states.topic_name
+        return {each.node_name for each in self.tester.node.get_subscriptions_info_by_topic(topic)}
 
     def send(self, stamp: int) -> None:
         """Send the state with a stamp in ns."""

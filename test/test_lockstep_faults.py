@@ -45,11 +45,14 @@ class Lockstep:
         answer = self.tester.call(SetBool, '/plant/pause', SetBool.Request(data=on))
         assert answer.success
 
-    def kill(self, name: str) -> None:
-        """Kill a node and start it again."""
+    def replace(self, name: str, message_type: type, topic: str) -> None:
+        """Kill a node, start it again and wait for what its successor says first of all."""
         self.nodes[name].signal(signal.SIGKILL)
         self.nodes[name].wait()
+        # The dead do not send their past to a new listener.
+        said = self.tester.collect(message_type, topic)
         self.nodes[name] = self.start(name)
+        self.tester.until(lambda: said, f'a new {name}')
 
 
 @contextmanager
@@ -115,21 +118,17 @@ def test_every_node_is_killed_in_turn(computed: LogContents, tmp_path: Path) -> 
     with lockstep(tmp_path) as run:
         run.goes_on()
         run.pause(on=True)
-        records = run.tester.collect(String, 'trajectory/parameters', past=False)
-        run.kill('trajectory')
-        run.tester.until(lambda: records, 'a new trajectory')
+        run.replace('trajectory', String, 'trajectory/parameters')
         run.pause(on=False)
         run.goes_on()
-        run.kill('controller')  # in mid-run: the plant waits for its successor
+        # In mid-run: the plant waits for its successor.
+        run.replace('controller', String, 'controller/parameters')
         run.goes_on()
         run.pause(on=True)
-        progress = run.tester.collect(Time, 'recorder/progress', past=False)
-        run.kill('recorder')
-        run.tester.until(lambda: progress, 'a new recorder')
+        run.replace('recorder', Time, 'recorder/progress')
         run.pause(on=False)
         run.goes_on()
-        run.kill('plant')
-        run.tester.until(lambda: 0 in run.stamps[2:], 'a new plant')
+        run.replace('plant', String, 'plant/parameters')
     live = read_log(tmp_path / '1.mcap')
     stamps = live.stamps('joint_states')
     begin = len(stamps) - stamps[::-1].index(0) - 1

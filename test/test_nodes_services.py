@@ -35,7 +35,7 @@ class Robot(NamedTuple):
 
     def call(self, name: str, request: Any) -> Any:
         kind = Trigger if isinstance(request, Trigger.Request) else SetBool
-        return self.tester.call(kind, f'/plant/{name}', request)
+        return self.tester.call(kind, f'/plant/{name}', request, again=name != 'step')
 
     def pause(self) -> None:
         assert self.call('pause', SetBool.Request(data=True)).success
@@ -110,7 +110,8 @@ def test_a_run_that_is_paused_before_it_begins_waits_at_its_first_state(tmp_path
         with peer(started.domain, 'early') as tester:
             states = tester.collect(JointState, 'joint_states', raw=True)
             answers = tester.collect(Float64MultiArray, 'effort_commands', raw=True)
-            assert tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).success
+            answer = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
+            assert answer.message == 'paused before the run has begun'
             assert not tester.call(Trigger, '/plant/step', Trigger.Request()).success
             started.start_all(*ros_arguments(file), nodes=('controller', 'trajectory'))
             with peer(started.domain):
@@ -119,6 +120,25 @@ def test_a_run_that_is_paused_before_it_begins_waits_at_its_first_state(tmp_path
             assert tester.call(SetBool, '/plant/pause', SetBool.Request(data=False)).success
             tester.until(lambda: header_stamp(states[-1]) == 300 * PERIOD, 'the last state')
         assert set(started.wait().values()) == {0}, started.output()
+
+
+def test_a_pause_tells_when_it_took_effect(tmp_path: Path) -> None:
+    """A request sent before a run begins may arrive later; nothing moves once it is answered."""
+    file = shortened(tmp_path, 30.0, wait_for='[controller, trajectory, peer]')
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        states = tester.collect(JointState, 'joint_states', raw=True)
+        started.start_all(*ros_arguments(file), nodes=('plant', 'controller', 'trajectory'))
+        message = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).message
+        if message == 'paused before the run has begun':
+            stamp = 0.0
+        else:
+            words, _, rest = message.partition(' = ')
+            assert words == 'paused at t'
+            stamp = float(rest.removesuffix(' s'))
+        tester.until(lambda: states and header_stamp(states[-1]) == round(1e9 * stamp), message)
+        begin = time.monotonic()
+        tester.until(lambda: time.monotonic() > begin + 0.2)
+        assert header_stamp(states[-1]) == round(1e9 * stamp)
 
 
 def test_lockstep_takes_an_answer_that_was_sent_before_the_plant_was_found(tmp_path: Path) -> None:

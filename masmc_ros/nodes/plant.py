@@ -384,7 +384,11 @@ class PlantNode(SuiteNode):
         self._take_anchor()
         self._input.touch()
         response.success = True
-        response.message = 'paused' if self._paused else 'running'
+        # A request may arrive long after it was sent: the caller learns when it took effect.
+        since = f'at t = {self._timing.time(self._robot.tick):g} s'
+        if not self._started:
+            since = 'before the run has begun'
+        response.message = f'{"paused" if self._paused else "running"} {since}'
         if not self._paused and self._lockstep:
             self._answer()
         return response
