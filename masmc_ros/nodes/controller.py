@@ -80,7 +80,6 @@ class ControllerNode(SuiteNode):
         self._held_since: float | None = None
         self._untold: list[Recorded] = []
         self._was_singular = False
-        self._has_commanded = False
         self._output: CommandOutput = (
             RateOutput(self._controller, values)
             if self._controller.commands_rates
@@ -242,7 +241,7 @@ class ControllerNode(SuiteNode):
             if reference is None:
                 self._pending = stamp
                 self.wait('the trajectory (reference)')
-                if self._is_realtime and self._has_commanded:
+                if self._is_realtime and self._computed is not None:
                     # A robot that was moved before must not go on with its last torque.
                     self._send_zero(stamp)
                 return
@@ -253,7 +252,6 @@ class ControllerNode(SuiteNode):
         self.wait(None)
         if self._supervisor.is_active:
             self._output.send(stamp)
-            self._has_commanded = True
             self._health.computed(self._controller)
         else:
             self._send_zero(stamp)
