@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, JointStateCdr
 from masmc_ros.log.text import text_of
 
 LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
@@ -46,6 +46,11 @@ def check_log(
             commands += 1
             assert np.all(np.abs(command.data) <= limit), (command.stamp_ns, command.data)
             assert command.is_finite(), command.stamp_ns
+    rates = ArmVelocityCdr()
+    for raw in contents.messages.get('arm_velocity_commands', ()):
+        if raw not in injected and rates.load(raw):
+            commands += 1
+            assert rates.is_finite(), rates.stamp_ns
     for raw in contents.messages['joint_states']:
         if raw not in injected and state.load(raw):
             states += 1
