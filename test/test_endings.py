@@ -82,7 +82,7 @@ WAITING = (
     ('trajectory', {}, 'waiting for the plant (odom)'),
     ('trajectory', {'start_time': -1.0}, 'waiting for the controller to become active'),
     ('controller', {}, 'waiting for the plant (joint_states)'),
-    ('recorder', {}, 'waiting for the senders of joint_states, effort_commands, reference'),
+    ('recorder', {}, 'waiting for the senders of joint_states, effort_commands'),
     ('plant', {'wait_for': '[controller]'}, 'waiting for controller'),
     ('plant', {'wait_for': '[]'}, "waiting for the controller's command (effort_commands)"),
 )
