@@ -92,7 +92,7 @@ class RecorderNode(SuiteNode):
         self._recording = self._open(log_path(Path(self.values['output'])))
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
-        self._answered = -1
+        self._state = self._answered = self._reached = -1
         self._unreported = 0
         self._is_ready = False
         self._last_arrival = time.monotonic()
@@ -282,15 +282,16 @@ class RecorderNode(SuiteNode):
         if stamp is not None and self._latest is None:
             self._release_early(stamp)
         self._latest = stamp
+        if stamp is not None:
+            self._state = stamp
+            self._note_progress()
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
-        """Note which states are answered, and report progress now and then."""
+        """Note which states are answered."""
         if stamp is None:
             return
         self._answered = stamp
-        self._unreported += 1
-        if self._unreported >= _PROGRESS and not self._recording.is_congested:
-            self._report()
+        self._note_progress()
         if self._last is not None and stamp >= self._last:
             self.wait(None)
 
@@ -311,9 +312,23 @@ class RecorderNode(SuiteNode):
             self._recording.write(channel, stamp, raw)
         self._early.clear()
 
+    def _note_progress(self) -> None:
+        """Report now and then up to where states and commands have both come.
+
+        One of the two can wait for a lost message to be repeated while the other goes on; a
+        plant that followed the other would send on until the lost one cannot be repeated.
+        """
+        reached = min(self._state, self._answered)
+        if reached == self._reached:
+            return
+        self._reached = reached
+        self._unreported += 1
+        if self._unreported >= _PROGRESS and not self._recording.is_congested:
+            self._report()
+
     def _report(self) -> None:
         self._unreported = 0
-        stamp = max(self._answered, 0)
+        stamp = max(self._reached, 0)
         self._progress.publish(Time(sec=stamp // 10**9, nanosec=stamp % 10**9))
 
     def _record_extra(self, topic: str) -> None:
