@@ -34,6 +34,7 @@ from masmc_ros.nodes.qos import subscription_qos
 from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.robot_display import RobotDisplay
 from masmc_ros.nodes.runtime import run
+from masmc_ros.nodes.throttle import Throttle
 from masmc_ros.robot.platform_motion import platform_motion
 
 _AHEAD_OF_RECORDER = 800
@@ -71,6 +72,7 @@ class PlantNode(SuiteNode):
         self._started = self._paused = self._runs = False
         self._single_steps = 0
         self._refusals = Refusals(self.log)
+        self._silences = Throttle(period=5.0)
         self._input = CommandInput(self.values, self._refusals)
         self._health = PlantHealth(self._timing.period)
         self._begun = 0.0
@@ -310,13 +312,12 @@ class PlantNode(SuiteNode):
         A command does not grow old while the robot's time stands still.
         """
         timeout = self.values['command_timeout']
-        old = [] if self._paused else self._input.drop_old(now, timeout)
-        if old:
-            self.log.warning(
-                f'no command for {timeout:g} s; what {" and ".join(old)} asked for is zero until '
-                'one comes',
-                throttle_duration_sec=5.0,
-            )
+        # Topic by topic: the messages of a command come, and grow old, one after the other.
+        for topic in [] if self._paused else self._input.drop_old(now, timeout):
+            if self._silences.is_due(topic):
+                self.log.warning(
+                    f'no command for {timeout:g} s; what {topic} asked for is zero until one comes'
+                )
         return self._input.held()
 
     def _report_health(self) -> Health:

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 from collections import Counter
-import time
 from typing import Any
 
-_QUIET = 1.0
-"""Least time in s between two lines about the same topic."""
+from masmc_ros.nodes.throttle import Throttle
 
 
 class Refusals:
@@ -21,13 +19,11 @@ class Refusals:
     def __init__(self, log: Any) -> None:
         """Take the node's logger."""
         self._log = log
-        self._told: dict[str, float] = {}
+        self._throttle = Throttle(period=1.0)
         self.counts: Counter[str] = Counter()
 
     def add(self, topic: str, reason: object) -> None:
         """Count a message of a topic, and log the reason unless one was logged just now."""
         self.counts[topic] += 1
-        now = time.monotonic()
-        if now - self._told.get(topic, -_QUIET) >= _QUIET:
-            self._told[topic] = now
+        if self._throttle.is_due(topic):
             self._log.error(f'{topic} refused: {reason}')
