@@ -19,7 +19,7 @@ from zstandard import ZstdError
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.recover import MAGIC
+from masmc_ros.log.records import MAGIC
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
