@@ -55,7 +55,7 @@ class Options:
     """
 
     compression: str = 'zstd'
-    flush_period: float = 0.1
+    flush_period: float = 0.2
     max_size: int = 0
     max_duration: int = 0
     queue_size: int = 64_000_000

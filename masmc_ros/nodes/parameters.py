@@ -151,7 +151,7 @@ _RECORDER_NODE = (
     Parameter('extra_topics', (), 'Further topics to record, as they turn up'),
     Parameter(
         'flush_period',
-        0.1,
+        0.2,
         'Time after which what came is on the disk, whatever happens to the recorder',
         unit='s',
         minimum=0.01,
