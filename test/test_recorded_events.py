@@ -149,6 +149,19 @@ def test_events_of_another_version_are_not_passed_over(tmp_path: Path) -> None:
         logged_scenario(strange)
 
 
+def test_a_path_that_begins_later_than_the_robot_is_no_simulation(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'start_time = 5\.0: a simulated path begins with'):
+        load_scenario(PAPER, ['trajectory.start_time=5.0'])
+    load_scenario(PAPER, ['trajectory.start_time=-1.0'])
+    run = read_run(logged(tmp_path))
+    assert run.reference is not None
+    late = run.reference.copy()
+    late[run.times < 0.1] = np.nan
+    with pytest.raises(InputError, match=r'its path begins at t = 0\.1 s; only a run'):
+        logged_scenario(replace(run, reference=late))
+    logged_scenario(run)
+
+
 @pytest.mark.parametrize('event', EVENTS)
 def test_records_tell_events(event: str) -> None:
     record = ParameterRecord('/controller', 5, 5_000_000, {'k_s1': 1.0}, (), event)

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.reader import Run
@@ -39,6 +42,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = values
+    _check_beginning(scenario, path)
     return scenario
 
 
@@ -79,7 +83,25 @@ def logged_scenario(
         for name, value in extra[node].items():
             given[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
+    _check_beginning(scenario, run.path)
+    if run.reference is not None and np.isnan(run.reference[0]).any():
+        begun = ~np.isnan(run.reference).any(axis=1)
+        when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
+        raise InputError(
+            f'{run.path}: its path begins {when}; only a run that follows it from its first'
+            ' state on can be computed again'
+        )
     return scenario, _controller_changes(run, without=extra['controller'])
+
+
+def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
+    """Check that the path begins with the robot, as the simulation lets it."""
+    start = scenario['trajectory']['start_time']
+    if start > 0.0:
+        raise InputError(
+            f'{place}: trajectory: start_time = {start}: a simulated path begins with the robot;'
+            ' expected 0 or a negative number'
+        )
 
 
 def _controller_changes(run: Run, without: Values) -> list[Change]:
