@@ -165,8 +165,12 @@ def _same(_: bytes) -> Hashable:
     return None
 
 
-def joint_states() -> Topical:
-    """Read joint states: positions, velocities and efforts, 7 of each."""
+def joint_states(joints: tuple[str, ...] = JOINTS) -> Topical:
+    """Read joint states: positions, velocities and efforts, 7 of each.
+
+    `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
+    of others mean nothing.
+    """
     message = JointStateCdr()
 
     def bulk(rows: Rows) -> Bulk | None:
@@ -179,7 +183,7 @@ def joint_states() -> Topical:
         return Bulk(usable, Series(parts[:, 0] * NANOSECONDS + parts[:, 1], numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
-        message.load_message(received, unknown_velocity=np.nan)
+        message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
     return Topical(3 * len(JOINTS), _same, bulk, single)

@@ -6,8 +6,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from masmc_ros.log.layout import Layout, Message, StampedMessage
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.layout import Layout, Message, NANOSECONDS, StampedMessage
 from masmc_ros.log.names import BASE_FRAME, ODOM_FRAME
+
+Floats = NDArray[np.float64]
 
 _COVARIANCE = 36
 
@@ -36,6 +41,21 @@ def twist_numbers(twist: Any) -> list[float]:
     if isinstance(twist, TwistCdr | TwistStampedCdr):
         return [*twist.linear.tolist(), *twist.angular.tolist()]
     return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
+
+
+def odometry_numbers(odometry: Any) -> tuple[int, Floats, Floats]:
+    """Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
+
+    The pose is (7) position in m and quaternion x, y, z, w; the twist (6) as `twist_numbers`.
+    """
+    pose, stamp = odometry.pose.pose, odometry.header.stamp
+    where = [getattr(pose.position, c) for c in 'xyz']
+    turned = [getattr(pose.orientation, c) for c in 'xyzw']
+    return (
+        stamp.sec * NANOSECONDS + stamp.nanosec,
+        np.array([*where, *turned]),
+        np.array(twist_numbers(odometry.twist.twist)),
+    )
 
 
 class TwistLayout(NamedTuple):

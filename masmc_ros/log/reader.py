@@ -40,9 +40,10 @@ from masmc_ros.log.names import (
 )
 from masmc_ros.log.parameter_history import parameter_history
 from masmc_ros.log.parameter_record import ParameterRecord
+from masmc_ros.log.platform_pose import with_platform_pose
 from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
-from masmc_ros.log.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
+from masmc_ros.log.topics import FLOAT_ARRAY, ODOMETRY, TWIST, TWIST_STAMPED
 
 Floats = NDArray[np.float64]
 
@@ -158,8 +159,10 @@ def _run(path: Path, records: Records) -> Run:
         topic = _topic(records, namespace + name, FLOAT_ARRAY)
         return None if topic is None else decode(topic, how)
 
-    every_state = decode(states_topic, joint_states())
+    every_state, odometry = _states(records, namespace, states_topic)
     states = _last_pass(every_state, 3 * len(JOINTS))
+    if odometry is not None:
+        states = with_platform_pose(states, odometry)
     history = parameter_history(records, namespace, _begun(states_topic, every_state))
     position, velocity, effort = np.hsplit(states.values, 3)
     torques = _last_pass(series(COMMAND_TOPIC, commands(EFFORT)), len(DRIVEN_JOINTS))
@@ -228,6 +231,19 @@ def _only_states(records: Records) -> Topic:
     topic = _topic(records, found[0].name, _STATE_TYPE)
     assert topic is not None
     return topic
+
+
+def _states(
+    records: Records, namespace: str, topic: Topic
+) -> tuple[Series, Topic | None]:
+    """Read the states, and return odometry too where the base's joints are not among theirs."""
+    try:
+        return decode(topic, joint_states()), None
+    except InputError:
+        odometry = _topic(records, namespace + 'odom', ODOMETRY)
+        if odometry is None:
+            raise
+        return decode(topic, joint_states(DRIVEN_JOINTS)), odometry
 
 
 def _topic(records: Records, name: str, *type_names: str) -> Topic | None:

@@ -19,6 +19,7 @@ from masmc_ros.log.names import (
 )
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
+ODOMETRY = 'nav_msgs/msg/Odometry'
 PATH = 'nav_msgs/msg/Path'
 TWIST = 'geometry_msgs/msg/Twist'
 TWIST_STAMPED = 'geometry_msgs/msg/TwistStamped'
@@ -88,7 +89,7 @@ TOPICS = (
         'windows of samples × (position, velocity, acceleration) × task axis, sent ahead; '
         '4, 8 or 12 bare numbers are a set-point',
     ),
-    Topic('odom', 'nav_msgs/msg/Odometry', 'plant →', 'pose and twist of `base_link` in `odom`'),
+    Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
     *(
         Topic(

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 
+OLDEST_POSE_NS = 100_000_000
+"""How far in ns odometry may be from a joint state that it is carried on to."""
+
 _FLAT = 1e-3
 """Largest tilt, as the sine of half its angle, and largest error of a quaternion's length."""
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from nav_msgs.msg import Odometry
-import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -15,13 +14,11 @@ from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import JointStateCdr
 from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
-from masmc_ros.loop.base_pose import BasePose
+from masmc_ros.log.platform_motion import odometry_numbers
+from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.refusals import Refusals
-
-_OLDEST_POSE_NS = 100_000_000
-"""How far in ns odometry may be from a joint state that it is carried on to."""
 
 
 class StateInput:
@@ -86,7 +83,7 @@ class StateInput:
         """Take the spare state with its pose from odometry, once there is one for it."""
         state = self._spare
         posed = base.stamp_ns
-        self._is_waiting = posed is None or abs(stamp - posed) > _OLDEST_POSE_NS
+        self._is_waiting = posed is None or abs(stamp - posed) > OLDEST_POSE_NS
         if self._is_waiting:
             if posed is not None:
                 age = (stamp - posed) * 1e-9
@@ -102,16 +99,7 @@ class StateInput:
         if base is None:
             return
         try:
-            message = deserialized(raw, Odometry)
-            pose, twist = message.pose.pose, message.twist.twist
-            where, turned = pose.position, pose.orientation
-            forward, turn = twist.linear, twist.angular
-            stamp = message.header.stamp
-            base.update(
-                stamp.sec * 1_000_000_000 + stamp.nanosec,
-                np.array([where.x, where.y, where.z, turned.x, turned.y, turned.z, turned.w]),
-                np.array([forward.x, forward.y, forward.z, turn.x, turn.y, turn.z]),
-            )
+            base.update(*odometry_numbers(deserialized(raw, Odometry)))
         except InputError as error:
             self._refusals.add('odom', error)
             return
