@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.stamps import header_stamp
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -42,6 +43,36 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
     contents = read_log(log)
     assert contents.stamps('joint_states')[-1] == 500_000_000
     assert contents.messages['controller/state'][-1:] != []
+
+
+def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
+    tmp_path: Path,
+) -> None:
+    """The last state is the next one that they see, far ahead of the one before."""
+    last = 2_000_000_000
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        stamps = [-1]
+        tester.subscribe(
+            JointState, 'joint_states', lambda raw: stamps.append(header_stamp(raw)), raw=True
+        )
+        arguments = ros_arguments(
+            duration=last * 1e-9,
+            control_period=0.002,
+            pacing='realtime',
+            plant__wait_for='[controller, trajectory, recorder, peer]',
+            trajectory__window=0.2,
+            trajectory__horizon=0.2,
+            recorder__output=tmp_path / 'run.mcap',
+        )
+        nodes = started.start_all(*arguments)
+        tester.until(lambda: stamps[-1] > 0, 'a run')
+        for name in ('controller', 'trajectory'):
+            nodes[name].signal(signal.SIGSTOP)
+        tester.until(lambda: stamps[-1] == last, 'the last state')
+        for name in ('controller', 'trajectory'):
+            nodes[name].signal(signal.SIGCONT)
+        assert set(started.wait().values()) == {0}, started.output()
+    assert read_log(tmp_path / 'run.mcap').stamps('effort_commands')[-1] == last
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
