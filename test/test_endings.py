@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 import signal
+import time
 
 import pytest
 
@@ -15,7 +17,7 @@ from processes import peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr
 from masmc_ros.log.stamps import header_stamp
 
 ALL = '[controller, trajectory, recorder]'
@@ -73,6 +75,34 @@ def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
             nodes[name].signal(signal.SIGCONT)
         assert set(started.wait().values()) == {0}, started.output()
     assert read_log(tmp_path / 'run.mcap').stamps('effort_commands')[-1] == last
+
+
+def test_a_recorder_that_is_held_up_takes_what_is_under_way(tmp_path: Path) -> None:
+    """It is asked to end while it stands still, and hears of nothing for a while."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        recorder = started.start('recorder', *ros_arguments(None, recorder__output=log))
+        states = tester.publisher(JointState, 'joint_states')
+        tester.wait_for_subscribers(states)
+        state, stamps = JointStateCdr(), itertools.count()
+        size = log.stat().st_size
+
+        def sends() -> int:
+            """Send a state; return its stamp."""
+            stamp = next(stamps)
+            state.set_stamp(stamp)
+            states.publish(state.to_bytes())
+            return stamp
+
+        tester.until(lambda: sends() and log.stat().st_size > size, 'a state in the file')
+        recorder.signal(signal.SIGSTOP)
+        last = [sends() for _ in range(50)][-1]
+        recorder.signal(signal.SIGINT)
+        end = time.monotonic() + 0.5
+        tester.until(lambda: time.monotonic() > end)
+        recorder.signal(signal.SIGCONT)
+        assert recorder.wait() == 0, started.output()
+    assert read_log(log).stamps('joint_states')[-50:] == list(range(last - 49, last + 1))
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
