@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 import signal
+import time
 
 import pytest
 
@@ -15,7 +17,8 @@ from processes import peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.log.stamps import header_stamp
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -42,6 +45,64 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
     contents = read_log(log)
     assert contents.stamps('joint_states')[-1] == 500_000_000
     assert contents.messages['controller/state'][-1:] != []
+
+
+def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
+    tmp_path: Path,
+) -> None:
+    """The last state is the next one that they see, far ahead of the one before."""
+    last = 2_000_000_000
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        stamps = [-1]
+        tester.subscribe(
+            JointState, 'joint_states', lambda raw: stamps.append(header_stamp(raw)), raw=True
+        )
+        arguments = ros_arguments(
+            duration=last * 1e-9,
+            control_period=0.002,
+            pacing='realtime',
+            plant__wait_for='[controller, trajectory, recorder, peer]',
+            trajectory__window=0.2,
+            trajectory__horizon=0.2,
+            recorder__output=tmp_path / 'run.mcap',
+        )
+        nodes = started.start_all(*arguments)
+        tester.until(lambda: stamps[-1] > 0, 'a run')
+        for name in ('controller', 'trajectory'):
+            nodes[name].signal(signal.SIGSTOP)
+        tester.until(lambda: stamps[-1] == last, 'the last state')
+        for name in ('controller', 'trajectory'):
+            nodes[name].signal(signal.SIGCONT)
+        assert set(started.wait().values()) == {0}, started.output()
+    assert read_log(tmp_path / 'run.mcap').stamps('effort_commands')[-1] == last
+
+
+def test_a_recorder_that_is_held_up_takes_what_is_under_way(tmp_path: Path) -> None:
+    """It is asked to end while it stands still, and hears of nothing for a while."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        recorder = started.start('recorder', *ros_arguments(None, recorder__output=log))
+        states = tester.publisher(JointState, 'joint_states')
+        tester.wait_for_subscribers(states)
+        state, stamps = JointStateCdr(), itertools.count()
+        size = log.stat().st_size
+
+        def sends() -> int:
+            """Send a state; return its stamp."""
+            stamp = next(stamps)
+            state.set_stamp(stamp)
+            states.publish(state.to_bytes())
+            return stamp
+
+        tester.until(lambda: sends() and log.stat().st_size > size, 'a state in the file')
+        recorder.signal(signal.SIGSTOP)
+        last = [sends() for _ in range(50)][-1]
+        recorder.signal(signal.SIGINT)
+        end = time.monotonic() + 0.5
+        tester.until(lambda: time.monotonic() > end)
+        recorder.signal(signal.SIGCONT)
+        assert recorder.wait() == 0, started.output()
+    assert read_log(log).stamps('joint_states')[-50:] == list(range(last - 49, last + 1))
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])

@@ -199,8 +199,9 @@ class ControllerNode(SuiteNode):
         """Tell whether a state is to be answered, by its stamp in ns beside those before it."""
         self._health.saw_state(stamp)
         order = self._order.judge(stamp)
-        # A single stamp far ahead may be wrong; the next one tells.
-        self._may_finish = order is not Order.AHEAD
+        # A single stamp far ahead may be wrong, and the next one tells; but for the run's last
+        # state, which comes so to a controller that was held up at the end, there is no next.
+        self._may_finish = order is not Order.AHEAD or self._is_last(stamp)
         if order is Order.NEXT:
             return True
         if order is Order.LATE:
@@ -218,6 +219,10 @@ class ControllerNode(SuiteNode):
         if not self._supervisor.is_active:
             self._supervision.recover(STATES, is_anew=False)
         self._answer(stamp)
+
+    def _is_last(self, stamp: int) -> bool:
+        """Tell whether a stamp in ns is exactly that of the run's last state."""
+        return self._timing.last is not None and stamp == self._timing.stamp(self._timing.last)
 
     def _start_anew(self, order: Order) -> None:
         if order is Order.BACK:

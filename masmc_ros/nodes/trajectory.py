@@ -124,9 +124,12 @@ class TrajectoryNode(SuiteNode):
             self._next = tick - tick % self._window
         self._send_until(tick + self._horizon, stamp)
         before, self._last_tick = self._last_tick, tick
-        # A single stamp far ahead may be wrong; the next one tells.
-        is_sure = before is None or tick - before <= self._horizon
-        if self._timing.last is not None and tick >= self._timing.last and is_sure:
+        if self._timing.last is None:
+            return
+        # A single stamp far ahead may be wrong, and the next one tells; but after the run's
+        # last state, which comes so to who was held up at the end, there is no next.
+        is_sure = before is None or tick - before <= self._horizon or tick == self._timing.last
+        if tick >= self._timing.last and is_sure:
             self.finished = True
 
     def _begin(self, origin: int) -> int:
