@@ -127,8 +127,9 @@ class RecorderNode(SuiteNode):
     def close(self, spin: Callable[[], None]) -> None:
         """Take what is still under way, complete the file."""
         super().close(spin)
-        limit = time.monotonic() + _LONGEST_DRAIN
-        while time.monotonic() < min(limit, self._last_arrival + _QUIET):
+        # Counted from here: what came while this process was held up waits to be looked at.
+        self._last_arrival = begin = time.monotonic()
+        while time.monotonic() < min(begin + _LONGEST_DRAIN, self._last_arrival + _QUIET):
             spin()
         self._release_early(self._latest or 0)
         self._recording.close()
