@@ -23,6 +23,7 @@ import time
 from typing import Any
 
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -38,7 +39,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
 NODES = ('trajectory', 'controller', 'plant', 'recorder')
 
-PATIENCE = 60.0
+PATIENCE = 180.0
 """Longest time in s that anything may take; machines may be slow and busy."""
 
 _RESPONSE = 5.0
@@ -50,8 +51,8 @@ _LAST_WORDS = 5.0
 _DOMAINS = range(60, 100)
 _turn = itertools.count(random.randrange(len(_DOMAINS)))
 
-_MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file')
-"""Lines about shared memory that killed processes left behind."""
+_MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file|the middleware does not let go')
+"""Lines about shared memory that killed processes left behind, and about Fast DDS hanging."""
 
 
 class NodeProcess:
@@ -172,6 +173,8 @@ class Peer:
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
         self._executor = executor
+        self._clients: dict[tuple[type, str], Any] = {}
+        self._known: set[tuple[type, str]] = set()
 
     def until(self, holds: Callable[[], Any], what: str = 'what the test waits for') -> Any:
         """Spin until something is true and return it; AssertionError where it never is."""
@@ -222,24 +225,45 @@ class Peer:
         """Call a service and return its response.
 
         The middleware drops the response to a client that the server has not found within
-        0.1 s. Such a call is made `again`, unless it would do more than the first alone.
+        0.1 s. Such a call is made `again`; where that would do more than the first alone, the
+        call is made once the server has found the client.
         """
-        client = self.node.create_client(service_type, name)
-        try:
-            self.until(client.service_is_ready, f'service {name}')
-            futures = [client.call_async(request)]
-            limit = time.monotonic() + _RESPONSE
+        find = self.client if again else self.known_client
+        client = find(service_type, name)
+        self.until(client.service_is_ready, f'service {name}')
+        futures = [client.call_async(request)]
+        limit = time.monotonic() + _RESPONSE
 
-            def answered() -> Any:
-                nonlocal limit
-                if again and time.monotonic() > limit:
-                    limit = time.monotonic() + _RESPONSE
-                    futures.append(client.call_async(request))
-                return next((f for f in futures if f.done()), None)
+        def answered() -> Any:
+            nonlocal limit
+            if again and time.monotonic() > limit:
+                limit = time.monotonic() + _RESPONSE
+                futures.append(client.call_async(request))
+            return next((f for f in futures if f.done()), None)
 
-            return self.until(answered, f'response of {name}').result()
-        finally:
-            self.node.destroy_client(client)
+        return self.until(answered, f'response of {name}').result()
+
+    def client(self, service_type: Any, name: str) -> Any:
+        """Return a client of a service, the same one every time."""
+        key = (service_type, name)
+        if key not in self._clients:
+            self._clients[key] = self.node.create_client(service_type, name)
+        return self._clients[key]
+
+    def known_client(self, service_type: Any, name: str) -> Any:
+        """Return a client that the node of a service has found: no response to it is dropped.
+
+        A participant tells of its endpoints in their order, so that a node that has answered a
+        client knows all earlier ones. The node must not be replaced by another later.
+        """
+        client = self.client(service_type, name)
+        if (service_type, name) not in self._known:
+            asked = f'{name.rpartition("/")[0]}/get_parameters'
+            later = self.node.create_client(GetParameters, asked)
+            self._clients[GetParameters, asked] = later
+            self.call(GetParameters, asked, GetParameters.Request())
+            self._known.add((service_type, name))
+        return client
 
 
 def _qos(*, latched: bool) -> QoSProfile:

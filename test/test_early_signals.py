@@ -74,6 +74,8 @@ def test_a_node_ends_with_status_0(
 def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     command = ['-m', 'masmc_ros.cli.main', 'simulate', 'config/paper.yaml', '--output', str(log)]
+    # So long that it is not over, should the signal come late.
+    command += ['--set', 'duration=1000.0']
     ended = interrupted(command, library, signal.SIGINT)
     assert ended == (130, 'masmc simulate: interrupted\n')
     assert list(tmp_path.iterdir()) == []

@@ -16,7 +16,8 @@ pytest.importorskip('rclpy')
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import domain_variables, peer, processes, surroundings
+from processes import domain_variables, PATIENCE, peer, processes, surroundings
+from rclpy.duration import Duration
 
 from masmc_ros.log.definitions import definition
 
@@ -53,9 +54,9 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
         try:
             tester.wait_for_subscribers(publisher)
             publisher.publish(sent)
-            assert publisher.wait_for_all_acked()
+            assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
             recorder.send_signal(signal.SIGTERM)
-            assert recorder.wait(60.0) == 0
+            assert recorder.wait(PATIENCE) == 0
         finally:
             recorder.kill()
             recorder.wait()

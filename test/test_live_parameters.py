@@ -29,22 +29,16 @@ def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Call]:
     folder = tmp_path_factory.mktemp('nodes')
     with processes(folder) as started, peer(started.domain) as tester:
         started.start('controller', *ros_arguments(None, k_s1=120.0))
-        clients = {
-            kind: tester.node.create_client(kind, f'controller/{name}')
-            for kind, name in (
-                (SetParametersAtomically, 'set_parameters_atomically'),
-                (GetParameters, 'get_parameters'),
-                (DescribeParameters, 'describe_parameters'),
-            )
+        names = {
+            SetParametersAtomically: 'set_parameters_atomically',
+            GetParameters: 'get_parameters',
+            DescribeParameters: 'describe_parameters',
         }
-        tester.until(lambda: all(c.service_is_ready() for c in clients.values()))
 
         def call(kind: Any, field: str, value: Any) -> Any:
             request = kind.Request()
             setattr(request, field, value)
-            future = clients[kind].call_async(request)
-            tester.until(future.done)
-            return future.result()
+            return tester.call(kind, f'controller/{names[kind]}', request)
 
         yield call
 
@@ -136,9 +130,6 @@ def test_every_parameter_is_described(controller: Call) -> None:
 def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
     """Run in lock-step and change gains on the way."""
     stamps = tester.watch_time()
-    set_ = tester.node.create_client(
-        SetParametersAtomically, 'controller/set_parameters_atomically'
-    )
     started.start_all(
         *ros_arguments(
             PAPER,
@@ -146,7 +137,7 @@ def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
             recorder__output=log,
         )
     )
-    tester.until(lambda: stamps[-1] >= 100_000_000 and set_.service_is_ready())
+    tester.until(lambda: stamps[-1] >= 100_000_000)
     for values in (
         {'k_s1': 150.0, 'sigma': [2.0, 3.0, 2.0, 3.0]},
         {'switching': 'implicit', 'observer_gain': 0.5},
@@ -155,9 +146,9 @@ def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
         request = SetParametersAtomically.Request(
             parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
         )
-        future = set_.call_async(request)
-        tester.until(future.done)
-        assert future.result().result.successful
+        name = 'controller/set_parameters_atomically'
+        answer = tester.call(SetParametersAtomically, name, request, again=False)
+        assert answer.result.successful
         changed = stamps[-1]
         tester.until(lambda changed=changed: stamps[-1] > changed + 50_000_000)
     assert set(started.wait().values()) == {0}, started.output()

@@ -117,11 +117,11 @@ def test_a_dump_is_a_parameter_file(running: Processes, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('get', '/nobody', 'k_s1', '--timeout', '1'), ('/nobody', '/controller')),
+        (('get', '/nobody', 'k_s1', '--timeout', '1'), ('/nobody',)),
         (('set', '/nobody', 'k_s1', '1', '--timeout', '1'), ('/nobody',)),
         (('dump', '/nobody', '--timeout', '1'), ('/nobody',)),
         (('list', '/nobody', '--timeout', '1'), ('/nobody',)),
-        (('get', '/controller', 'k_s3'), ('k_s3', 'k_s1')),
+        (('get', '/controller', 'k_s3', '--timeout', '30'), ('k_s3', 'k_s1')),
         (('get', '/not a name', 'k_s1'), ('not a name',)),
         (('get', f'/{"n" * 230}', 'k_s1'), ('n' * 230,)),
         (('set', '/controller', 'k_s1', '[1.0'), ('[1.0',)),
@@ -142,6 +142,20 @@ def test_what_cannot_be_done_is_told_in_one_line(
     assert result.stderr.count('\n') == 1
     for word in words:
         assert word in result.stderr
+
+
+def test_whoever_asks_for_a_node_that_is_not_there_is_told_who_is(running: Processes) -> None:
+    told_of = 'none'
+    timeout = 1
+    # On a busy machine it takes its time to find anybody.
+    while told_of == 'none':
+        assert timeout < PATIENCE
+        result = param(running.domain, 'get', '/nobody', 'k_s1', '--timeout', str(timeout))
+        assert result.returncode == 2
+        assert result.stderr.count('\n') == 1
+        told_of = result.stderr.rpartition('nodes with parameters: ')[2].strip()
+        timeout *= 2
+    assert set(told_of.split(', ')) <= {'/controller', '/left/controller'}
 
 
 def test_without_rclpy_it_says_what_to_do(tmp_path: Path) -> None:

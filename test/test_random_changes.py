@@ -69,11 +69,9 @@ def served(
     with live_run(folder, 'plant', 'trajectory', 'controller', **settings) as begun:
         begun.goes_on()
         begun.tester.subscribe(String, 'controller/parameters', check_record)
-        node = begun.tester.node
-        set_ = node.create_client(SetParametersAtomically, '/controller/set_parameters_atomically')
-        get = node.create_client(GetParameters, '/controller/get_parameters')
-        begun.tester.until(lambda: set_.service_is_ready() and get.service_is_ready())
-        yield begun, set_, get
+        known = begun.tester.known_client
+        set_ = known(SetParametersAtomically, '/controller/set_parameters_atomically')
+        yield begun, set_, known(GetParameters, '/controller/get_parameters')
         begun.end()
         assert len(active_batches) > EXAMPLES // 4, 'the law computed next to nothing'
 

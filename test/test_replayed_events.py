@@ -59,7 +59,7 @@ class Run:
         assert self.tester.call(SetBool, '/controller/enable', request).success
 
     def trigger(self, name: str) -> None:
-        assert self.tester.call(Trigger, name, Trigger.Request()).success
+        assert self.tester.call(Trigger, name, Trigger.Request(), again=False).success
 
     def set(self, **values: Any) -> None:
         new = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]

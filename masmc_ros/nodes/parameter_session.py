@@ -21,6 +21,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.question import Question
 from masmc_ros.nodes.shared_memory import clear_half_made
 
 _SERVICE = '/list_parameters'
@@ -102,25 +103,26 @@ class ParameterSession:
         if node not in self._clients:
             self._clients[node] = AsyncParameterClient(self._node, node)
         client = self._clients[node]
-        if not self._holds(client.services_are_ready):
+        if not self._come(client.services_are_ready):
             there = ', '.join(self._visible()) or 'none'
             raise UserError(
                 f'no node {node} within {self._patience:g} s; nodes with parameters: {there}'
             )
-        future = ask(client)
-        if not self._holds(future.done):
+        answer = self._come(Question(lambda: ask(client)).answer)
+        if answer is None:
             raise UserError(f'{node} does not answer within {self._patience:g} s')
-        return future.result()
+        return answer
 
-    def _holds(self, condition: Callable[[], bool]) -> bool:
+    def _come(self, what: Callable[[], Any]) -> Any:
+        """Spin until something is true, and return it; what it is then where it never is."""
         limit = time.monotonic() + self._patience
-        while not condition():
-            if time.monotonic() > limit:
-                return False
+        while not (found := what()) and time.monotonic() <= limit:
             self._executor.spin_once(_SPIN)
-        return True
+        return found
 
     def _visible(self) -> list[str]:
-        services = [name for name, _ in self._node.get_service_names_and_types()]
-        nodes = [name.removesuffix(_SERVICE) for name in services if name.endswith(_SERVICE)]
-        return sorted(name for name in nodes if '/_' not in name)
+        # Services alone do not tell: one that is only asked for, by this node too, is listed.
+        here = self._node.get_node_names_and_namespaces()
+        nodes = {f'{namespace.rstrip("/")}/{name}' for name, namespace in here}
+        services = {name for name, _ in self._node.get_service_names_and_types()}
+        return sorted(n for n in nodes if '/_' not in n and f'{n}{_SERVICE}' in services)

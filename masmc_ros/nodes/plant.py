@@ -80,6 +80,7 @@ class PlantNode(SuiteNode):
         self._watched = -1
         self._recorded: int | None = None
         self._recorded_time = 0.0
+        self._held_up_since: float | None = None
         self._anchor = (0.0, 0)
         self._pacer: Timer | None = None
 
@@ -238,13 +239,16 @@ class PlantNode(SuiteNode):
     def _is_ahead_of_recorder(self) -> bool:
         if self._recorded is None:
             return False
-        ahead = self._robot.tick - self._recorded
-        if ahead <= _AHEAD_OF_RECORDER:
+        if self._robot.tick - self._recorded <= _AHEAD_OF_RECORDER:
+            self._held_up_since = None
             return False
-        if time.monotonic() - self._recorded_time < _RECORDER_PATIENCE:
+        now = time.monotonic()
+        # A slow run may take longer than its patience to get so far ahead.
+        self._held_up_since = since = self._held_up_since or now
+        if now - max(since, self._recorded_time) < _RECORDER_PATIENCE:
             return True
         self.log.warning('the recorder does not answer; going on without it')
-        self._recorded = None
+        self._recorded = self._held_up_since = None
         return False
 
     def _watch_lockstep(self) -> None:
@@ -269,7 +273,8 @@ class PlantNode(SuiteNode):
             self._refusals.add('recorder/progress', error)
             return
         self._recorded_time = time.monotonic()
-        self._recorded = round(stamp / (1e9 * self._timing.period))
+        # What was reported before a reset, or to a plant before this one, is not of this run.
+        self._recorded = min(round(stamp / (1e9 * self._timing.period)), self._robot.tick)
         if self._lockstep:
             self._answer()
 

@@ -12,6 +12,7 @@ from type_description_interfaces.srv import GetTypeDescription
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition
+from masmc_ros.nodes.question import Question
 
 _SEPARATOR = '=' * 80
 
@@ -63,7 +64,7 @@ class DefinitionRequest:
         self._client = node.create_client(
             GetTypeDescription, f'{sender.rstrip("/")}/get_type_description'
         )
-        self._future: Any = None
+        self._question: Question | None = None
         self._limit = time.monotonic() + _PATIENCE
 
     def answer(self) -> Definition | None:
@@ -72,10 +73,11 @@ class DefinitionRequest:
         Raises:
             InputError: where the sender does not tell it.
         """
-        if self._future is None and self._client.service_is_ready():
-            self._future = self._client.call_async(self._request)
-        if self._future is not None and self._future.done():
-            return self._definition(self._future.result())
+        if self._question is None and self._client.service_is_ready():
+            self._question = Question(lambda: self._client.call_async(self._request))
+        response = None if self._question is None else self._question.answer()
+        if response is not None:
+            return self._definition(response)
         if time.monotonic() > self._limit:
             raise InputError(
                 f'{self._sender} does not say what {self._request.type_name} is: no answer from'
