@@ -9,17 +9,12 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.context import Context
 from rclpy.timer import Timer
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
@@ -31,17 +26,11 @@ from masmc_ros.nodes.command_parts import Part
 from masmc_ros.nodes.diagnostics import Health, publish_health
 from masmc_ros.nodes.plant_health import PlantHealth
 from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.nodes.recorder_pace import RecorderPace
 from masmc_ros.nodes.refusals import Refusals
-from masmc_ros.nodes.robot_display import RobotDisplay
 from masmc_ros.nodes.runtime import run
+from masmc_ros.nodes.state_output import StateOutput
 from masmc_ros.nodes.throttle import Throttle
-from masmc_ros.robot.platform_motion import platform_motion
-
-_AHEAD_OF_RECORDER = 800
-"""Ticks that lock-step may be ahead of what the recorder has written; its queues are deeper."""
-
-_RECORDER_PATIENCE = 5.0
-"""Time in s after which a silent recorder no longer holds up lock-step."""
 
 _LATE_TICKS = 20
 """Ticks made up for at once when the wall clock has run ahead."""
@@ -58,17 +47,10 @@ class PlantNode(SuiteNode):
         self._timing = Timing.from_values(self.values)
         self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
         self._lockstep = self.values['pacing'] == 'lockstep'
-        self._odom_decimation: int = self.values['odom_decimation']
-        self._clock_decimation: int = self.values['clock_decimation']
         self._wait_for = [name for name in self.values['wait_for'] if name]
-        self._display = RobotDisplay(self.values)
-        self._state = JointStateCdr()
-        self._compile()
-        # The robot lives in the message: its arrays are views into the bytes to be sent.
-        robot, state = self._robot, self._state
-        robot.position, robot.velocity = state.position, state.velocity
-        robot.applied = state.effort[3:]
-        robot.reset()
+        # To no consequence, so that the first real tick is not late: it is compiled here.
+        self._robot.advance(np.zeros(4))
+        self._output = StateOutput(self._robot, self._timing, self.values)
         self._started = self._paused = self._runs = False
         self._single_steps = 0
         self._refusals = Refusals(self.log)
@@ -76,25 +58,15 @@ class PlantNode(SuiteNode):
         self._input = CommandInput(self.values, self._refusals)
         self._health = PlantHealth(self._timing.period)
         self._begun = 0.0
-        self._stamp = -1
         self._watched = -1
-        self._recorded: int | None = None
-        self._recorded_time = 0.0
-        self._held_up_since: float | None = None
+        self._recorder = RecorderPace(self.log)
         self._anchor = (0.0, 0)
         self._pacer: Timer | None = None
 
     def connect(self) -> None:
         """Create topics, services and timers; the first state follows once all are there."""
         super().connect()
-        self._states = self.publisher(JointState, 'joint_states')
-        self._odom = self.publisher(Odometry, 'odom')
-        self._twist = self.publisher(Twist, 'base_twist')
-        self._clock = self.publisher(Clock, '/clock')
-        self._display.connect(self)
-        self._odometry_message = OdometryCdr(self.values['frame_prefix'])
-        self._twist_message = TwistCdr()
-        self._clock_message = TimeCdr()
+        self._output.connect(self)
         node = self.node
         self._input.subscribe(node, self._is_for_now, self._on_command)
         node.create_subscription(
@@ -115,12 +87,6 @@ class PlantNode(SuiteNode):
         else:
             self.parameters.on_change(lambda _: self._pace())
 
-    def _compile(self) -> None:
-        """Advance the robot to no consequence, so that the first real tick is not late."""
-        self._robot.advance(np.zeros(4))
-        platform_motion(self._robot.position[None], self._robot.velocity[None])
-        self._robot.reset()
-
     # Start.
 
     def _start_when_ready(self) -> None:
@@ -134,7 +100,7 @@ class PlantNode(SuiteNode):
         self.node.destroy_timer(self._gate)
         self._started = True
         self._begun = time.monotonic()
-        self._publish_state()
+        self._output.publish()
         if not self._lockstep:
             # Where a controller is waited for, time begins with its first command.
             self._runs = not self._wait_for
@@ -143,10 +109,10 @@ class PlantNode(SuiteNode):
     def _is_there(self, name: str) -> bool:
         """Tell whether a node of this namespace has found its topics."""
         if name == 'recorder':
-            return self._recorded is not None
+            return self._recorder.is_there
         node = self.node
         if name == 'controller':
-            listens = node.get_subscriptions_info_by_topic(self._states.topic_name)
+            listens = node.get_subscriptions_info_by_topic(self._output.topic)
             return self._names(listens, name) and self._input.are_sent_by(node, name)
         if name == 'trajectory':
             sends = node.get_publishers_info_by_topic(node.resolve_topic_name('reference'))
@@ -191,9 +157,9 @@ class PlantNode(SuiteNode):
         if not self._started:
             return False
         if self._lockstep:
-            return answered == self._stamp or not part.names_state
+            return answered == self._output.stamp or not part.names_state
         oldest = 1e9 * self.values['command_timeout'] * self.values['real_time_factor']
-        return answered is None or 0 <= self._stamp - answered <= oldest
+        return answered is None or 0 <= self._output.stamp - answered <= oldest
 
     def _answer(self) -> None:
         """Apply the command at hand in lock-step, unless something holds the plant up."""
@@ -201,7 +167,7 @@ class PlantNode(SuiteNode):
             return
         if self._paused and not self._single_steps:
             return
-        if self._is_ahead_of_recorder():
+        if self._recorder.holds_up(self._robot.tick):
             return
         if self._single_steps:
             self._single_steps -= 1
@@ -217,7 +183,7 @@ class PlantNode(SuiteNode):
         except InputError as error:
             self.fail(error if self._lockstep else self._with_figures(error))
             return
-        self._publish_state()
+        self._output.publish()
 
     def _with_figures(self, error: InputError) -> InputError:
         """Add what else may be to blame in real time: a machine that does not keep up."""
@@ -235,21 +201,6 @@ class PlantNode(SuiteNode):
             f'{ticks} ticks in {elapsed:.2f} s: {ticks / elapsed:.0f} ticks/s, '
             f'{ticks * self._timing.period / elapsed:.1f} times real time'
         )
-
-    def _is_ahead_of_recorder(self) -> bool:
-        if self._recorded is None:
-            return False
-        if self._robot.tick - self._recorded <= _AHEAD_OF_RECORDER:
-            self._held_up_since = None
-            return False
-        now = time.monotonic()
-        # A slow run may take longer than its patience to get so far ahead.
-        self._held_up_since = since = self._held_up_since or now
-        if now - max(since, self._recorded_time) < _RECORDER_PATIENCE:
-            return True
-        self.log.warning('the recorder does not answer; going on without it')
-        self._recorded = self._held_up_since = None
-        return False
 
     def _watch_lockstep(self) -> None:
         """Note what lock-step stands still for; leave a silent recorder behind."""
@@ -272,9 +223,7 @@ class PlantNode(SuiteNode):
         except InputError as error:
             self._refusals.add('recorder/progress', error)
             return
-        self._recorded_time = time.monotonic()
-        # What was reported before a reset, or to a plant before this one, is not of this run.
-        self._recorded = min(round(stamp / (1e9 * self._timing.period)), self._robot.tick)
+        self._recorder.note(round(stamp / (1e9 * self._timing.period)), self._robot.tick)
         if self._lockstep:
             self._answer()
 
@@ -345,43 +294,15 @@ class PlantNode(SuiteNode):
             return 'waits for the first command'
         return 'lock-step' if self._lockstep else 'real time'
 
-    # State.
-
-    def _publish_state(self) -> None:
-        tick = self._robot.tick
-        stamp = self._timing.stamp(tick)
-        self._stamp = stamp
-        self._state.set_stamp(stamp)
-        # First of all the state: the controller computes while the rest is sent.
-        self._states.publish(self._state.to_bytes())
-        last = tick == self._timing.last
-        if last or tick % self._odom_decimation == 0:
-            self._publish_motion(stamp)
-        if self._clock_decimation and (last or tick % self._clock_decimation == 0):
-            self._clock_message.set_stamp(stamp)
-            self._clock.publish(self._clock_message.to_bytes())
-        self._display.show(tick, self._robot.position)
-
-    def _publish_motion(self, stamp: int) -> None:
-        pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
-        odometry, velocity = self._odometry_message, self._twist_message
-        odometry.set_stamp(stamp)
-        odometry.position[:], odometry.orientation[:] = pose[0, :3], pose[0, 3:]
-        odometry.linear[:], odometry.angular[:] = twist[0, :3], twist[0, 3:]
-        self._odom.publish(odometry.to_bytes())
-        velocity.linear[:], velocity.angular[:] = twist[0, :3], twist[0, 3:]
-        self._twist.publish(velocity.to_bytes())
-
     # Services.
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._robot.reset()
         self._input.clear()
-        if self._recorded is not None:
-            self._recorded = 0
+        self._recorder.set_back()
         self._take_anchor()
         if self._started:
-            self._publish_state()
+            self._output.publish()
         response.success, response.message = True, 'the robot is in its initial state, t = 0 s'
         return response
 

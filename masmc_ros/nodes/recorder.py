@@ -16,10 +16,9 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.context import Context
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.definitions import Definition, definition
+from masmc_ros.log.definitions import Definition
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
@@ -41,10 +40,10 @@ from masmc_ros.log.writer import LogWriter
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.extra_topics import ExtraTopics
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
 from masmc_ros.nodes.runtime import run
-from masmc_ros.nodes.type_description import DefinitionRequest
 
 _PROGRESS = 100
 """Answered states between two reports of progress."""
@@ -62,9 +61,6 @@ _LONGEST_DRAIN = 10.0
 
 _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
-
-_NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
-"""Name of a node whose topics were found before itself."""
 
 _MEGABYTE = 1_000_000
 
@@ -90,8 +86,9 @@ class RecorderNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._last = self._last_stamp()
         self._files = {path: Path(path).read_bytes() for path in command_line.files}
-        self._extra = {name for name in self.values['extra_topics'] if name}
-        self._turn_up = {topic.name: topic.holds for topic in TOPICS if topic.turns_up}
+        self._extra = ExtraTopics(
+            self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
+        )
         self._recording = self._open(log_path(Path(self.values['output'])))
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
@@ -102,7 +99,6 @@ class RecorderNode(SuiteNode):
         self._parameters: dict[str, Any] = {}
         self._description: str | None = None
         self._changes: list[ParameterRecord] = []
-        self._requests: dict[str, DefinitionRequest] = {}
         self._told_trouble: str | None = None
         self._told_lost = 0
         self.counts: dict[str, int] = {}
@@ -113,7 +109,6 @@ class RecorderNode(SuiteNode):
         self._progress = self.publisher(Time, 'recorder/progress', 1)
         for topic in (*TOPICS, *SYSTEM_TOPICS):
             if topic.turns_up:
-                self._extra.add(topic.name)
                 continue
             try:
                 self._record_topic(
@@ -346,51 +341,6 @@ class RecorderNode(SuiteNode):
         stamp = max(self._reached, 0)
         self._progress.publish(Time(sec=stamp // 10**9, nanosec=stamp % 10**9))
 
-    def _record_extra(self, topic: str) -> None:
-        """Record an extra topic once somebody sends on it, in the way it is sent."""
-        resolved = self.node.resolve_topic_name(topic)
-        senders = self.node.get_publishers_info_by_topic(resolved)
-        if not senders:
-            return
-        offered = [sender.qos_profile for sender in senders]
-        is_latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
-        best_effort = any(qos.reliability == ReliabilityPolicy.BEST_EFFORT for qos in offered)
-        try:
-            defined = self._definition(topic, senders[0])
-            if defined is None:
-                return
-            self._record_topic(
-                topic,
-                senders[0].topic_type,
-                is_latched=is_latched,
-                holds=self._turn_up.get(topic, is_latched),
-                best_effort=best_effort,
-                defined=defined,
-            )
-        except InputError as error:
-            self.log.error(f'{resolved} is not recorded: {error}')
-        self._extra.discard(topic)
-        request = self._requests.pop(topic, None)
-        if request is not None:
-            request.close()
-
-    def _definition(self, topic: str, sender: Any) -> Definition | None:
-        """Return what a topic's messages are, None while its sender is asked.
-
-        Jazzy's own types need no question, unless the sender has another version of them.
-        """
-        told = str(sender.topic_type_hash)
-        with suppress(InputError):
-            known = definition(sender.topic_type)
-            if told in (known.hash, ''):
-                return known
-        if sender.node_name == _NOT_FOUND_YET:
-            return None
-        if topic not in self._requests:
-            name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
-            self._requests[topic] = DefinitionRequest(self.node, name, sender.topic_type, told)
-        return self._requests[topic].answer()
-
     def _is_sent(self, topic: str) -> bool:
         """Tell whether somebody sends on a topic, and it is recorded."""
         resolved = self.node.resolve_topic_name(topic)
@@ -398,8 +348,7 @@ class RecorderNode(SuiteNode):
 
     def _look_around(self) -> None:
         """Tell the plant when all senders are found; end when they have gone."""
-        for topic in tuple(self._extra):
-            self._record_extra(topic)
+        self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
         if not self._is_ready and all(here):
             self._is_ready = True

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plant tells of the robot: its state at every tick, less often what is derived of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from masmc_ros.log.cdr import JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import Timing
+from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.robot_display import RobotDisplay
+from masmc_ros.robot.platform_motion import platform_motion
+
+
+class StateOutput:
+    """Publishes joint_states, odom, base_twist, /clock and what shows the robot.
+
+    Attributes:
+        stamp: of the last state, in ns; -1 before the first.
+    """
+
+    def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
+        """Let the robot live in the message: its arrays become views into the bytes sent."""
+        self._robot, self._timing = robot, timing
+        self._odom_decimation: int = values['odom_decimation']
+        self._clock_decimation: int = values['clock_decimation']
+        self._display = RobotDisplay(values)
+        self._state = JointStateCdr()
+        self._odometry = OdometryCdr(values['frame_prefix'])
+        self._twist = TwistCdr()
+        self._time = TimeCdr()
+        self.stamp = -1
+        platform_motion(robot.position[None], robot.velocity[None])  # compiled before it counts
+        robot.position, robot.velocity = self._state.position, self._state.velocity
+        robot.applied = self._state.effort[3:]
+        robot.reset()
+
+    def connect(self, node: SuiteNode) -> None:
+        """Create the topics."""
+        self._states = node.publisher(JointState, 'joint_states')
+        self._odom = node.publisher(Odometry, 'odom')
+        self._base_twist = node.publisher(Twist, 'base_twist')
+        self._clock = node.publisher(Clock, '/clock')
+        self._display.connect(node)
+
+    @property
+    def topic(self) -> str:
+        """The full name of joint_states."""
+        return str(self._states.topic_name)
+
+    def publish(self) -> None:
+        """Publish what the robot's tick asks for."""
+        tick = self._robot.tick
+        self.stamp = stamp = self._timing.stamp(tick)
+        self._state.set_stamp(stamp)
+        # First of all the state: the controller computes while the rest is sent.
+        self._states.publish(self._state.to_bytes())
+        last = tick == self._timing.last
+        if last or tick % self._odom_decimation == 0:
+            self._publish_motion(stamp)
+        if self._clock_decimation and (last or tick % self._clock_decimation == 0):
+            self._time.set_stamp(stamp)
+            self._clock.publish(self._time.to_bytes())
+        self._display.show(tick, self._robot.position)
+
+    def _publish_motion(self, stamp: int) -> None:
+        pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
+        odometry, velocity = self._odometry, self._twist
+        odometry.set_stamp(stamp)
+        odometry.position[:], odometry.orientation[:] = pose[0, :3], pose[0, 3:]
+        odometry.linear[:], odometry.angular[:] = twist[0, :3], twist[0, 3:]
+        self._odom.publish(odometry.to_bytes())
+        velocity.linear[:], velocity.angular[:] = twist[0, :3], twist[0, 3:]
+        self._base_twist.publish(velocity.to_bytes())
