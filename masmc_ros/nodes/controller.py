@@ -77,6 +77,7 @@ class ControllerNode(SuiteNode):
         self._health = ControllerHealth(self._timing.period, self.node.get_clock())
         self._pending: int | None = None
         self._may_finish = True
+        self._was_silent = False
         self._held_since: float | None = None
         self._untold: list[Recorded] = []
         self._was_singular = False
@@ -178,8 +179,12 @@ class ControllerNode(SuiteNode):
         if self.finished or not (self._is_realtime and self._supervisor.is_active):
             return
         timeout = self._state_timeout()
-        if self._health.silence() > timeout:
+        is_silent = self._health.silence() > timeout
+        # To a controller that was held up itself, states have come that it takes before its
+        # next look.
+        if is_silent and self._was_silent:
             self._supervision.fail(STATES, f'no usable joint_states for {timeout:g} s')
+        self._was_silent = is_silent
 
     def _on_stopped(self) -> None:
         """Send zeros at once; in lock-step as the answer to the state that waits for one."""

@@ -50,11 +50,15 @@ class StateInput:
         self._base = BasePose() if values['pose_source'] == 'odom' else None
         self._joints = JOINTS if self._base is None else DRIVEN_JOINTS
         self._is_waiting = False
+        self._lacking: str | None = None
         if self._base is not None:
             subscribe_with_past(node, Odometry, 'odom', self._take_odometry)
         subscribe_with_past(node, JointState, 'joint_states', self._take)
 
     def _take(self, raw: bytes) -> None:
+        if self._lacking is not None:
+            self._refusals.add('joint_states', self._lacking)
+            self._lacking = None
         # What is refused must not touch the state in force: it is read into the spare one.
         state = self._spare
         try:
@@ -80,14 +84,17 @@ class StateInput:
             self._on_state(stamp)
 
     def _add_pose(self, base: BasePose, stamp: int) -> None:
-        """Take the spare state with its pose from odometry, once there is one for it."""
+        """Take the spare state with its pose from odometry, once there is one for it.
+
+        Its odometry may be on the way: what is wrong with it is told when the next state comes.
+        """
         state = self._spare
         posed = base.stamp_ns
         self._is_waiting = posed is None or abs(stamp - posed) > OLDEST_POSE_NS
+        self._lacking = None
         if self._is_waiting:
             if posed is not None:
-                age = (stamp - posed) * 1e-9
-                self._refusals.add('joint_states', f'odom is {age:.3f} s older')
+                self._lacking = f'odom is {(stamp - posed) * 1e-9:.3f} s older'
             return
         base.write(stamp, state.position, state.velocity)
         if self._accepts(stamp):
