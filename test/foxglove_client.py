@@ -118,6 +118,11 @@ class Viewer:
 def viewer(port: int) -> Iterator[Viewer]:
     """Yield a viewer of the server at a port of this machine."""
     with connect(
-        f'ws://127.0.0.1:{port}', subprotocols=[PROTOCOL], max_size=None, open_timeout=PATIENCE
+        f'ws://127.0.0.1:{port}',
+        subprotocols=[PROTOCOL],
+        max_size=None,
+        # Else the answer to its leave waits behind what nobody takes any more.
+        max_queue=None,
+        open_timeout=PATIENCE,
     ) as connection:
         yield Viewer(connection)

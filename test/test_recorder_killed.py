@@ -11,9 +11,10 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from forked import Forks, forks
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import NodeProcess, PAPER, Peer, peer, Processes, processes, ros_arguments
+from processes import PAPER, Peer, peer, processes, ros_arguments
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
@@ -27,19 +28,25 @@ MOST_LOST = 0.6
 """Time in s of the robot that a killed recorder may lose."""
 
 
-def start_robot(started: Processes) -> None:
-    """Start a robot that stands and sends its state at 1 kHz until it is ended.
-
-    Nobody steers it: on a machine that is busy with recorders, commands would
-    come too late for a loop to be stable.
-    """
-    settings = {
+ROBOT = ros_arguments(
+    PAPER,
+    **{
         'duration': 0.0,
         'pacing': 'realtime',
         'wait_for': "['']",
         'disturbance.amplitude': '[0.0, 0.0, 0.0, 0.0]',
-    }
-    started.start('plant', *ros_arguments(PAPER, **settings))
+    },
+)
+"""A robot that stands and sends its state at 1 kHz until it is ended.
+
+Nobody steers it: on a machine that is busy with recorders, commands would
+come too late for a loop to be stable.
+"""
+
+
+def recorder(log: Path) -> list[str]:
+    """Return the arguments of a recorder that has no end."""
+    return ros_arguments(None, recorder__output=log, duration=0.0)
 
 
 def recovered_end(log: Path) -> float:
@@ -65,28 +72,26 @@ def check_readers(log: Path) -> None:
 
 
 def kill_some(
-    started: Processes, tester: Peer, latest: list[int], folder: Path, rng: random.Random
+    forks: Forks, tester: Peer, latest: list[int], folder: Path, rng: random.Random
 ) -> list[tuple[Path, int, int]]:
     """Record with several at once, kill each; return log, first and last time it could have."""
-    recorders: list[tuple[NodeProcess, Path]] = []
-    for number in range(AT_ONCE):
-        log = folder / f'{number}.mcap'
-        arguments = ros_arguments(None, recorder__output=log, duration=0.0)
-        recorders.append((started.start('recorder', *arguments), log))
+    logs = [folder / f'{number}.mcap' for number in range(AT_ONCE)]
+    recorders = [(forks.start('recorder', *recorder(log)), log) for log in logs]
     tester.until(
         lambda: all(log.exists() and log.stat().st_size > 1000 for _, log in recorders),
         'files of the recorders',
     )
     killed = []
-    for recorder, log in recorders:
+    for process, log in recorders:
         # It records: its file grows from flush to flush.
         size, begun = log.stat().st_size, latest[-1]
         tester.until(lambda log=log, size=size: log.stat().st_size > size + 10_000, 'a file grows')
         moment = latest[-1] + rng.randrange(5 * 10**8)
         tester.until(lambda moment=moment: latest[-1] >= moment, 'the robot moves on')
-        recorder.signal(signal.SIGKILL)
+        process.kill()
         killed.append((log, begun, latest[-1]))
-        recorder.wait()
+        process.join()
+        assert process.exitcode == -signal.SIGKILL
     return killed
 
 
@@ -94,8 +99,8 @@ def kill_some(
 def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
     """Two in each round, in a domain of its own: the dead slow down who still sends to them."""
     rng = random.Random(number)
-    with processes(tmp_path) as started, peer(started.domain) as tester:
-        start_robot(started)
+    with forks(tmp_path) as forked, peer(forked.domain) as tester:
+        forked.start('plant', *ROBOT)
         latest = [0]
 
         def note(raw: bytes) -> None:
@@ -106,7 +111,7 @@ def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
             JointState, 'joint_states', note, subscription_qos(), raw=True
         )
         tester.until(lambda: latest[-1] > 0, 'states')
-        killed = kill_some(started, tester, latest, tmp_path, rng)
+        killed = kill_some(forked, tester, latest, tmp_path, rng)
     for log, begun, last in killed:
         end = recovered_end(log)
         assert end > begun * 1e-9 - MOST_LOST
@@ -117,25 +122,20 @@ def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
 
 def test_the_next_recorder_completes_what_was_left(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
-        start_robot(started)
+        started.start('plant', *ROBOT)
         logs = tmp_path / 'logs'
         logs.mkdir()
-
-        def recorder(name: str) -> NodeProcess:
-            output = ros_arguments(None, recorder__output=logs / name, duration=0.0)
-            return started.start('recorder', *output)
-
-        first = recorder('first.mcap')
+        first = started.start('recorder', *recorder(logs / 'first.mcap'))
         path = logs / 'first.mcap'
         tester.until(lambda: path.exists() and path.stat().st_size > 100_000, 'a log')
         first.signal(signal.SIGKILL)
         first.wait()
-        second = recorder('second.mcap')
+        second = started.start('recorder', *recorder(logs / 'second.mcap'))
         tester.until(lambda: second.logged('WARN', 'first.mcap'), 'its recovery')
         assert len(read_run(path).times) > 100
         # SIGTERM ends the recording properly.
         grown = logs / 'second.mcap'
-        tester.until(lambda: grown.stat().st_size > 50_000, 'the second log')
+        tester.until(lambda: grown.exists() and grown.stat().st_size > 50_000, 'the second log')
         second.signal(signal.SIGTERM)
         assert second.wait() == 0
         assert recover(grown) is None

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes in processes of their own that need not import anything: forks of one that has.
+
+For tests that start many. Beyond that they are nodes as a command line starts them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+import multiprocessing
+from multiprocessing.context import ForkServerProcess
+import os
+from pathlib import Path
+import sys
+
+from processes import domain_variables, PATIENCE, processes, surroundings
+
+_CONTEXT = multiprocessing.get_context('forkserver')
+_IMPORTED = ['forked', 'masmc_ros.nodes.plant', 'masmc_ros.nodes.recorder']
+
+
+class Forks:
+    """The processes of a domain."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain = domain
+        self._folder = folder
+        self._started: list[tuple[ForkServerProcess, Path]] = []
+
+    def start(self, name: str, *arguments: str) -> ForkServerProcess:
+        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        # It has an effect the first time, before the process that is forked is there.
+        _CONTEXT.set_forkserver_preload(_IMPORTED)
+        output = self._folder / f'{len(self._started)}_{name}.out'
+        environment = {**surroundings(), **domain_variables(self.domain)}
+        process = _CONTEXT.Process(
+            target=_run, args=(['run', name, *arguments], environment, output), daemon=True
+        )
+        process.start()
+        self._started.append((process, output))
+        return process
+
+    def tell(self) -> None:
+        """Print what all processes printed."""
+        for _, output in self._started:
+            text = output.read_text(encoding='utf-8', errors='replace') if output.exists() else ''
+            print(f'--- {output.stem}', text, sep='\n')
+
+    def end(self) -> None:
+        """End whatever still runs."""
+        for process, _ in self._started:
+            process.kill()
+            process.join(PATIENCE)
+
+
+def _run(arguments: list[str], environment: Mapping[str, str], output: Path) -> None:
+    """Be a process as a command line starts it."""
+    from masmc_ros.cli.main import main
+
+    os.environ.update(environment)
+    with output.open('wb') as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+    sys.exit(main(arguments))
+
+
+@contextmanager
+def forks(folder: Path) -> Iterator[Forks]:
+    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
+    with processes(folder) as other:
+        started = Forks(other.domain, folder)
+        try:
+            yield started
+        except BaseException:
+            started.tell()
+            raise
+        finally:
+            started.end()
