@@ -108,7 +108,7 @@ class LiveRun:
         """Wait until the controller has told a state with these parts, from now on."""
         seen = len(self.told)
         self.tester.until(
-            lambda: any(all(p in text for p in parts) for text in self.told[seen - 1 :]),
+            lambda: any(all(p in t for p in parts) for t in self.told[max(0, seen - 1) :]),
             f'{parts} in {self.told}',
         )
 
@@ -124,8 +124,11 @@ class LiveRun:
         end = time.monotonic() + seconds
         self.tester.until(lambda: time.monotonic() > end)
 
-    def end(self) -> None:
-        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole."""
+    def end(self, *, in_order: bool = True) -> None:
+        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole.
+
+        States that controllers told are in it `in_order`, unless two told them at once.
+        """
         for node in self.nodes.values():
             node.signal(signal.SIGINT)
         for node in self.nodes.values():
@@ -134,7 +137,13 @@ class LiveRun:
         assert self.wrong == []
         if 'recorder' in self.nodes:
             told = self.told if self._logs == 1 else None
-            check_log(self.log, told=told, limit=self._limit, injected=self.injected)
+            check_log(
+                self.log,
+                told=told,
+                in_order=in_order,
+                limit=self._limit,
+                injected=self.injected,
+            )
 
     def _on_state(self, raw: bytes) -> None:
         if raw in self.injected or not self._state.load(raw):
