@@ -30,6 +30,8 @@ class LiveRun:
         commands: number of commands so far.
         wrong: what was wrong with torques so far.
         told: every state that the controller told.
+        health: the latest report of each node.
+        reported: every report, with the node's name.
         injected: what a test has sent in our own layout, which is not the nodes' doing.
     """
 
@@ -46,6 +48,7 @@ class LiveRun:
         self.told: list[str] = []
         self.injected: set[bytes] = set()
         self.health: dict[str, dict[str, str]] = {}
+        self.reported: list[tuple[str, dict[str, str]]] = []
         self.nodes: dict[str, NodeProcess] = {}
         self._state, self._command = JointStateCdr(), EffortCdr()
         self._limit = np.full(4, np.inf) if 'torque_limit' in settings else LIMIT
@@ -119,6 +122,13 @@ class LiveRun:
             f'{expected} of {key} in {self.health}',
         )
 
+    def has_reported(self, node: str, key: str, expected: str) -> None:
+        """Wait until a node's diagnostics have said something of a key once in the run."""
+        self.tester.until(
+            lambda: any(n == node and expected in v.get(key, '') for n, v in self.reported),
+            f'{expected} of {key}',
+        )
+
     def spin(self, seconds: float) -> None:
         """Let time pass: for how long a fault lasts."""
         end = time.monotonic() + seconds
@@ -168,7 +178,9 @@ class LiveRun:
     def _on_health(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {each.key: each.value for each in status.values}
-            self.health[status.name.lstrip('/')] = {'message': status.message, **values}
+            name = status.name.lstrip('/')
+            self.health[name] = {'message': status.message, **values}
+            self.reported.append((name, self.health[name]))
 
 
 @contextmanager
