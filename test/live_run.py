@@ -30,6 +30,8 @@ class LiveRun:
         commands: number of commands so far.
         wrong: what was wrong with torques so far.
         told: every state that the controller told.
+        health: the latest report of each node.
+        reported: every report, with the node's name.
         injected: what a test has sent in our own layout, which is not the nodes' doing.
     """
 
@@ -46,6 +48,7 @@ class LiveRun:
         self.told: list[str] = []
         self.injected: set[bytes] = set()
         self.health: dict[str, dict[str, str]] = {}
+        self.reported: list[tuple[str, dict[str, str]]] = []
         self.nodes: dict[str, NodeProcess] = {}
         self._state, self._command = JointStateCdr(), EffortCdr()
         self._limit = np.full(4, np.inf) if 'torque_limit' in settings else LIMIT
@@ -108,7 +111,7 @@ class LiveRun:
         """Wait until the controller has told a state with these parts, from now on."""
         seen = len(self.told)
         self.tester.until(
-            lambda: any(all(p in text for p in parts) for text in self.told[seen - 1 :]),
+            lambda: any(all(p in t for p in parts) for t in self.told[max(0, seen - 1) :]),
             f'{parts} in {self.told}',
         )
 
@@ -119,13 +122,23 @@ class LiveRun:
             f'{expected} of {key} in {self.health}',
         )
 
+    def has_reported(self, node: str, key: str, expected: str) -> None:
+        """Wait until a node's diagnostics have said something of a key once in the run."""
+        self.tester.until(
+            lambda: any(n == node and expected in v.get(key, '') for n, v in self.reported),
+            f'{expected} of {key}',
+        )
+
     def spin(self, seconds: float) -> None:
         """Let time pass: for how long a fault lasts."""
         end = time.monotonic() + seconds
         self.tester.until(lambda: time.monotonic() > end)
 
-    def end(self) -> None:
-        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole."""
+    def end(self, *, in_order: bool = True) -> None:
+        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole.
+
+        States that controllers told are in it `in_order`, unless two told them at once.
+        """
         for node in self.nodes.values():
             node.signal(signal.SIGINT)
         for node in self.nodes.values():
@@ -134,7 +147,13 @@ class LiveRun:
         assert self.wrong == []
         if 'recorder' in self.nodes:
             told = self.told if self._logs == 1 else None
-            check_log(self.log, told=told, limit=self._limit, injected=self.injected)
+            check_log(
+                self.log,
+                told=told,
+                in_order=in_order,
+                limit=self._limit,
+                injected=self.injected,
+            )
 
     def _on_state(self, raw: bytes) -> None:
         if raw in self.injected or not self._state.load(raw):
@@ -159,7 +178,9 @@ class LiveRun:
     def _on_health(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {each.key: each.value for each in status.values}
-            self.health[status.name.lstrip('/')] = {'message': status.message, **values}
+            name = status.name.lstrip('/')
+            self.health[name] = {'message': status.message, **values}
+            self.reported.append((name, self.health[name]))
 
 
 @contextmanager

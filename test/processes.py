@@ -79,6 +79,10 @@ class NodeProcess:
             line for line in self.stderr() if line.startswith(f'[{severity}]') and part in line
         ]
 
+    def complaints(self) -> list[str]:
+        """Return the lines of its standard error that no logger wrote."""
+        return [line for line in self.stderr() if not line.startswith('[')]
+
     def signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self.process.send_signal(number)

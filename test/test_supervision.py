@@ -30,18 +30,20 @@ from masmc_ros.loop.controller_events import (
 
 def call(run: LiveRun, name: str, value: bool | None = None) -> Any:
     if value is None:
-        return run.tester.call(Trigger, f'/controller/{name}', Trigger.Request())
+        return run.tester.call(Trigger, f'/controller/{name}', Trigger.Request(), again=False)
     return run.tester.call(SetBool, f'/controller/{name}', SetBool.Request(data=value))
 
 
 def rests(run: LiveRun) -> None:
-    """Wait until no torque is applied, and see that none is for a while."""
-    run.tester.until(lambda: not np.any(run.torque), 'no torque')
-    stamp = run.stamp
+    """Wait until no torque has been applied for a while."""
+    moved = run.stamp
 
     def has_rested() -> bool:
-        assert not np.any(run.torque)
-        return run.stamp > stamp + 100_000_000
+        nonlocal moved
+        # States that were sent before may still come.
+        if np.any(run.torque):
+            moved = run.stamp
+        return run.stamp > moved + 100_000_000
 
     run.tester.until(has_rested, 'rest')
 
@@ -88,7 +90,6 @@ def test_services_and_timeouts(tmp_path: Path) -> None:
         run.end()
     contents = read_log(run.log)
     assert contents.messages['diagnostics']
-    assert len(contents.messages['controller/state']) == len(run.told)
 
 
 def test_in_lockstep_a_stopped_controller_answers_every_state_with_zeros(tmp_path: Path) -> None:
@@ -121,13 +122,17 @@ def test_a_pose_from_odometry_and_a_path_that_begins_with_the_activation(tmp_pat
         rests(run)
         assert windows == []
         before = run.stamp
+        rests(run)
+        assert windows == []
         call(run, 'enable', True)
-        after = run.stamp
+        run.goes_on()
+        moved = run.stamp
         run.goes_on(3.0)
         # What was sent before the test's node was found comes after what is sent then.
         stamps = [window.stamp_ns for window in map(ReferenceWindow.from_bytes, windows) if window]
         first = min(stamp for stamp in stamps if stamp is not None)
-        assert before <= first <= after + 200_000_000
+        # The trajectory may have looked at a state just before that of the activation.
+        assert before <= first < moved
         # What it follows begins where the robot is, and stays near it.
         assert max(np.abs(message.data[2:]).max() for message in errors) < 0.1
         run.end()
@@ -168,21 +173,30 @@ def test_limits_hold_from_what_was_really_commanded_through_every_state(tmp_path
         run.is_told('fault', 'joint_states')
         assert run.tester.call(SetBool, '/plant/pause', SetBool.Request(data=False)).success
         run.goes_on()
-        run.reports('controller', 'joints with limited torque', '%')
-        run.reports('controller', 'ticks with limited torque', '%')
-        events = [read_record(message.data).event for message in told]
+        # Only the reports after each start tell of it.
+        run.has_reported('controller', 'joints with limited torque', '%')
+        run.has_reported('controller', 'ticks with limited torque', '%')
+        run.tester.until(
+            lambda: read_record(told[-1].data).event in (RESUMED, ACTIVATED), 'what it resumed'
+        )
         run.end()
-    message, torques = EffortCdr(), []
+    records = [read_record(message.data) for message in told]
+    events = [record.event for record in records]
+    # From zero it goes on as well where states were missing, since none then were answered.
+    anew = {record.tick for record in records if record.event == ACTIVATED}
+    message, before, stops = EffortCdr(), np.zeros(4), 0
     for each in raw:
         assert message.load(each)
-        torques.append(message.data.copy())
-    commanded = np.array(torques)
-    assert (np.abs(commanded) <= limit).all()
-    steps = np.abs(np.diff(commanded, axis=0))
-    stops = ~commanded[1:].any(axis=1)
-    assert (steps[~stops] <= rate * period * (1.0 + 1e-9)).all()
-    assert stops.any()
+        assert message.stamp_ns is not None
+        torque = message.data.copy()
+        assert (np.abs(torque) <= limit).all()
+        if torque.any():
+            last = 0.0 if round(message.stamp_ns * 1e-9 / period) in anew else before
+            assert (np.abs(torque - last) <= rate * period * (1.0 + 1e-9)).all(), message.stamp_ns
+        else:
+            stops += 1
+        before = torque
+    assert stops
     assert (np.abs([each.data[2:] for each in asked]) > limit).any()
     for event in (ACTIVATED, DEACTIVATED, ADAPTATION_RESET):
         assert event in events, events
-    assert events[-1] in (RESUMED, ACTIVATED), events

@@ -97,6 +97,8 @@ class TrajectoryNode(SuiteNode):
         """Send what comes within the horizon of a message's stamp."""
         try:
             stamp = header_stamp(raw)
+            if stamp < 0:
+                raise InputError(f'stamp {stamp} ns is negative')
         except InputError as error:
             self._refusals.add('odom or joint_states', error)
             return
