@@ -39,6 +39,14 @@ ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
 NODES = ('trajectory', 'controller', 'plant', 'recorder')
 
+BOUNDED = dict.fromkeys(
+    ('plant__torque_limit', 'controller__torque_limit'), '[6.0, 6.0, 20.0, 10.0]'
+)
+"""Settings with which a run by the wall clock cannot diverge, however late commands come.
+
+On a busy machine a node can be held up for many ticks, again and again.
+"""
+
 PATIENCE = 180.0
 """Longest time in s that anything may take; machines may be slow and busy."""
 

@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool
 
 from masmc_ros.cli.main import main
 
-DURATION = 8.0
+DURATION = 16.0
 SETTINGS = ('controller.law=smc', f'duration={DURATION}')
 """Under smc nothing is lost with the controller: its successor has the same bits."""
 

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from nav_msgs.msg import Path
-from processes import PAPER, peer, processes, ros_arguments
+from processes import BOUNDED, PAPER, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -40,6 +40,7 @@ def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
                 plant__wait_for='[controller, trajectory]',
                 trajectory__window=0.2,
                 trajectory__horizon=0.4,
+                **BOUNDED,
             ),
         )
         driven = tester.collect(Path, 'path/actual')

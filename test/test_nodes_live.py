@@ -22,6 +22,7 @@ pytest.importorskip('foxglove')
 
 from foxglove_client import Viewer, viewer
 from processes import (
+    BOUNDED,
     domain_variables,
     NodeProcess,
     PAPER,
@@ -83,7 +84,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     with processes(tmp_path_factory.mktemp('run')) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0', '-p', f'rate:={RATE}')
         started.start_all(
-            *ros_arguments(PAPER, duration=0.0, plant__pacing='realtime'), nodes=NODES
+            *ros_arguments(PAPER, duration=0.0, plant__pacing='realtime', **BOUNDED), nodes=NODES
         )
         run = Run(started, tester, live)
         with viewer(run.port) as first:

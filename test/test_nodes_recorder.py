@@ -17,7 +17,16 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
 import numpy as np
-from processes import NODES, Peer, peer, Processes, processes, ros_arguments, shortened
+from processes import (
+    BOUNDED,
+    NODES,
+    Peer,
+    peer,
+    Processes,
+    processes,
+    ros_arguments,
+    shortened,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
@@ -180,15 +189,8 @@ def run_until(tester: Peer, stamp_ns: int) -> None:
 def realtime(started: Processes, log: Path) -> dict[str, Any]:
     """Start four endless nodes that go by the wall clock."""
     wait_for = '[controller, trajectory, recorder, peer]'
-    # Slowly: on a busy machine, commands would come too late for a loop to be stable.
-    settings = {'pacing': 'realtime', 'wait_for': wait_for, 'real_time_factor': 0.2}
-    return started.start_all(
-        *ros_arguments(
-            recorder__output=log,
-            duration=0.0,
-            **{f'plant__{name}': value for name, value in settings.items()},
-        )
-    )
+    settings = {'plant__pacing': 'realtime', 'plant__wait_for': wait_for, **BOUNDED}
+    return started.start_all(*ros_arguments(recorder__output=log, duration=0.0, **settings))
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -42,7 +42,7 @@ class Run:
         self._stamps = tester.watch_time()
         arguments = ros_arguments(
             PAPER,
-            **{f'{node}__duration': 12.0 for node in NODES},
+            **{f'{node}__duration': 20.0 for node in NODES},
             plant__wait_for='[controller, trajectory, recorder, peer]',
             recorder__output=log,
             **settings,

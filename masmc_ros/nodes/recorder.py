@@ -27,6 +27,8 @@ from masmc_ros.log.names import (
     DESCRIPTION_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
 )
 from masmc_ros.log.parameter_record import ParameterRecord, read_record
 from masmc_ros.log.provenance import write_origin, write_parameters
@@ -35,11 +37,19 @@ from masmc_ros.log.recording import clear_recording, Options, Recording
 from masmc_ros.log.recover import recover_all
 from masmc_ros.log.stamps import stamp_reader, StampReader
 from masmc_ros.log.text import text_of
-from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic, SYSTEM_TOPICS, TOPICS
+from masmc_ros.log.topics import (
+    PARAMETER_NODES,
+    parameters_topic,
+    SYSTEM_TOPICS,
+    TOPICS,
+    TRANSFORMS,
+)
 from masmc_ros.log.writer import LogWriter
+from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.coverage import Coverage
 from masmc_ros.nodes.extra_topics import ExtraTopics
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
@@ -75,6 +85,12 @@ Of each line all topics of one of its entries: torques are commanded, or rates.
 """
 
 
+_TELEMETRY = tuple(map(telemetry_topic, TELEMETRY))
+
+_WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, 'odom', '/clock', CMD_VEL_TOPIC)
+"""Topics that come with the ticks, or every few of them, beside states and commands."""
+
+
 class RecorderNode(SuiteNode):
     """Subscribes raw to everything and writes it as it comes."""
 
@@ -92,7 +108,8 @@ class RecorderNode(SuiteNode):
         self._recording = self._open(log_path(Path(self.values['output'])))
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
-        self._state = self._answered = self._reached = -1
+        self._coverage = Coverage()
+        self._reached = self._reported = -1
         self._unreported = 0
         self._is_ready = False
         self._last_arrival = time.monotonic()
@@ -249,6 +266,8 @@ class RecorderNode(SuiteNode):
             COMMAND_TOPIC: self._on_command,
             ARM_VELOCITY_TOPIC: self._on_command,
             DESCRIPTION_TOPIC: self._on_description,
+            'controller/state': self._on_controller_state,
+            **{name: partial(self._on_tick, name) for name in _WITH_TICKS},
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
         callback = partial(
@@ -293,17 +312,27 @@ class RecorderNode(SuiteNode):
             self._release_early(stamp)
         self._latest = stamp
         if stamp is not None:
-            self._state = stamp
+            self._coverage.add_state(stamp)
             self._note_progress()
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
         """Note which states are answered."""
         if stamp is None:
             return
-        self._answered = stamp
+        self._coverage.answered = stamp
         self._note_progress()
         if self._last is not None and stamp >= self._last:
             self.wait(None)
+
+    def _on_tick(self, topic: str, raw: bytes, stamp: int | None) -> None:
+        if stamp is not None:
+            self._coverage.add(topic, stamp)
+
+    def _on_controller_state(self, raw: bytes, stamp: int | None) -> None:
+        """Expect no telemetry of a controller that does not compute."""
+        with suppress(UnicodeDecodeError, struct.error):
+            if text_of(raw) != ACTIVE:
+                self._coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
         try:
@@ -323,12 +352,8 @@ class RecorderNode(SuiteNode):
         self._early.clear()
 
     def _note_progress(self) -> None:
-        """Report now and then up to where states and commands have both come.
-
-        One of the two can wait for a lost message to be repeated while the other goes on; a
-        plant that followed the other would send on until the lost one cannot be repeated.
-        """
-        reached = min(self._state, self._answered)
+        """Report now and then up to where everything has come."""
+        reached = self._coverage.reached()
         if reached == self._reached:
             return
         self._reached = reached
@@ -338,6 +363,7 @@ class RecorderNode(SuiteNode):
 
     def _report(self) -> None:
         self._unreported = 0
+        self._reported = self._reached
         stamp = max(self._reached, 0)
         self._progress.publish(Time(sec=stamp // 10**9, nanosec=stamp % 10**9))
 
@@ -354,7 +380,12 @@ class RecorderNode(SuiteNode):
             self._is_ready = True
             self.wait(None)
             self._report()
-        is_over = self._last is not None and self._answered >= self._last
+        if self._is_ready:
+            # What was behind may be there, or no longer expected, while the plant stands still.
+            self._note_progress()
+            if self._reached != self._reported and not self._recording.is_congested:
+                self._report()
+        is_over = self._last is not None and self._coverage.answered >= self._last
         # A sender that was killed counts as there for a while yet.
         is_quiet = time.monotonic() - self._last_arrival > _LONG_QUIET
         if is_over and (is_quiet or not any(here)):
