@@ -10,6 +10,7 @@ import signal
 import time
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -18,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.text import text_of
 
 
@@ -30,6 +32,7 @@ class LiveRun:
         commands: number of commands so far.
         wrong: what was wrong with torques so far.
         told: every state that the controller told.
+        recorded: stamps in ns up to which the recorder has told that it is, every one.
         health: the latest report of each node.
         reported: every report, with the node's name.
         injected: what a test has sent in our own layout, which is not the nodes' doing.
@@ -47,6 +50,7 @@ class LiveRun:
         self.wrong: list[str] = []
         self.told: list[str] = []
         self.injected: set[bytes] = set()
+        self.recorded: list[int] = []
         self.health: dict[str, dict[str, str]] = {}
         self.reported: list[tuple[str, dict[str, str]]] = []
         self.nodes: dict[str, NodeProcess] = {}
@@ -74,6 +78,7 @@ class LiveRun:
         tester.subscribe(Float64MultiArray, 'effort_commands', self._on_command, raw=True)
         tester.subscribe(String, 'controller/state', self._on_told, raw=True)
         tester.subscribe(DiagnosticArray, '/diagnostics', self._on_health)
+        tester.subscribe(Time, 'recorder/progress', self._on_progress, raw=True)
 
     @property
     def log(self) -> Path:
@@ -139,6 +144,13 @@ class LiveRun:
 
         States that controllers told are in it `in_order`, unless two told them at once.
         """
+        if 'recorder' in self.nodes:
+            # One that has just been started may not have been found by the recorder.
+            seen, stamp = len(self.recorded), self.stamp
+            self.tester.until(
+                lambda: any(each >= stamp for each in self.recorded[seen:]),
+                f'a recorder that hears all: {self.recorded[-1:]}, {stamp}',
+            )
         for node in self.nodes.values():
             node.signal(signal.SIGINT)
         for node in self.nodes.values():
@@ -174,6 +186,10 @@ class LiveRun:
     def _on_told(self, raw: bytes) -> None:
         if raw not in self.injected:
             self.told.append(text_of(raw))
+
+    def _on_progress(self, raw: bytes) -> None:
+        if raw not in self.injected:
+            self.recorded.append(header_stamp(raw))
 
     def _on_health(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -6,6 +6,8 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -13,7 +15,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from log_contents import read_log
-from processes import peer, processes, ros_arguments
+from processes import PATIENCE, peer, processes, ros_arguments, surroundings
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -137,6 +139,27 @@ def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_pa
         assert composed.wait() == 2, started.output()
         (line,) = composed.complaints()
     assert 'the closed loop diverged at t = ' in line
+
+
+HELD = """
+import ctypes
+from masmc_ros.nodes.exit_timer import exit_after
+with exit_after(0.2, 9):
+    pass
+with exit_after(0.2, {status}):
+    ctypes.PyDLL(None).sleep(600)  # without letting go of the interpreter
+"""
+
+
+@pytest.mark.parametrize('status', [0, 2])
+def test_a_library_that_holds_the_interpreter_does_not_hold_the_process(status: int) -> None:
+    ended = subprocess.run(
+        [sys.executable, '-c', HELD.format(status=status)],
+        env=surroundings(),
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert ended.returncode == status
 
 
 WAITING = (

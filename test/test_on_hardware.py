@@ -39,6 +39,9 @@ ORDER = [6, 3, 5, 4]
 MOST_TICKS = 4
 """Ticks that the robot makes up for; while the test is held up for longer, so is its robot."""
 
+WATCHDOG = 0.1
+"""Time in s without a command after which the robot has no torque."""
+
 FIRST = 100_000_000
 """For how long torques are the first ones, in ns."""
 
@@ -65,6 +68,7 @@ class Robot:
         self._robot = SimulatedRobot(robot_of(values), PERIOD, values)
         self._begun = time.monotonic()
         self._command, self._torque = EffortCdr(), np.zeros(4)
+        self._commanded = self._begun
         self._states = tester.publisher(JointState, 'joint_states')
         self._odometry = tester.publisher(Odometry, 'odom')
         self.velocities: Any = lambda velocity: []
@@ -78,6 +82,7 @@ class Robot:
     def _on_command(self, raw: bytes) -> None:
         if self._command.load(raw) and self._command.is_finite():
             self._torque = self._command.data.copy()
+            self._commanded = time.monotonic()
             self.torques.append(self._torque)
             self.answered.append(self._command.stamp_ns or 0)
         else:
@@ -92,6 +97,8 @@ class Robot:
             return
         lost = max(0, ticks - self._robot.tick - MOST_TICKS)
         self._begun += lost * PERIOD
+        if time.monotonic() - self._commanded > WATCHDOG:
+            self._torque = np.zeros(4)
         while self._robot.tick < ticks - lost:
             self._robot.advance(self._torque)
         stamp = time.time_ns() - round(LATE * 1e9)

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-import faulthandler
 import os
 import sys
 import threading
+
+from masmc_ros.nodes.exit_timer import exit_after
 
 _PATIENCE = 5.0
 """Time in s after which the process ends without the middleware's consent."""
@@ -31,10 +32,10 @@ def bounded_ending(status: int) -> Iterator[None]:
             os._exit(status)
 
     threading.Thread(target=watch, name='ending', daemon=True).start()
-    # Should the interpreter itself be held, that thread never runs; this one needs none.
-    faulthandler.dump_traceback_later(2.0 * _PATIENCE, exit=True)
-    try:
-        yield
-    finally:
-        done.set()
-        faulthandler.cancel_dump_traceback_later()
+    # Should the interpreter itself be held, that thread never runs; this timer needs none.
+    sys.stderr.flush()
+    with exit_after(2.0 * _PATIENCE, status):
+        try:
+            yield
+        finally:
+            done.set()

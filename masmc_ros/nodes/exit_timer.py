@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A timer of the system that ends the process, whoever holds the interpreter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import ctypes
+
+_CLOCK_MONOTONIC = 1
+_SIGEV_THREAD = 2
+"""The C library calls a function in a thread of its own (sigevent(3))."""
+
+
+class _Event(ctypes.Structure):
+    """struct sigevent of glibc and Linux with 64 bits: 64 bytes."""
+
+    _fields_ = (
+        ('value', ctypes.c_long),
+        ('signal_number', ctypes.c_int),
+        ('notify', ctypes.c_int),
+        ('function', ctypes.c_void_p),
+        ('attributes', ctypes.c_void_p),
+        ('padding', ctypes.c_char * 32),
+    )
+
+
+class _Times(ctypes.Structure):
+    """struct itimerspec: interval, then time left, in s and ns each."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_long)
+        for name in ('interval_s', 'interval_ns', 'left_s', 'left_ns')
+    )
+
+
+@contextmanager
+def exit_after(seconds: float, status: int) -> Iterator[None]:
+    """End the process with a status after so many s, unless what is done within ends before.
+
+    No Python runs for it: a library that holds the interpreter for ever does not stop it.
+    """
+    library = ctypes.CDLL(None, use_errno=True)
+    leave = ctypes.cast(library._exit, ctypes.c_void_p).value
+    event = _Event(status, 0, _SIGEV_THREAD, leave, None)
+    timer = ctypes.c_void_p()
+    if library.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)):
+        raise OSError(ctypes.get_errno(), 'timer_create')
+    whole = int(seconds)
+    times = _Times(0, 0, whole, round((seconds - whole) * 1e9))
+    library.timer_settime(timer, 0, ctypes.byref(times), None)
+    try:
+        yield
+    finally:
+        library.timer_delete(timer)
