@@ -51,6 +51,7 @@ from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.coverage import Coverage
 from masmc_ros.nodes.extra_topics import ExtraTopics
+from masmc_ros.nodes.listening import take_rest
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
 from masmc_ros.nodes.runtime import run
@@ -58,16 +59,8 @@ from masmc_ros.nodes.runtime import run
 _PROGRESS = 100
 """Answered states between two reports of progress."""
 
-_QUIET = 0.3
-"""Time in s without a message after which nothing more is under way."""
-
-_LISTEN = 0.1
-"""Longest time in s that counts as quiet at once."""
-
 _LONG_QUIET = 3.0
 """Time in s without a message after which a run that has reached its end is over."""
-
-_LONGEST_DRAIN = 10.0
 
 _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
@@ -142,7 +135,7 @@ class RecorderNode(SuiteNode):
     def close(self, spin: Callable[[], None]) -> None:
         """Take what is still under way, complete the file."""
         super().close(spin)
-        self._take_rest(spin)
+        take_rest(spin, lambda: self._last_arrival)
         self._release_early(self._latest or 0)
         self._recording.close()
         self._watch_disk()
@@ -150,20 +143,6 @@ class RecorderNode(SuiteNode):
         messages = sum(self.counts.values()) - lost
         told = f', {lost} lost' if lost else ''
         self.log.info(f'{messages} messages in {self._recording.path}{told}')
-
-    def _take_rest(self, spin: Callable[[], None]) -> None:
-        """Take what has been sent, until nothing more comes.
-
-        A process that is held up hears nothing, nor does one that waits for its own messages to
-        be taken: only time in which it listens is quiet.
-        """
-        limit = time.monotonic() + _LONGEST_DRAIN
-        quiet = 0.0
-        while quiet < _QUIET and (begun := time.monotonic()) < limit:
-            latest = self._last_arrival
-            spin()
-            listened = min(time.monotonic() - begun, _LISTEN)
-            quiet = quiet + listened if self._last_arrival == latest else 0.0
 
     def _open(self, path: Path) -> Recording:
         """Start the recording; InputError where its place is taken or cannot be written."""
