@@ -20,8 +20,7 @@ from masmc_ros.robot.parameters import base_parameters
 Quad = tuple[float, float, float, float]
 Array = NDArray[np.float64]
 
-PROPERTY = settings(deadline=None, max_examples=100)
-"""Compiling takes place in the first example, so that no example has a deadline."""
+PROPERTY = settings(max_examples=100)
 
 STEP = 1.0e-30
 """Complex step: the imaginary part of f(x + i STEP xdot) is STEP fdot without rounding."""

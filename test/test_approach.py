@@ -28,7 +28,7 @@ def simulation(**settings_: object) -> Simulation:
 ROBOT = simulation().controller.geometry
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(near, min_size=7, max_size=7), st.lists(near, min_size=12, max_size=12))
 def test_it_begins_at_the_robot_and_ends_at_the_reference(
     state: list[float], sample: list[float]
@@ -48,7 +48,7 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
     assert stamp * 1e-9 == pytest.approx(max(SHORTEST, 1.875 * distance / SPEED), abs=0.011)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(near, min_size=4, max_size=4))
 def test_its_speed_is_bounded(goal: list[float]) -> None:
     position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
@@ -105,7 +105,6 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
     assert peaks[SPEED] < 0.1 * peaks[0.0]
 
 
-@settings(deadline=None)
 @given(
     st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.1)
 )

@@ -22,7 +22,8 @@ NODES = (('controller', '/'), ('controller', '/left'), ('plant', '/left/arm'))
 
 # An example starts a real node, the first one of a context takes longest.
 EXAMPLES = settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=150,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 

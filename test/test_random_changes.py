@@ -115,7 +115,6 @@ def same(first: Any, second: Any) -> bool:
 
 @settings(
     max_examples=EXAMPLES,
-    deadline=None,
     database=None,
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),

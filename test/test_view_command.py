@@ -155,7 +155,7 @@ def small() -> Iterator[tuple[FileServer, bytes]]:
 
 
 @given(st.integers(0, 1200), st.integers(0, 1200))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_range_has_the_files_bytes(
     small: tuple[FileServer, bytes], first: int, length: int
 ) -> None:

@@ -97,11 +97,11 @@ class Controller:
     def skip(self, periods: int) -> None:
         """Note that so many ticks were left out, with the last torque held meanwhile.
 
-        The disturbance estimate takes nothing from what happened in them, and estimated
-        angles go on at their rates.
+        The disturbance estimate takes nothing from what happened in them, and the velocity
+        estimator goes through them at once.
         """
         self.predicted[:] = np.nan
-        self.memory['angles'] += periods * self.period * self.memory['rates']
+        self.memory['left_out'] += periods
 
     def forget(self) -> None:
         """Forget what was learned: theta_hat is nominal, the disturbance estimate zero."""

@@ -49,6 +49,7 @@ MEMORY = np.dtype(
         ('commanded', 'f8', AXES),  # torque of the last tick, N m
         ('velocity_command', 'f8', AXES),  # of the last tick: m/s, then three rates in rad/s
         ('follows', 'i8'),  # whether the velocity estimator has begun
+        ('left_out', 'i8'),  # ticks since the last one that were not computed
         ('angles', 'f8', AXES),  # its estimates: rad, rad/s, rad/s2
         ('rates', 'f8', AXES),
         ('push', 'f8', AXES),

@@ -56,7 +56,13 @@ def expected_acceleration(settings: Any, memory: Any) -> Quad:
 
 @kernel
 def estimate_rates(settings: Any, memory: Any, position: Any) -> None:
-    """Bring the estimated angles, rates and pushes (4 each) to the tick of a position (7)."""
+    """Bring the estimated angles, rates and pushes (4 each) to the tick of a position (7).
+
+    Over ticks that were left out it is one long period with its own gains: those of a short one
+    would take what the rates were off by for a jump of the angles, many times too large.
+    """
+    period = (1 + memory['left_out']) * settings['period']
+    memory['left_out'] = 0
     angles, rates, push = memory['angles'], memory['rates'], memory['push']
     if not memory['follows']:
         memory['follows'] = 1
@@ -65,7 +71,7 @@ def estimate_rates(settings: Any, memory: Any, position: Any) -> None:
             rates[i] = 0.0
             push[i] = 0.0
         return
-    gain = gains(settings['estimator_bandwidth'], settings['period'])
+    gain = gains(settings['estimator_bandwidth'], period)
     # What drives make of commanded rates is not known: all of it is a push.
     a = (0.0, 0.0, 0.0, 0.0)
     if settings['command_interface'] == EFFORT:
@@ -79,7 +85,7 @@ def estimate_rates(settings: Any, memory: Any, position: Any) -> None:
             push[i],
             of_joint,
             position[_JOINTS + i],
-            settings['period'],
+            period,
             gain,
         )
 
