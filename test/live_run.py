@@ -29,6 +29,7 @@ class LiveRun:
     Attributes:
         stamp: the latest stamp of the plant in ns.
         torque: the torque (4) that the plant applied last, N m.
+        torques: all of them.
         commands: number of commands so far.
         wrong: what was wrong with torques so far.
         told: every state that the controller told.
@@ -46,6 +47,7 @@ class LiveRun:
         self.folder = folder
         self.stamp = -1
         self.torque = np.zeros(4)
+        self.torques: list[np.ndarray] = []
         self.commands = 0
         self.wrong: list[str] = []
         self.told: list[str] = []
@@ -175,6 +177,7 @@ class LiveRun:
             self.wrong.append(f'{torque.tolist()} N m applied at {self._state.stamp_ns} ns')
         self.stamp = self._state.stamp_ns
         self.torque = torque.copy()
+        self.torques.append(self.torque)
 
     def _on_command(self, raw: bytes) -> None:
         if raw not in self.injected and self._command.load(raw):

@@ -341,3 +341,20 @@ def kill_and_restart(run: LiveRun, name: str) -> None:
         )
     else:
         run.tester.until(lambda: run.told.count('active') > activations, f'a new {name}')
+
+
+def test_to_a_plant_that_was_held_up_its_command_is_not_old(tmp_path: Path) -> None:
+    """The robot's time stood still; what was commanded holds, and no zeros come in between."""
+    with live_run(tmp_path, state_timeout=5.0) as run:
+        run.goes_on()
+        plant = run.nodes['plant']
+        for _ in range(5):
+            plant.signal(signal.SIGSTOP)
+            run.spin(0.5)
+            run.torques.clear()
+            plant.signal(signal.SIGCONT)
+            run.tester.until(lambda: len(run.torques) > 5, 'motion')
+            assert all(np.any(torque) for torque in run.torques)
+            run.goes_on(0.1)
+        assert plant.logged('WARN', 'no command') == []
+        run.end()

@@ -60,6 +60,7 @@ class PlantNode(SuiteNode):
         self._begun = 0.0
         self._watched = -1
         self._recorder = RecorderPace(self.log)
+        self._woken = 0.0
         self._anchor = (0.0, 0)
         self._pacer: Timer | None = None
 
@@ -244,10 +245,14 @@ class PlantNode(SuiteNode):
         self._anchor = (time.monotonic(), self._robot.tick)
 
     def _on_wall_clock(self) -> None:
+        now, before = time.monotonic(), self._woken
+        self._woken = now
+        if now - before > max(0.5 * self.values['command_timeout'], 10.0 * self._timing.period):
+            # This process was held up, and the robot's time with it; commands may be waiting.
+            self._input.touch()
         if self._paused or not self._runs or self.finished:
             return
         since, tick = self._anchor
-        now = time.monotonic()
         due = tick + int((now - since) * self.values['real_time_factor'] / self._timing.period)
         if due - self._robot.tick > _LATE_TICKS:
             self._health.late += due - self._robot.tick
