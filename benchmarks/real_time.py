@@ -68,7 +68,9 @@ def measure(rate: int, seconds: float) -> str:
         node.destroy_node()
         executor.shutdown()
         context.try_shutdown()
-    return _figures(rate, states, answers)
+    # The two topics are not found at the same time.
+    first = min(answers)
+    return _figures(rate, {stamp: t for stamp, t in states.items() if stamp >= first}, answers)
 
 
 def _figures(rate: int, states: dict[int, int], answers: dict[int, int]) -> str:

@@ -23,6 +23,9 @@ from masmc_ros.log.sink import RecordSink
 CHUNK_SIZE = 256 * 1024
 """Bytes of messages that are compressed together."""
 
+LIVE_CHUNK_SIZE = 512 * 1024
+"""Of a live recording, whose chunks end with each flush anyway: fewer to keep an index of."""
+
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
     'lz4': CompressionType.LZ4,
@@ -80,7 +83,7 @@ class LogWriter:
             raise InputError(f'{self._written}: cannot be written: {error.strerror}') from error
         self._writer = Writer(
             cast(IO[bytes], self._stream),
-            chunk_size=CHUNK_SIZE,
+            chunk_size=LIVE_CHUNK_SIZE if live else CHUNK_SIZE,
             compression=COMPRESSIONS[compression],
         )
         self._writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
