@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
@@ -27,17 +28,16 @@ def age(path: Path) -> None:
     os.utime(path, (then, then))
 
 
-@pytest.fixture
-def domain_file() -> Iterator[tuple[int, Path]]:
-    """Yield a domain, and the file of the port that its first participant listens on."""
-    domain = 101
+@contextmanager
+def port_file(domain: int) -> Iterator[Path]:
+    """Yield the file of the port that a domain's first participant listens on, removed."""
     # RTPS 2.2, 9.6.1.1: PB + DG * domain + d3, of participant 0.
     path = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain + 11}')
     if not path.parent.is_dir():
         pytest.skip('no shared memory in the file system')
     path.unlink(missing_ok=True)
     try:
-        yield domain, path
+        yield path
     finally:
         path.unlink(missing_ok=True)
 
@@ -72,14 +72,10 @@ def test_a_file_in_the_making_is_waited_for(tmp_path: Path) -> None:
     assert time.time() - begun > 1.0
 
 
-def test_a_node_starts_where_one_was_killed_at_its_start(
-    domain_file: tuple[int, Path], tmp_path: Path
-) -> None:
-    domain, path = domain_file
-    path.touch()
-    age(path)
-    with processes(tmp_path) as started:
-        started.domain = domain
+def test_a_node_starts_where_one_was_killed_at_its_start(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, port_file(started.domain) as path:
+        path.touch()
+        age(path)
         log = tmp_path / 'run.mcap'
         recorder = started.start('recorder', *ros_arguments(None, recorder__output=log))
         limit = time.monotonic() + PATIENCE
