@@ -4,20 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 import json
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.serialization import deserialize_message
-from rclpy.task import Future
 
 from masmc_ros.log.text import text_of
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.nodes.live_server import Change, LiveServer, plain
+from masmc_ros.nodes.question import Question
 
 _PATIENCE = 3.0
 """Longest time in s that a node may take to answer."""
@@ -39,7 +40,7 @@ class LiveParameters:
             full: AsyncParameterClient(node, full)
             for full in (node.resolve_service_name(name) for name in PARAMETER_NODES)
         }
-        self._pending: dict[Future, _Pending] = {}
+        self._pending: list[_Pending] = []
 
     def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
         """Take a message of a node's topic `~/parameters`; return the values that it tells."""
@@ -76,40 +77,39 @@ class LiveParameters:
                 self._refuse(name, f'{value!r} is no value of a parameter')
                 left.count()
             else:
-                future = client.set_parameters([wanted])
-                pending = _Pending(name, node, client, left, time.monotonic() + _PATIENCE)
-                self._pending[future] = pending
-                future.add_done_callback(self._on_answer)
+                question = Question(partial(client.set_parameters, [wanted]))
+                limit = time.monotonic() + _PATIENCE
+                self._pending.append(
+                    _Pending(name, node, client, left, limit, question, self._on_answer)
+                )
 
     def look_after(self) -> None:
-        """Give up what was not answered."""
+        """Take answers; ask again, and in the end give up, where there is none."""
         now = time.monotonic()
-        for future in [f for f, each in self._pending.items() if now > each.limit]:
-            pending = self._pending.pop(future)
-            self._refuse(pending.name, f'{pending.node} does not answer')
-            pending.left.count()
+        for pending in tuple(self._pending):
+            response = pending.question.answer()
+            if response is not None:
+                self._pending.remove(pending)
+                pending.then(pending, response)
+            elif now > pending.limit:
+                self._pending.remove(pending)
+                self._refuse(pending.name, f'{pending.node} does not answer')
+                pending.left.count()
 
-    def _on_answer(self, future: Future) -> None:
+    def _on_answer(self, pending: _Pending, response: Any) -> None:
         """Tell what a node says of a change, and ask for the value that is in force then."""
-        pending = self._pending.pop(future, None)
-        if pending is None:
-            return
-        result = future.result().results[0]
+        result = response.results[0]
         if result.successful:
             self._server.accept(pending.name)
         else:
             self._refuse(pending.name, result.reason)
         _, _, parameter = pending.name.partition('.')
-        again = pending.client.get_parameters([parameter])
-        self._pending[again] = pending
-        again.add_done_callback(self._on_value)
+        question = Question(partial(pending.client.get_parameters, [parameter]))
+        self._pending.append(pending._replace(question=question, then=self._on_value))
 
-    def _on_value(self, future: Future) -> None:
-        pending = self._pending.pop(future, None)
-        if pending is None:
-            return
+    def _on_value(self, pending: _Pending, response: Any) -> None:
         _, _, parameter = pending.name.partition('.')
-        for value in future.result().values:
+        for value in response.values:
             self._show(pending.node, {parameter: parameter_value_to_python(value)})
         pending.left.count()
 
@@ -143,17 +143,16 @@ class _Countdown:
             self._then()
 
 
-class _Pending:
+class _Pending(NamedTuple):
     """A question to a node that is not answered yet."""
 
-    def __init__(
-        self, name: str, node: str, client: AsyncParameterClient, left: _Countdown, limit: float
-    ) -> None:
-        self.name = name
-        self.node = node
-        self.client = client
-        self.left = left
-        self.limit = limit
+    name: str
+    node: str
+    client: AsyncParameterClient
+    left: _Countdown
+    limit: float
+    question: Question
+    then: Callable[[_Pending, Any], None]
 
 
 def _ros_parameter(name: str, value: Any) -> Parameter | None:
