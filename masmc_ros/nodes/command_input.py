@@ -74,7 +74,11 @@ class CommandInput:
     @property
     def is_complete(self) -> bool:
         """Whether a command of every topic is at hand."""
-        return all(part.numbers is not None for part in self.parts)
+        # Once a tick: a loop takes a third of what `all` and a generator do.
+        for part in self.parts:  # noqa: SIM110
+            if part.numbers is None:
+                return False
+        return True
 
     def take(self) -> Array:
         """Return the command at hand (4), zeros where a part is missing, and be done with it."""
@@ -84,6 +88,8 @@ class CommandInput:
 
     def held(self) -> Array:
         """Return the command in force (4), zeros where a part is missing."""
+        if len(self.parts) == 1:
+            return self.parts[0].held()
         return np.concatenate([part.held() for part in self.parts])
 
     def clear(self) -> None:
