@@ -22,7 +22,7 @@ _PACE = re.compile(r'(\d+) ticks/s')
 def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0) -> float:
     """Run the paper's scenario on real nodes and return the plant's ticks per second.
 
-    `everything`: telemetry at every tick and the recorder; otherwise neither.
+    `everything`: telemetry and frames at every tick, and the recorder; otherwise none of them.
     """
     nodes = (*NODES, 'recorder') if everything else NODES
     wait_for = ', '.join(node for node in nodes if node != 'plant')
@@ -37,6 +37,8 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
             f'plant:wait_for:=[{wait_for}]',
             '-p',
             f'controller:telemetry_decimation:={int(everything)}',
+            '-p',
+            f'plant:tf_decimation:={int(everything)}',
             '-p',
             f'recorder:output:={folder / "run.mcap"}',
         ]
