@@ -19,6 +19,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 PACKAGE = 'masmc_ros'
+SWITCH = ['true', 'false', 'True', 'False']
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -49,7 +50,10 @@ def generate_launch_description() -> LaunchDescription:
             description='Put before all names of frames, such as left/; empty: as in params_file.',
         ),
         DeclareLaunchArgument(
-            'record', default_value='true', description='Whether the run is recorded (MCAP).'
+            'record',
+            default_value='true',
+            choices=SWITCH,
+            description='Whether the run is recorded (MCAP).',
         ),
         DeclareLaunchArgument(
             'output',
@@ -57,16 +61,21 @@ def generate_launch_description() -> LaunchDescription:
             description='File to record into (*.mcap), or folder for a file named by the time.',
         ),
         DeclareLaunchArgument(
-            'composed', default_value='false', description='Run all nodes in one process.'
+            'composed',
+            default_value='false',
+            choices=SWITCH,
+            description='Run all nodes in one process.',
         ),
         DeclareLaunchArgument(
             'live',
             default_value='false',
+            choices=SWITCH,
             description='Whether Foxglove may look on (ws://127.0.0.1:8765); until interrupted.',
         ),
         DeclareLaunchArgument(
             'use_sim_time',
             default_value='false',
+            choices=SWITCH,
             description="Whether the nodes' own clock follows /clock.",
         ),
     ]
@@ -77,7 +86,10 @@ def _nodes(context: LaunchContext) -> list[object]:
     def given(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    record = given('record').lower() in ('true', '1', 'yes')
+    def is_on(name: str) -> bool:
+        return given(name).lower() == 'true'
+
+    record = is_on('record')
     names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
     settings: dict[str, dict[str, object]] = {name: {} for name in names}
     settings['plant']['wait_for'] = [name for name in names if name != 'plant']
@@ -87,15 +99,15 @@ def _nodes(context: LaunchContext) -> list[object]:
         settings['plant']['pacing'] = given('pacing')
     if record:
         settings['recorder']['output'] = given('output')
-    if given('live').lower() in ('true', '1', 'yes'):
+    if is_on('live'):
         settings['live'] = {}
     for name in settings:
         if given('frame_prefix') and name != 'live':
             settings[name]['frame_prefix'] = given('frame_prefix')
-        settings[name]['use_sim_time'] = given('use_sim_time').lower() in ('true', '1', 'yes')
+        settings[name]['use_sim_time'] = is_on('use_sim_time')
     processes = list(settings)
     nodes = []
-    if given('composed').lower() in ('true', '1', 'yes'):
+    if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
         nodes = [_composed(given('params_file'), given('namespace'), together, record=record)]
