@@ -102,7 +102,7 @@ class RecorderNode(SuiteNode):
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
         self._coverage = Coverage()
-        self._reached = self._reported = -1
+        self._reported = -1
         self._unreported = 0
         self._is_ready = False
         self._last_arrival = time.monotonic()
@@ -292,14 +292,15 @@ class RecorderNode(SuiteNode):
         self._latest = stamp
         if stamp is not None:
             self._coverage.add_state(stamp)
-            self._note_progress()
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
         """Note which states are answered."""
         if stamp is None:
             return
         self._coverage.answered = stamp
-        self._note_progress()
+        self._unreported += 1
+        if self._unreported >= _PROGRESS:
+            self._report_progress()
         if self._last is not None and stamp >= self._last:
             self.wait(None)
 
@@ -330,20 +331,16 @@ class RecorderNode(SuiteNode):
             self._recording.write(channel, stamp, raw)
         self._early.clear()
 
-    def _note_progress(self) -> None:
-        """Report now and then up to where everything has come."""
+    def _report_progress(self) -> None:
+        """Report up to where everything has come, unless that is told already."""
         reached = self._coverage.reached()
-        if reached == self._reached:
-            return
-        self._reached = reached
-        self._unreported += 1
-        if self._unreported >= _PROGRESS and not self._recording.is_congested:
-            self._report()
+        if reached != self._reported and not self._recording.is_congested:
+            self._report(reached)
 
-    def _report(self) -> None:
+    def _report(self, reached: int) -> None:
         self._unreported = 0
-        self._reported = self._reached
-        stamp = max(self._reached, 0)
+        self._reported = reached
+        stamp = max(reached, 0)
         self._progress.publish(Time(sec=stamp // 10**9, nanosec=stamp % 10**9))
 
     def _is_sent(self, topic: str) -> bool:
@@ -358,12 +355,10 @@ class RecorderNode(SuiteNode):
         if not self._is_ready and all(here):
             self._is_ready = True
             self.wait(None)
-            self._report()
+            self._report(self._coverage.reached())
         if self._is_ready:
             # What was behind may be there, or no longer expected, while the plant stands still.
-            self._note_progress()
-            if self._reached != self._reported and not self._recording.is_congested:
-                self._report()
+            self._report_progress()
         is_over = self._last is not None and self._coverage.answered >= self._last
         # A sender that was killed counts as there for a while yet.
         is_quiet = time.monotonic() - self._last_arrival > _LONG_QUIET
