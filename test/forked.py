@@ -14,7 +14,7 @@ import os
 from pathlib import Path
 import sys
 
-from processes import domain_variables, PATIENCE, processes, surroundings
+from processes import domain_variables, looked_after, PATIENCE, processes, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _IMPORTED = ['forked', 'masmc_ros.nodes.plant', 'masmc_ros.nodes.recorder']
@@ -68,12 +68,5 @@ def _run(arguments: list[str], environment: Mapping[str, str], output: Path) -> 
 @contextmanager
 def forks(folder: Path) -> Iterator[Forks]:
     """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with processes(folder) as other:
-        started = Forks(other.domain, folder)
-        try:
-            yield started
-        except BaseException:
-            started.tell()
-            raise
-        finally:
-            started.end()
+    with processes(folder) as other, looked_after(Forks(other.domain, folder)) as started:
+        yield started

@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
@@ -302,15 +302,33 @@ def domain_variables(domain: int) -> dict[str, str]:
 @contextmanager
 def processes(folder: Path) -> Iterator[Processes]:
     """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with _domain() as domain:
-        started = Processes(domain, folder)
-        try:
-            yield started
-        except BaseException:
-            started.tell()
-            raise
-        finally:
-            started.end()
+    with _domain() as domain, looked_after(Processes(domain, folder)) as started:
+        yield started
+
+
+class _Started(Protocol):
+    """Processes that a test has started."""
+
+    def tell(self) -> None:
+        """Print what they printed."""
+
+    def end(self) -> None:
+        """End whatever still runs."""
+
+
+_Some = TypeVar('_Some', bound=_Started)
+
+
+@contextmanager
+def looked_after(started: _Some) -> Iterator[_Some]:
+    """Yield processes; they tell what they printed where the test fails, and end with it."""
+    try:
+        yield started
+    except BaseException:
+        started.tell()
+        raise
+    finally:
+        started.end()
 
 
 @contextmanager

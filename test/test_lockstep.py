@@ -59,6 +59,11 @@ def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
     return read_log(log).messages
 
 
+def settings_of(settings: dict[str, str]) -> list[str]:
+    """Return ROS settings as those of the simulation."""
+    return [f'{name.replace("__", ".")}={value}' for name, value in settings.items()]
+
+
 def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -> None:
     """Hold every message of every topic that has the same ones against the other's."""
     for topic in (*TICK_TOPICS, *DECIMATED_TOPICS, *SHOWN_TOPICS):
@@ -132,10 +137,15 @@ def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) 
     check_same(read_log(log).messages, paper)
 
 
-def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
-    """Under smc nothing is lost with the controller: its successor takes up the run."""
-    log = tmp_path / 'live.mcap'
-    with processes(tmp_path) as started:
+def check_a_successor_takes_up_the_run(
+    folder: Path, commands: tuple[str, ...], **settings: str
+) -> None:
+    """Kill the controller of a run and start it again: states and commands stay what they are.
+
+    `settings` are parameters as of `ros_arguments`, `commands` the topics that answer states.
+    """
+    log = folder / 'live.mcap'
+    with processes(folder) as started, peer(started.domain) as tester:
         arguments = ros_arguments(
             PAPER,
             # Without an end, so that it cannot be over before the controller is killed.
@@ -143,31 +153,40 @@ def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
             # Discovery can take seconds; a run begins when its observer is known as well.
             plant__wait_for='[controller, trajectory, recorder, peer]',
             recorder__output=log,
-            controller__law='smc',
+            **settings,
         )
-        with peer(started.domain) as tester:
-            stamps = tester.watch_time()
-            running = started.start_all(*arguments)
-            tester.until(lambda: stamps[-1] >= 1_000_000_000)
-            running['controller'].signal(signal.SIGKILL)
-            running['controller'].wait()
-            said = tester.collect(String, 'controller/parameters')
-            started.start('controller', *arguments)
-            tester.until(lambda: said, 'the successor')
-            taken_up = stamps[-1]
-            tester.until(lambda: stamps[-1] >= taken_up + 3_000_000_000, 'three more seconds')
-            started.signal(signal.SIGINT)
-            assert set(started.wait().values()) == {0}, started.output()
+        stamps = tester.watch_time()
+        running = started.start_all(*arguments)
+        tester.until(lambda: stamps[-1] >= 1_000_000_000)
+        running['controller'].signal(signal.SIGKILL)
+        running['controller'].wait()
+        said = tester.collect(String, 'controller/parameters')
+        started.start('controller', *arguments)
+        tester.until(lambda: said, 'the successor')
+        taken_up = stamps[-1]
+        tester.until(lambda: stamps[-1] >= taken_up + 3_000_000_000, 'three more seconds')
+        started.signal(signal.SIGINT)
+        assert set(started.wait().values()) == {0}, started.output()
     live = read_log(log)
     last = live.stamps('joint_states')[-1]
     assert last is not None
-    settings = (f'duration={last * 1e-9:.3f}', 'controller.law=smc')
-    computed = simulated(PAPER, tmp_path / 'simulated.mcap', *settings)
+    computed = simulated(
+        PAPER,
+        folder / 'simulated.mcap',
+        f'duration={last * 1e-9:.3f}',
+        *settings_of(settings),
+    )
     assert live.messages['joint_states'] == computed['joint_states']
-    # States of the recent past are answered again by the successor, with the same torques; the
-    # last state may have found it ended.
-    answers = computed['effort_commands']
-    assert set(answers[:-1]) <= set(live.messages['effort_commands']) <= set(answers)
+    for topic in commands:
+        # States of the recent past are answered again by the successor, with the same
+        # commands; the last state may have found it ended.
+        answers = computed[topic]
+        assert set(answers[:-1]) <= set(live.messages[topic]) <= set(answers), topic
+
+
+def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
+    """Under smc nothing is lost with the controller: its successor takes up the run."""
+    check_a_successor_takes_up_the_run(tmp_path, ('effort_commands',), controller__law='smc')
 
 
 def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:

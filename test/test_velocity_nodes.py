@@ -22,10 +22,17 @@ from log_contents import read_log
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from test_faults import are_refused, counts_at_least, GARBAGE
-from test_lockstep import DECIMATED_TOPICS, SHOWN_TOPICS, simulated, TICK_TOPICS
+from test_lockstep import (
+    check_a_successor_takes_up_the_run,
+    DECIMATED_TOPICS,
+    settings_of,
+    SHOWN_TOPICS,
+    simulated,
+    TICK_TOPICS,
+)
 from test_nodes_live import listening
 
 from masmc_ros.cli.main import main
@@ -78,11 +85,6 @@ ANOTHER = """
     velocity_source: estimated
     sigma: [3.0, 3.0, 2.0, 2.0]
 """
-
-
-def settings_of(settings: dict[str, str]) -> list[str]:
-    """Return ROS settings as those of the simulation."""
-    return [f'{name.replace("__", ".")}={value}' for name, value in settings.items()]
 
 
 def check_recomputed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -358,37 +360,5 @@ def test_who_disagrees_says_so(
 
 def test_a_restarted_controller_takes_up_the_run(tmp_path: Path) -> None:
     """A stamped twist names its state, so that none is taken for the answer to another one."""
-    settings = {**RATES, **STAMPED}
-    log = tmp_path / 'live.mcap'
-    with processes(tmp_path) as started, peer(started.domain) as tester:
-        arguments = ros_arguments(
-            PAPER,
-            # Without an end, so that it cannot be over before the controller is killed.
-            **{f'{node}__duration': 0.0 for node in NODES},
-            plant__wait_for='[controller, trajectory, recorder, peer]',
-            recorder__output=log,
-            **settings,
-        )
-        stamps = tester.watch_time()
-        running = started.start_all(*arguments)
-        tester.until(lambda: stamps[-1] >= 1_000_000_000)
-        running['controller'].signal(signal.SIGKILL)
-        running['controller'].wait()
-        said = tester.collect(String, 'controller/parameters')
-        started.start('controller', *arguments)
-        tester.until(lambda: said, 'the successor')
-        taken_up = stamps[-1]
-        tester.until(lambda: stamps[-1] >= taken_up + 3_000_000_000, 'three more seconds')
-        started.signal(signal.SIGINT)
-        assert set(started.wait().values()) == {0}, started.output()
-    live = read_log(log)
-    last = live.stamps('joint_states')[-1]
-    assert last is not None
-    computed = simulated(
-        PAPER, tmp_path / 'simulated.mcap', f'duration={last * 1e-9:.3f}', *settings_of(settings)
-    )
-    assert live.messages['joint_states'] == computed['joint_states']
-    for topic in ('cmd_vel', 'arm_velocity_commands'):
-        # The last state may have found the controller ended.
-        answers = computed[topic]
-        assert set(answers[:-1]) <= set(live.messages[topic]) <= set(answers), topic
+    topics = ('cmd_vel', 'arm_velocity_commands')
+    check_a_successor_takes_up_the_run(tmp_path, topics, **RATES, **STAMPED)
