@@ -48,6 +48,7 @@ class Parameter:
         choices: the values that a string (or each entry) may have, or a function that
             returns them; none means any.
         read_only: False if it may be changed while the node runs.
+        size: name of what an array has an entry for each of, as compiled code knows it.
         kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
             from the default, the empty tuple being one of strings, where it is not given.
     """
@@ -64,6 +65,7 @@ class Parameter:
     exclusive_maximum: bool = False
     choices: tuple[str, ...] | Callable[[], Sequence[str]] = ()
     read_only: bool = True
+    size: str = ''
     kind: Kind = ''
 
     def __post_init__(self) -> None:

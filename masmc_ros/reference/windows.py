@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
+from masmc_ros.numerics.compiled import kernel
 from masmc_ros.errors import InputError
 from masmc_ros.reference.hermite import quintic
 
