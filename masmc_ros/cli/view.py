@@ -6,10 +6,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import shutil
-import signal
 import subprocess
 import sys
-from types import FrameType
 from urllib.parse import urlencode
 
 from masmc_ros.cli.file_server import FileServer
@@ -43,7 +41,6 @@ def _serve(path: Path, port: int, layout: Path) -> None:
     with FileServer(path, port) as server:
         query = urlencode({'ds': 'remote-file', 'ds.url': server.url})
         try:
-            signal.signal(signal.SIGTERM, _interrupt)
             print(f'{path} is at {server.url}')
             print(f'open in the browser: https://app.foxglove.dev/?{query}')
             print(f'or in the application: foxglove://open?{query}')
@@ -97,7 +94,3 @@ def _check(path: Path) -> None:
         raise InputError(f'{path}: is no MCAP file; name a log such as run.mcap')
     if end != _MAGIC or size == len(_MAGIC):
         raise InputError(f'{path}: the log ends before its end, its recorder was cut off')
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

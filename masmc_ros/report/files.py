@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 import re
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
+from masmc_ros.whole_file import WholeFile
 
 
 def make_folder(folder: Path) -> None:
@@ -27,18 +28,16 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     Raises:
         InputError: where it cannot be written. What was there before is there still.
     """
-    part = path.with_name(f'.{path.name}.part')
     try:
-        with part.open('wb') as stream:
-            yield stream
-        part.replace(path)
-    except BaseException as error:
-        # As far as that goes: where nothing can be written, nothing can be removed.
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise _refused(path, error) from error
-        raise
+        file = WholeFile(path)
+        try:
+            yield file.stream
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+    except OSError as error:
+        raise _refused(path, error) from error
 
 
 def file_stem(name: str, taken: set[str]) -> str:
