@@ -46,7 +46,7 @@ class WholeFile:
 
 def part_of(path: Path) -> Path:
     """Return where a file is written before it takes its name."""
-    return path.with_name(f'{path.name}.part')
+    return path.parent / f'{path.name}.part'
 
 
 def remove_unfinished() -> None:
