@@ -57,7 +57,10 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
         log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
     again = Recomputed(source.run) if source.run is not None else None
-    errors, torques, active, singular = [], [], [], 0
+    errors: list[Any] = []
+    torques: list[Any] = []
+    active: list[Any] = []
+    singular = 0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
         for stretch in simulation.run():

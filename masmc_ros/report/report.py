@@ -16,8 +16,8 @@ from masmc_ros.report.figures import draw_figures
 from masmc_ros.report.files import check_folder, make_folder, whole_file
 from masmc_ros.report.labels import labels
 from masmc_ros.report.manifest import (
-    entry,
     Entry,
+    entry,
     MANIFEST,
     read_manifest,
     remove_stale,
@@ -42,7 +42,7 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
         directory: the folder.
 
     Returns:
-        The files: report.html, table.txt, table.md, metrics.csv, then the figures and the manifest.
+        The files: report.html, table.txt, table.md, metrics.csv, the figures, the manifest.
 
     Raises:
         InputError: for a run without what a report needs and for a folder that cannot be
