@@ -16,7 +16,7 @@ import time
 from typing import Any
 
 import pytest
-from test_bad_input import masmc, PAPER, PATIENCE, the_line
+from test_bad_input import PAPER, PATIENCE, the_line
 from viewed_run import computed_run
 
 from masmc_ros.cli.main import main
@@ -292,13 +292,6 @@ def test_a_slip_is_answered_with_what_was_meant(
     status = main(list(arguments))
     captured = capsys.readouterr()
     assert words in the_line(status, captured.out, captured.err)
-
-
-def test_a_nodes_name_before_its_parameter(tmp_path: Path) -> None:
-    pytest.importorskip('rclpy')
-    result = masmc('run', 'controller', '--ros-args', '-p', 'controller.k_s1:=5', folder=tmp_path)
-    line = the_line(result.returncode, result.stdout, result.stderr)
-    assert "unknown parameter 'controller.k_s1'; did you mean k_s1?" in line
 
 
 @pytest.mark.parametrize(
