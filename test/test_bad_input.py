@@ -250,6 +250,7 @@ NODE_ARGUMENTS = {
     'no value': ('controller', ('-p', 'k_s1'), 'NAME:=VALUE'),
     'empty value': ('controller', ('-p', 'k_s1:='), 'no value'),
     'unknown name': ('controller', ('-p', 'k_s3:=1.0'), 'k_s1'),
+    'with its node': ('controller', ('-p', 'controller.k_s1:=5'), 'did you mean k_s1?'),
     'wrong type': ('controller', ('-p', 'law:=3'), 'smc, rasmc'),
     'not YAML': ('controller', ('-p', 'k_s1:=[1.0,'), 'not YAML'),
     'wrong length': ('controller', ('-p', 'k_s1:=[1.0, 2.0]'), '4 numbers'),

@@ -85,6 +85,12 @@ def test_a_refusal_tells_the_reason_and_changes_nothing(
     assert told(running.domain, 'get', '/controller', 'k_s2') == before
 
 
+def test_a_name_that_is_none_is_answered_with_what_was_meant(running: Processes) -> None:
+    result = param(running.domain, 'set', '/controller', 'ks_1', '150', '--timeout', '30')
+    assert "unknown parameter 'ks_1'; did you mean k_s1" in result.stderr
+    assert result.returncode == 1
+
+
 def test_a_negative_number_is_a_value(running: Processes) -> None:
     result = param(running.domain, 'set', '/controller', 'k_s2', '-1', '--timeout', '30')
     assert result.stderr.startswith('Setting parameter failed: ')

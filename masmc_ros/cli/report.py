@@ -9,11 +9,12 @@ from pathlib import Path
 from tqdm import tqdm
 
 from masmc_ros.log.reader import read_run
-from masmc_ros.report.report import write_report
+from masmc_ros.report.report import check_report, write_report
 
 
 def report(logs: Sequence[str], output: str) -> int:
     """Read logs, write the report into a folder, print its table and what is there."""
+    check_report(logs, output)
     runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
     files = write_report(runs, output)
     table = next(file for file in files if file.name == 'table.txt')

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 import mmap
+from pathlib import Path
 import struct
 import zlib
 
@@ -13,6 +14,8 @@ import lz4.frame
 from mcap.opcode import Opcode
 from mcap.records import Chunk, MessageIndex
 import zstandard
+
+from masmc_ros.errors import InputError
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -23,6 +26,20 @@ MESSAGE_HEAD = struct.Struct('<HIQ')
 """Channel, sequence number and log time at the beginning of a message."""
 
 _CHUNK_HEAD = struct.Struct('<BQQQQII')
+
+
+def check_magic(path: Path, start: bytes) -> None:
+    """Raise InputError where a file, by its first bytes, was never going to be a log."""
+    if not MAGIC.startswith(start[: len(MAGIC)]):
+        raise InputError(f'{path}: is not an MCAP file; name a log such as run.mcap')
+
+
+def cut_off(path: Path) -> str:
+    """Return what to say of a log without its end."""
+    return (
+        f'{path}: the log ends before its end, its recorder was cut off;'
+        f' `masmc recover {path}` makes a complete one of it'
+    )
 
 
 def records(

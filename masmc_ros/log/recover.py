@@ -13,7 +13,7 @@ from typing import IO, NamedTuple
 from mcap.opcode import Opcode
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.records import MAGIC, records
+from masmc_ros.log.records import check_magic, MAGIC, records
 from masmc_ros.log.salvage import Salvage
 
 
@@ -100,8 +100,7 @@ def recover(path: Path) -> Recovered | None:
 def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
-    if not MAGIC.startswith(stream.read(len(MAGIC))):
-        raise InputError(f'{path}: is not an MCAP file')
+    check_magic(path, stream.read(len(MAGIC)))
     contents = Salvage()
     if size:
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:

@@ -19,7 +19,7 @@ from zstandard import ZstdError
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.records import MAGIC
+from masmc_ros.log.records import check_magic, cut_off, MAGIC
 
 _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
@@ -86,24 +86,15 @@ def _scan_file(path: Path, records: Records) -> None:
         raise InputError(f'{path}: is not a file; name a .mcap file')
     try:
         with path.open('rb') as stream:
+            check_magic(path, stream.read(len(MAGIC)))
+            stream.seek(0)
             _Collector(records).collect(StreamReader(stream, emit_chunks=True).records)
     except OSError as error:
         raise InputError(f'{path}: cannot be read: {error.strerror}') from error
-    except InvalidMagic as error:
-        raise InputError(f'{path}: is not a complete MCAP file{_hint(path)}') from error
-    except (EndOfFile, struct.error) as error:
-        raise InputError(
-            f'{path}: the log ends before its end, its recorder was cut off{_hint(path)}'
-        ) from error
+    except (InvalidMagic, EndOfFile, struct.error) as error:
+        raise InputError(cut_off(path)) from error
     except (McapError, CRCValidationError, ZstdError, ValueError, KeyError) as error:
         raise InputError(f'{path}: the log is damaged: {error}') from error
-
-
-def _hint(path: Path) -> str:
-    """Say how a file that was cut off becomes a log."""
-    with path.open('rb') as stream:
-        begins = stream.read(len(MAGIC))
-    return f'; `masmc recover {path}` makes a complete one of it' if begins == MAGIC else ''
 
 
 class _Collector:

@@ -137,6 +137,11 @@ class SimulationLog:
             ]
         )
 
+    @property
+    def size(self) -> int:
+        """Bytes written so far, as in `LogWriter`."""
+        return self._writer.size
+
     def _change(self, change: Change) -> None:
         """Write a change of the controller at its first tick."""
         before = self._changes[-1].parameters if self._changes else self._values['controller']

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import sys
 from typing import Any
 
@@ -13,10 +13,11 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 import rclpy.parameter
 
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.parameters import accepted, is_from_rcl, WITHOUT_FILE
 from masmc_ros.params.declaration import check_all, Parameter
@@ -101,6 +102,9 @@ class RosParameters:
 
     def _coerce(self, changes: list[Any]) -> list[Any]:
         """Turn integers into doubles where a double is declared; touch nothing else."""
+        for change in changes:
+            if not self._node.has_parameter(change.name):
+                raise _UnknownParameter(change.name, self._declarations)
         return [
             rclpy.parameter.Parameter(c.name, value=_doubles(self._declarations.get(c.name), c))
             if c.name in self._declarations and c.value is not None
@@ -136,6 +140,17 @@ class RosParameters:
             for c in changes
             if c.name in self._declarations
         }
+
+
+class _UnknownParameter(ParameterNotDeclaredException):
+    """What rclpy's services tell whoever sets a parameter that a node does not have."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(name)
+        self._text = f"unknown parameter '{name}'; {suggestion(name, known)}"
+
+    def __str__(self) -> str:
+        return self._text
 
 
 def _given(node: Node) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -165,9 +166,23 @@ def _settings(settings: Iterable[str]) -> dict[str, Values]:
                 )
             sorted_[node][parameter] = value
         else:
-            known = [*shared, *(f'{n}.{p.name}' for n in NODES for p in declared(n))]
-            hint = suggestion(name, known)
-            if not hint.startswith('did'):
-                hint = f'write NODE.parameter with a node of {", ".join(NODES)}'
-            raise InputError(f"--set {setting}: unknown parameter '{name}'; {hint}")
+            raise InputError(f"--set {setting}: unknown parameter '{name}'; {_meant(name)}")
     return sorted_
+
+
+def _meant(name: str) -> str:
+    """Tell which parameter an unknown name may mean: one without its node above all."""
+    shared = {parameter.name for parameter in SHARED}
+    full: dict[str, list[str]] = {}
+    for node in NODES:
+        for parameter in declared(node):
+            if parameter.name not in shared:
+                full.setdefault(parameter.name, []).append(f'{node}.{parameter.name}')
+    if name in full:
+        return f'write NODE.parameter, here {" or ".join(full[name])}'
+    near = get_close_matches(name, [*shared, *(each for names in full.values() for each in names)])
+    for short in get_close_matches(name, full):
+        near += full[short]
+    if near:
+        return f'did you mean {" or ".join(near[:3])}?'
+    return f'write NODE.parameter with a node of {", ".join(NODES)}'

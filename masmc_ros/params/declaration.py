@@ -213,7 +213,10 @@ def check_all(
     for name, value in values.items():
         place = where if isinstance(where, str) else where.get(name, '')
         if name not in declared:
-            raise InputError(f"{place}unknown parameter '{name}'; {suggestion(name, declared)}")
+            # Some write the node's name with a dot, as on the command line of `masmc simulate`.
+            short = name.partition('.')[2]
+            hint = f'did you mean {short}?' if short in declared else suggestion(name, declared)
+            raise InputError(f"{place}unknown parameter '{name}'; {hint}")
         try:
             checked[name] = declared[name].check(value, integers_for_doubles=integers_for_doubles)
         except InputError as error:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of parameters for the documentation."""
+"""Parameters as tables for the documentation, and as a list for the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+import textwrap
+from typing import Any
 
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
@@ -26,6 +28,27 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
         _escaped(parameter.expected),
         'read-only' if parameter.read_only else 'live',
     )
+
+
+def plain_list(
+    parameters: Iterable[Parameter], width: int, without_file: Mapping[str, Any] | None = None
+) -> Iterator[str]:
+    """Yield the lines of a list for a terminal: each parameter with all that there is to say.
+
+    `without_file` are defaults that differ where no parameter file is given.
+    """
+    for parameter in parameters:
+        unit = f' {parameter.unit}' if parameter.unit else ''
+        default = f'default {_default(parameter)}{unit}'
+        if parameter.name in (without_file or {}):
+            default += f' ({yaml_text((without_file or {})[parameter.name])} without a file)'
+        facts = [default, parameter.expected, *([] if parameter.read_only else ['live'])]
+        yield f'  {parameter.name}'
+        for text in (parameter.description, '; '.join(facts)):
+            yield from textwrap.wrap(
+                text, width, initial_indent=' ' * 6, subsequent_indent=' ' * 8,
+                break_on_hyphens=False,
+            )
 
 
 def _default(parameter: Parameter) -> str:
