@@ -41,6 +41,9 @@ _REASONS = {errno.ENOSPC: 'the disk is full', errno.EDQUOT: "the user's quota is
 LOST = 'lost_messages'
 """Metadata record: how many messages of each topic found no place in the queue."""
 
+NOT_UNDERSTOOD = 'messages_not_understood'
+"""Metadata record: how many messages of each topic are recorded as they came, unread."""
+
 
 @dataclass(frozen=True)
 class Options:

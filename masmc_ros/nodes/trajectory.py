@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import DESIRED_PATH_TOPIC
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.traced_paths import DesiredPath
@@ -48,6 +49,8 @@ class TrajectoryNode(SuiteNode):
         self._path = DesiredPath(self._timing, robot, prefix)
         self._window = max(2, round(self.values['window'] / period))
         self._horizon = max(self._window, round(self.values['horizon'] / period))
+        ticks_ahead = max(self._horizon + self._window, self._timing.last or 0)
+        self._ahead_ns = self._timing.stamp(ticks_ahead)
         self._next = 0
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
@@ -97,8 +100,8 @@ class TrajectoryNode(SuiteNode):
         """Send what comes within the horizon of a message's stamp."""
         try:
             stamp = header_stamp(raw)
-            if stamp < 0:
-                raise InputError(f'stamp {stamp} ns is negative')
+            # What is sent ahead of it needs stamps too.
+            checked_stamp(stamp + self._ahead_ns)
         except InputError as error:
             self._refusals.add('odom or joint_states', error)
             return
@@ -130,7 +133,8 @@ class TrajectoryNode(SuiteNode):
             return
         # A single stamp far ahead may be wrong, and the next one tells; but after the run's
         # last state, which comes so to who was held up at the end, there is no next.
-        is_sure = before is None or tick - before <= self._horizon or tick == self._timing.last
+        is_near = before is not None and tick - before <= self._horizon
+        is_sure = is_near or tick == self._timing.last
         if tick >= self._timing.last and is_sure:
             self.finished = True
 
