@@ -9,10 +9,9 @@ import json
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.parameter_record import parameter_values, ParameterRecord, read_record
+from masmc_ros.log.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.log.provenance import CHANGES, PARAMETERS
 from masmc_ros.log.scan import Records
-from masmc_ros.log.text import text_of
 from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic
 
 
@@ -58,7 +57,7 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
         refusal = None
         for order, raw in zip(topic.orders, topic.messages, strict=True):
             try:
-                record = read_record(text_of(raw))
+                record = record_of(raw)
             except InputError as error:
                 refusal = refusal or error
                 continue

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.layout import checked_stamp
+from masmc_ros.log.text import text_of
 
 _INTEGERS = range(-(2**63), 2**63)
 """That ROS 2 has parameters of."""
@@ -73,6 +74,15 @@ def read_record(text: str) -> ParameterRecord:
     return record
 
 
+def record_of(raw: bytes) -> ParameterRecord:
+    """Read a record as it is sent, a serialised std_msgs/String; InputError where it is none."""
+    try:
+        text = text_of(raw)
+    except InputError as error:
+        raise InputError(f'no record of parameters: {error}') from error
+    return read_record(text)
+
+
 def parameter_values(found: Any) -> dict[str, Any]:
     """Return the `parameters` of an object read from JSON, by name.
 
@@ -82,7 +92,7 @@ def parameter_values(found: Any) -> dict[str, Any]:
     values = dict(found['parameters'])
     for name, value in values.items():
         name.encode()
-        for entry in value if isinstance(value, list) else (value,):
+        for entry in value if isinstance(value, list) else () if value is None else (value,):
             _check_scalar(entry)
     return values
 
@@ -93,7 +103,7 @@ def _check_scalar(value: Any) -> None:
     elif isinstance(value, int):
         if value not in _INTEGERS:
             raise ValueError(value)
-    elif not (value is None or isinstance(value, float)):
+    elif not isinstance(value, float):
         raise TypeError(value)
 
 

@@ -17,8 +17,7 @@ from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPE
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError, UserError
-from masmc_ros.log.parameter_record import read_record
-from masmc_ros.log.text import text_of
+from masmc_ros.log.parameter_record import record_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
@@ -159,7 +158,7 @@ class ControllerNode(SuiteNode):
     def _on_plant_parameters(self, raw: bytes) -> None:
         """Take the pacing from the plant, where a simulated one is there."""
         try:
-            told = read_record(text_of(raw)).parameters
+            told = record_of(raw).parameters
         except InputError as error:
             self._refusals.add('plant/parameters', error)
             return

@@ -14,8 +14,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.parameter_record import read_record
-from masmc_ros.log.text import text_of
+from masmc_ros.log.parameter_record import record_of
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.nodes.live_server import Change, LiveServer, plain
 from masmc_ros.nodes.messages import deserialized
@@ -48,7 +47,7 @@ class LiveParameters:
 
         Raises InputError for one that is no record of parameters.
         """
-        values = read_record(text_of(raw)).parameters
+        values = record_of(raw).parameters
         shown = self._server.in_force
         # A node knows one number for all axes as an array too; it stays what it was set to.
         self._show(

@@ -28,7 +28,7 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.parameter_record import ParameterRecord, read_record
+from masmc_ros.log.parameter_record import ParameterRecord, record_of
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.recording import clear_recording, NOT_UNDERSTOOD, Options, Recording
@@ -330,7 +330,7 @@ class RecorderNode(SuiteNode):
             self._coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        record = read_record(text_of(raw))
+        record = record_of(raw)
         if node in self._parameters:
             self._changes.append(record)
         else:

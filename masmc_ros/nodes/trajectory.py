@@ -32,6 +32,9 @@ from masmc_ros.robot.frames import check_frame_prefix
 _CHECKED_AHEAD = 60.0
 """How much of an endless path is checked at the start, in s."""
 
+_MOST_CHECKED = 2_000_000
+"""Ticks of a path that are checked at the start; those of a longer one as they are sent."""
+
 
 class TrajectoryNode(SuiteNode):
     """Keeps the reference topic filled up to the horizon ahead of the robot's time."""
@@ -84,8 +87,9 @@ class TrajectoryNode(SuiteNode):
         last = self._timing.last
         if last is None:
             last = round(_CHECKED_AHEAD / self._timing.period)
-        for first in range(0, last + 1, self._window):
-            self._trajectory.sample(first, min(self._window, last + 1 - first))
+        count = min(last + 1, _MOST_CHECKED)
+        for first in range(0, count, self._window):
+            self._trajectory.sample(first, min(self._window, count - first))
 
     def _on_controller_state(self, raw: bytes) -> None:
         """Note that the controller has become active: time 0 is the next state's stamp."""
