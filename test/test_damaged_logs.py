@@ -45,13 +45,17 @@ def written_again(path: Path, other: Path, compression: CompressionType) -> byte
         writer = Writer(stream, chunk_size=50_000, compression=compression)
         writer.start(profile='ros2', library='masmc_ros')
         channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                assert schema is not None
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, number, channel.metadata
-                )
+        summary = reader.get_summary()
+        assert summary is not None
+        for number, channel in summary.channels.items():
+            schema = summary.schemas[channel.schema_id]
+            channels[number] = writer.register_channel(
+                channel.topic,
+                channel.message_encoding,
+                writer.register_schema(schema.name, schema.encoding, schema.data),
+                channel.metadata,
+            )
+        for _, channel, message in reader.iter_messages(log_time_order=False):
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time
             )

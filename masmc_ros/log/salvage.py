@@ -129,6 +129,7 @@ class Salvage:
         self._open: _OpenChunk | None = None
         self._again: list[tuple[int, int]] = []
         """Where records begin and end that are written behind the end."""
+        self._is_chunked = False
         self._partial: tuple[Chunk, bytes] | None = None
         """A chunk that was cut off, as far as it goes."""
         if next(records(data), None) is not None:  # else not even a header: made anew
@@ -228,14 +229,12 @@ class Salvage:
             skipped = self._end_of_damaged_chunk(position)
             if skipped is not None:
                 self.dropped += skipped - position
-                self.is_damaged = True
                 position = skipped
                 continue
-            behind = next_sound(data, position + 1, has_chunks=self._has_chunks())
+            behind = next_sound(data, position + 1, has_chunks=self._is_chunked)
             following = len(data) if behind is None else behind
             if is_readable and behind is None:
                 self._take_partial(data[position:])
-            self.is_damaged |= behind is not None
             self.dropped += following - position
             position, is_readable = following, False
 
@@ -245,18 +244,27 @@ class Salvage:
         found = chunk_at(data, start)
         if found is not None:
             self._register_all(found.content)
-            self._again.append((start, found.end))
+            self._keep(start, found.end)
             return found.end
         opcode, _, end = next(records(data, start), (0, 0, 0))
+        self._is_chunked |= opcode == Opcode.CHUNK
         if opcode in _MADE_ANEW or opcode >= PRIVATE:
             return end if self._is_followed(end) else None
-        if not opcode or not is_sound(data, opcode, start, end):
+        # In a log of chunks single messages are those of a damaged one.
+        if not is_sound(data, opcode, start, end) or (
+            opcode == Opcode.MESSAGE and self._is_chunked
+        ):
             return None
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._register(opcode, data[start + RECORD_HEAD.size : end], is_sure=False)
         else:
-            self._again.append((start, end))
+            self._keep(start, end)
         return end
+
+    def _keep(self, start: int, end: int) -> None:
+        """Let a record be written behind the end: what was broken is before it."""
+        self._again.append((start, end))
+        self.is_damaged = True
 
     def _end_of_damaged_chunk(self, start: int) -> int | None:
         """Return where a chunk ends whose records are damaged, but not its length."""
@@ -270,10 +278,6 @@ class Salvage:
             return True
         opcode, _, _ = next(records(data, position), (0, 0, 0))
         return 0 < opcode <= Opcode.DATA_END or opcode >= PRIVATE
-
-    def _has_chunks(self) -> bool:
-        data = self._data
-        return bool(self._chunks) or any(data[start] == Opcode.CHUNK for start, _ in self._again)
 
     def _take_partial(self, rest: bytes) -> None:
         """Take what can be had of a chunk at the end that was cut off."""
@@ -296,6 +300,7 @@ class Salvage:
             self._take_index(start, end, body)
             return
         self._close_chunk()
+        self._is_chunked |= opcode == Opcode.CHUNK
         if opcode == Opcode.CHUNK:
             found = chunk_at(data, start)
             if found is None or found.end != end:
@@ -322,7 +327,7 @@ class Salvage:
                 self._register(opcode, body, is_sure=True)
             else:
                 self._note(opcode, body, start)
-        elif not (opcode == Opcode.HEADER or opcode >= PRIVATE):
+        elif not (opcode == Opcode.HEADER or opcode >= PRIVATE) or chunk_at(data, start):
             raise _DamagedError('a record that has no place here')
 
     def _take_index(self, start: int, end: int, body: bytes) -> None:

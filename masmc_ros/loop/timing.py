@@ -35,7 +35,11 @@ _LONGEST = 2**31
 def check_count(count: Decimal, most: int, name: str, value: float, what: str) -> None:
     """Refuse a parameter's value by InputError where it makes more of something than can be."""
     if count > most:
-        raise InputError(f'{name} = {value!r}: {count:.6g} {what}; expected at most {most}')
+        raise InputError(f'{name} = {value!r}: {_text(count)} {what}; expected at most {most}')
+
+
+def _text(count: Decimal) -> str:
+    return f'{float(count):.6g}' if count < Decimal('1e300') else f'{count:.1e}'
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,7 @@ class Timing:
         check_count(each, MOST_TICKS, 'control_period', period, 'ticks in a second')
         if duration >= _LONGEST:
             raise InputError(
-                f'duration = {duration!r}: {Decimal(duration) * each:.6g} ticks; expected less'
+                f'duration = {duration!r}: {_text(Decimal(duration) * each)} ticks; expected less'
                 f' than {_LONGEST} s, where stamps end, or 0 for an endless run'
             )
         return cls(period, max(1, round(duration / period)) if duration > 0.0 else None)
