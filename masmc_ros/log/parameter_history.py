@@ -45,7 +45,7 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
     Records that cannot be read are left out, as every node refuses them.
 
     Raises:
-        InputError: where no record of a node can be read.
+        InputError: for metadata that cannot be read.
     """
     start: dict[str, dict[str, Any]] = {}
     changes: list[tuple[int, ParameterRecord]] = []
@@ -54,12 +54,10 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
         topic = records.topics.get(namespace + parameters_topic(node))
         if topic is None:
             continue
-        refusal = None
         for order, raw in zip(topic.orders, topic.messages, strict=True):
             try:
                 record = record_of(raw)
-            except InputError as error:
-                refusal = refusal or error
+            except InputError:
                 continue
             if node not in start or order < begun:
                 start[node] = record.parameters
@@ -67,8 +65,6 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
                 restarted.append(node)
             else:
                 changes.append((order, record))
-        if refusal is not None and node not in start:
-            raise InputError(f'{topic.name}: {refusal}')
     if not start:
         return _from_metadata(records)
     changes.sort(key=lambda each: each[0])

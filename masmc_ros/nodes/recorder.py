@@ -31,7 +31,7 @@ from masmc_ros.log.names import (
 from masmc_ros.log.parameter_record import ParameterRecord, record_of
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.recording import clear_recording, NOT_UNDERSTOOD, Options, Recording
+from masmc_ros.log.recording import clear_recording, Options, Recording
 from masmc_ros.log.recover import recover_all
 from masmc_ros.log.stamps import stamp_reader, StampReader
 from masmc_ros.log.text import text_of
@@ -98,6 +98,8 @@ class RecorderNode(SuiteNode):
             self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
         )
         self._recording = self._open(log_path(Path(self.values['output'])))
+        self._not_understood = Refusals(self.log, 'is recorded as it came')
+        self._recording.not_understood = self._not_understood.counts
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
         self._early_size = 0
@@ -111,7 +113,6 @@ class RecorderNode(SuiteNode):
         self._changes: list[ParameterRecord] = []
         self._told_trouble: str | None = None
         self._told_lost = 0
-        self._not_understood = Refusals(self.log, 'is recorded as it came')
         self.counts: dict[str, int] = {}
 
     def connect(self) -> None:
@@ -170,9 +171,6 @@ class RecorderNode(SuiteNode):
 
     def _write_closing(self, log: LogWriter) -> None:
         write_parameters(log, dict(self._parameters), tuple(self._changes))
-        unclear = self._not_understood.counts.copy()
-        if unclear:
-            log.metadata(NOT_UNDERSTOOD, {topic: str(count) for topic, count in unclear.items()})
         if self._description is not None:
             log.attach('robot.urdf', 'application/xml', self._description.encode())
 
