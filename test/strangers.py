@@ -8,6 +8,7 @@ import random
 import struct
 from typing import Any
 
+import numpy as np
 from rclpy.serialization import serialize_message
 
 from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, JointStateCdr, ReferenceWindow
@@ -110,8 +111,7 @@ def right_message(topic: str) -> bytes:
 
 
 def serialize_window() -> bytes:
-    import numpy as np
-
+    """Return a window of the reference at rest."""
     return ReferenceWindow(0, 0.01, np.zeros((10, 3, 4))).to_bytes()
 
 
@@ -140,4 +140,5 @@ def strange_message(draw: random.Random, topic: str) -> bytes:
         changed[4:] = draw.randbytes(size - 4)
     elif TYPES[topic] not in FIXED:
         changed += draw.randbytes(draw.choice([1, 4, 1000]))
-    return bytes(changed)
+    # As the middleware delivers it: in whole words.
+    return bytes(changed[: len(changed) // 4 * 4])
