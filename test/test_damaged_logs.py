@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 import struct
@@ -217,18 +218,22 @@ def test_a_log_without_the_right_end_is_not_complete(logs: list[bytes], tmp_path
         read(path)
 
 
-@pytest.mark.parametrize('size', [2**32, 2**62])
+@cache
+def zeros(*, told: bool) -> bytes:
+    """Return a gigabyte of zeros as a frame that says so, or does not."""
+    size, block = 2**30, bytes(2**20)
+    compressor = zstandard.ZstdCompressor(write_content_size=told)
+    frame = compressor.compressobj(size=size if told else -1)
+    return b''.join([*(frame.compress(block) for _ in range(size // len(block))), frame.flush()])
+
+
+@pytest.mark.parametrize('size', [2**30, 2**62])
 @pytest.mark.parametrize('told', [True, False])
 def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int, *, told: bool
 ) -> None:
     """The chunk says its size, or its compressor alone does."""
-    packed = zstandard.ZstdCompressor(write_content_size=told).compressobj(
-        size=2**32 if told else -1
-    )
-    block = bytes(2**20)
-    parts = [packed.compress(block) for _ in range(2**32 // len(block))]
-    content = b''.join([*parts, packed.flush()])
+    content = zeros(told=told)
     body = struct.pack('<QQQI', 0, 0, size if told else 1000, 0)
     body += struct.pack('<I', 4) + b'zstd' + struct.pack('<Q', len(content)) + content
     path = tmp_path / 'bomb.mcap'
@@ -237,7 +242,7 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
         writer.start()
         stream.write(RECORD_HEAD.pack(6, len(body)) + body)
         writer.finish()
-    begun = time.monotonic()
+    begun = time.process_time()
     for command in ('report', 'export', 'simulate'):
         capsys.readouterr()
         output = [] if command == 'simulate' else ['--output', str(tmp_path / command)]
@@ -247,5 +252,5 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
         if told:
             assert str(size) in err
     assert main(['recover', str(path)]) == 0
-    assert time.monotonic() - begun < 10.0
+    assert time.process_time() - begun < 10.0
     assert read(path)[0] == []
