@@ -179,8 +179,8 @@ def _parser() -> argparse.ArgumentParser:
 
     recover = commands.add_parser(
         'recover',
-        help='complete logs whose recorder was cut off',
-        description='Complete, in their places, logs whose recorder was cut off. What is whole '
+        help='complete logs that were cut off or damaged',
+        description='Complete, in their places, logs that were cut off or damaged. What is whole '
         'stays as it is; a log that is complete is not touched.',
     )
     recover.add_argument('logs', nargs='+', metavar='RUN.mcap', help='log to complete')

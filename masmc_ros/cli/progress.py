@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import os
 from types import TracebackType
 
@@ -13,6 +14,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
+from masmc_ros.errors import InputError
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.nodes.shared_memory import clear_half_made
 
@@ -44,7 +46,8 @@ class RunProgress:
         return self._time
 
     def _on_odometry(self, raw: bytes) -> None:
-        self._time = header_stamp(raw) * 1e-9
+        with suppress(InputError):  # of a stranger's odometry
+            self._time = header_stamp(raw) * 1e-9
 
     def __enter__(self) -> RunProgress:
         """Return itself."""

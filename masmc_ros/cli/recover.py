@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc recover`: completes logs whose recorder was cut off."""
+"""`masmc recover`: completes logs that were cut off or damaged."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ def recover(logs: Sequence[str]) -> int:
         length = (found.end - found.begin) / NANOSECONDS
         print(
             f'{log}: completed with {found.messages} messages over {length:.3f} s;'
-            f' {found.dropped} bytes at its end were no whole record'
+            f' {found.dropped} bytes of it could not be read'
         )
     return status

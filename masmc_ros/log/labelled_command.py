@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS
+from masmc_ros.log.layout import checked_stamp, ENCAPSULATION, NANOSECONDS
 from masmc_ros.log.multi_array import MultiArrayLayout
 
 NANOSECOND_DIGITS = 9
@@ -19,7 +19,9 @@ NANOSECOND_DIGITS = 9
 LABEL_SIZE = slice(len(ENCAPSULATION) + 4, len(ENCAPSULATION) + 8)
 """Where a message holds the size of its first label."""
 
-_STAMP_LENGTHS = range(len('0.0'), len('0123456789.') + NANOSECOND_DIGITS + 1)
+_SECOND_DIGITS = 10
+
+_STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
 
 
 class LabelledLayout(MultiArrayLayout):
@@ -93,7 +95,8 @@ class CommandKind:
         """Return the stamp in ns on the label of a message, None where it has none.
 
         Raises:
-            InputError: for a label that starts like ours and has no stamp.
+            InputError: for a label that starts like ours and has no stamp, or one that is no
+                time.
         """
         dimensions = message.layout.dim
         label = dimensions[0].label if dimensions else ''
@@ -103,7 +106,9 @@ class CommandKind:
         if match is None:
             expected = f'{self.prefix}SECONDS.NANOSECONDS'
             raise InputError(f"{self.what}: label '{label}' is not {expected}")
-        return int(match[1]) * NANOSECONDS + int(match[2])
+        if len(match[1]) > _SECOND_DIGITS:
+            raise InputError(f"{self.what}: label '{label[:40]}' is beyond 2**31 s")
+        return checked_stamp(int(match[1]) * NANOSECONDS + int(match[2]))
 
 
 class LabelledCdr:
@@ -148,6 +153,9 @@ class LabelledCdr:
         Returns:
             False, with nothing changed, for every other message, which a full deserialiser
             has to read: see `load_message`.
+
+        Raises:
+            InputError: for a stamp that is no time; nothing is changed then.
         """
         layout = self.kind.layout_of_label(raw[LABEL_SIZE])
         if layout is None or not layout.matches(raw):
@@ -158,9 +166,10 @@ class LabelledCdr:
             seconds.isdigit() and nanoseconds.isdigit() and len(nanoseconds) <= NANOSECOND_DIGITS
         ):
             return False
+        stamp_ns = checked_stamp(int(seconds) * NANOSECONDS + int(nanoseconds))
         self._numbers[:] = raw[layout.data :]
         self._digits = digits
-        self.stamp_ns = int(seconds) * NANOSECONDS + int(nanoseconds)
+        self.stamp_ns = stamp_ns
         return True
 
     def load_message(self, message: Any) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -157,7 +158,10 @@ def _run(path: Path, records: Records) -> Run:
 
     def series(name: str, how: Topical) -> Series | None:
         topic = _topic(records, namespace + name, FLOAT_ARRAY)
-        return None if topic is None else decode(topic, how)
+        # A topic on which strangers alone have sent is as one that nobody has sent on.
+        with suppress(InputError):
+            return None if topic is None else decode(topic, how)
+        return None
 
     every_state, odometry = _states(records, namespace, states_topic)
     states = _last_pass(every_state, 3 * len(JOINTS))

@@ -27,6 +27,9 @@ CHUNK_SIZE = 256 * 1024
 LIVE_CHUNK_SIZE = 512 * 1024
 """Of a live recording, whose chunks end with each flush anyway: fewer to keep an index of."""
 
+_TIMES = 2**64
+"""Times in ns that a log can hold are below this."""
+
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
     'lz4': CompressionType.LZ4,
@@ -127,7 +130,12 @@ class LogWriter:
         )
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
-        """Write one message, its times in ns, as CDR with its encapsulation header."""
+        """Write one message, its times in ns, as CDR with its encapsulation header.
+
+        Raises ValueError for a time that no log can hold, before anything of it is written.
+        """
+        if not (0 <= log_time_ns < _TIMES and 0 <= publish_time_ns < _TIMES):
+            raise ValueError(f'log time {log_time_ns}, publish time {publish_time_ns} ns')
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
 
     def write_rows(self, sources: Sequence[ChannelRows]) -> None:

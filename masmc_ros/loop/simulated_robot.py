@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 import math
 from typing import Any
 
@@ -18,6 +19,7 @@ from masmc_ros.control.command_interface import (
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
 from masmc_ros.loop.plant_tick import plant_start, plant_tick
+from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.loop.velocity_loop import joint_inertias
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES
@@ -200,7 +202,10 @@ def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDAr
         plant[name] = values[f'disturbance.{name}']
     plant['limit'] = values['torque_limit']
     plant['period'] = period
-    plant['steps'] = max(1, round(period / values['integrator_step']))
+    step = values['integrator_step']
+    steps = Decimal(period) / Decimal(step)
+    check_count(steps, MOST_TICKS, 'integrator_step', step, 'steps in a control period')
+    plant['steps'] = max(1, round(period / step))
     plant['resolution'] = values['encoder_resolution']
     plant['noise'] = values['velocity_noise']
     plant['delay'] = round(values['measurement_delay'] / period)

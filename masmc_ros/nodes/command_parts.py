@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, TwistCdr, TwistStampedCdr
 from masmc_ros.log.labelled_command import LabelledCdr
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.log.platform_motion import twist_numbers
 from masmc_ros.log.stamps import header_stamp
@@ -114,7 +115,7 @@ def _stamped_twist(frame_prefix: str) -> Callable[[bytes], Taken]:
 
     def read(raw: bytes) -> Taken:
         if ours.load(raw):
-            return Taken(_motion(ours), ours.stamp_ns)
+            return Taken(_motion(ours), checked_stamp(ours.stamp_ns))
         message = deserialized(raw, TwistStamped)
         return Taken(_motion(message.twist), header_stamp(raw))
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import json
 import sys
 import time
 from typing import Any
@@ -18,6 +17,7 @@ from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPE
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.log.parameter_record import record_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
@@ -36,7 +36,6 @@ from masmc_ros.nodes.command_output import CommandOutput, RateOutput, TorqueOutp
 from masmc_ros.nodes.controller_health import ControllerHealth
 from masmc_ros.nodes.controller_telemetry import ControllerTelemetry
 from masmc_ros.nodes.diagnostics import publish_health
-from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.reference_input import ReferenceInput
 from masmc_ros.nodes.refusals import Refusals
@@ -159,11 +158,11 @@ class ControllerNode(SuiteNode):
     def _on_plant_parameters(self, raw: bytes) -> None:
         """Take the pacing from the plant, where a simulated one is there."""
         try:
-            told = json.loads(deserialized(raw, String).data)['parameters']
-            pacing = told.get('pacing')
-        except (InputError, ValueError, TypeError, KeyError, AttributeError):
-            self._refusals.add('plant/parameters', 'no record of parameters')
+            told = record_of(raw).parameters
+        except InputError as error:
+            self._refusals.add('plant/parameters', error)
             return
+        pacing = told.get('pacing')
         if pacing in ('lockstep', 'realtime'):
             self._set_pacing(pacing)
         for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
@@ -206,7 +205,9 @@ class ControllerNode(SuiteNode):
         order = self._order.judge(stamp)
         # A single stamp far ahead may be wrong, and the next one tells; but for the run's last
         # state, which comes so to a controller that was held up at the end, there is no next.
-        self._may_finish = order is not Order.AHEAD or self._is_last(stamp)
+        # In lock-step every state comes, the last one too.
+        is_near = self._is_realtime and order is not Order.AHEAD
+        self._may_finish = is_near or self._is_last(stamp)
         if order is Order.NEXT:
             return True
         if order is Order.LATE:

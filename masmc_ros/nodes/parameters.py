@@ -66,6 +66,12 @@ _PLANT_NODE = (
     Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
 )
 
+_LATEST_START = 2e9
+"""Time in s: stamps end some years later."""
+
+_MOST = 1e9
+"""Size in MB or time in s that no recording reaches."""
+
 _TRAJECTORY_NODE = (
     Parameter(
         'window',
@@ -91,6 +97,7 @@ _TRAJECTORY_NODE = (
         'Stamp at which the trajectory begins; negative: the stamp of the first state after '
         'the controller has become active',
         unit='s',
+        maximum=_LATEST_START,
     ),
 )
 
@@ -162,6 +169,7 @@ _RECORDER_NODE = (
         'Size at which a new part of the recording begins, in a folder; 0 is one file',
         unit='MB',
         minimum=0.0,
+        maximum=_MOST,
     ),
     Parameter(
         'max_duration',
@@ -169,6 +177,7 @@ _RECORDER_NODE = (
         'Time on the log at which a new part of the recording begins; 0 is one file',
         unit='s',
         minimum=0.0,
+        maximum=_MOST,
     ),
     Parameter(
         'queue_size',
@@ -176,6 +185,7 @@ _RECORDER_NODE = (
         'Messages that wait for a slow or full disk; what comes on top is counted and lost',
         unit='MB',
         minimum=1.0,
+        maximum=_MOST,
     ),
 )
 

@@ -4,11 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-import struct
 import sys
 from threading import Thread
 import time
@@ -30,7 +28,7 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.parameter_record import ParameterRecord, read_record
+from masmc_ros.log.parameter_record import ParameterRecord, record_of
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.recording import clear_recording, Options, Recording
@@ -54,6 +52,7 @@ from masmc_ros.nodes.extra_topics import ExtraTopics
 from masmc_ros.nodes.listening import take_rest
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 
 _PROGRESS = 100
@@ -99,8 +98,11 @@ class RecorderNode(SuiteNode):
             self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
         )
         self._recording = self._open(log_path(Path(self.values['output'])))
+        self._not_understood = Refusals(self.log, 'is recorded as it came')
+        self._recording.not_understood = self._not_understood.counts
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
+        self._early_size = 0
         self._coverage = Coverage()
         self._reported = -1
         self._unreported = 0
@@ -173,8 +175,7 @@ class RecorderNode(SuiteNode):
             log.attach('robot.urdf', 'application/xml', self._description.encode())
 
     def _on_description(self, raw: bytes, stamp: int | None) -> None:
-        with suppress(UnicodeDecodeError):
-            self._description = text_of(raw)
+        self._description = text_of(raw)
 
     def _recover_earlier(self) -> None:
         """Complete, beside the recording, what an earlier one in this folder left."""
@@ -277,21 +278,34 @@ class RecorderNode(SuiteNode):
     ) -> None:
         self._last_arrival = time.monotonic()
         self.counts[topic] += 1
-        stamp = stamp_of(raw)
-        if handler is not None:
-            handler(raw, stamp)
+        stamp = None
+        try:
+            stamp = stamp_of(raw)
+            if handler is not None:
+                handler(raw, stamp)
+        except Exception as error:  # whatever a stranger sends must not end the recording
+            self._not_understood.add(topic, error)
         time_ns = self._latest if stamp is None else stamp
         if time_ns is None:
-            self._early.append((channel, raw))
+            self._keep_early(channel, raw)
         else:
             self._recording.write(channel, time_ns, raw)
 
+    def _keep_early(self, channel: int, raw: bytes) -> None:
+        """Keep a message until there is a time, but no more than a queue may hold."""
+        self._early.append((channel, raw))
+        self._early_size += len(raw)
+        if self._early_size > self.values['queue_size'] * _MEGABYTE:
+            self._latest = 0
+            self._release_early(0)
+
     def _on_state(self, raw: bytes, stamp: int | None) -> None:
-        if stamp is not None and self._latest is None:
+        if stamp is None:
+            return
+        if self._latest is None:
             self._release_early(stamp)
         self._latest = stamp
-        if stamp is not None:
-            self._coverage.add_state(stamp)
+        self._coverage.add_state(stamp)
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
         """Note which states are answered."""
@@ -310,16 +324,11 @@ class RecorderNode(SuiteNode):
 
     def _on_controller_state(self, raw: bytes, stamp: int | None) -> None:
         """Expect no telemetry of a controller that does not compute."""
-        with suppress(UnicodeDecodeError, struct.error):
-            if text_of(raw) != ACTIVE:
-                self._coverage.forget(_TELEMETRY)
+        if text_of(raw) != ACTIVE:
+            self._coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        try:
-            record = read_record(text_of(raw))
-        except (InputError, UnicodeDecodeError, struct.error) as error:
-            self.log.error(f'{parameters_topic(node)}: {error}', once=True)
-            return
+        record = record_of(raw)
         if node in self._parameters:
             self._changes.append(record)
         else:
@@ -330,6 +339,7 @@ class RecorderNode(SuiteNode):
         for channel, raw in self._early:
             self._recording.write(channel, stamp, raw)
         self._early.clear()
+        self._early_size = 0
 
     def _report_progress(self) -> None:
         """Report up to where everything has come, unless that is told already."""

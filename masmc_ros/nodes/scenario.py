@@ -15,11 +15,15 @@ from masmc_ros.log.reader import Run
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.stretch import Change
+from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 
 Values = dict[str, Any]
+
+_MOST_MISSING = 1000
+"""Ticks to a state in a log that lacks most of them."""
 
 
 def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
@@ -42,6 +46,8 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
         names = {parameter.name: parameter for parameter in declared(node)}
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
+        if 'control_period' in values:
+            _check_timing(values, path, node)
         scenario[node] = values
     _check_beginning(scenario, path)
     return scenario
@@ -85,6 +91,7 @@ def logged_scenario(
             given[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
     _check_beginning(scenario, run.path)
+    _check_length(run, Timing.from_values(scenario['plant']))
     if run.reference is not None and np.isnan(run.reference[0]).any():
         begun = ~np.isnan(run.reference).any(axis=1)
         when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
@@ -93,6 +100,14 @@ def logged_scenario(
             ' state on can be computed again'
         )
     return scenario, _controller_changes(run, without=extra['controller'])
+
+
+def _check_timing(values: Values, path: str, node: str) -> None:
+    """Refuse times with which there is no run, as the node does."""
+    try:
+        Timing.from_values(values)
+    except InputError as error:
+        raise InputError(f'{path}: {node}: {error}') from None
 
 
 def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
@@ -128,6 +143,15 @@ def _length(run: Run) -> float:
     if len(run.times) < 2:
         raise InputError(f'{run.path}: {len(run.times)} states in it; expected a run')
     return float(run.times[-1])
+
+
+def _check_length(run: Run, timing: Timing) -> None:
+    """Refuse a log whose time has not begun at 0, or that has next to no states."""
+    if (timing.last or 0) > _MOST_MISSING * len(run.times):
+        raise InputError(
+            f'{run.path}: its {len(run.times)} states end at t = {run.times[-1]:g} s, after'
+            f' {timing.last} ticks; only a run whose time begins at 0 can be computed again'
+        )
 
 
 def strays(path: str) -> list[str]:

@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import JointStateCdr
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
 from masmc_ros.log.platform_motion import odometry_numbers
 from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
@@ -70,9 +71,7 @@ class StateInput:
                 else:
                     message = deserialized(raw, JointState)
                     state.load_message(message, self._joints, unknown_velocity=unknown)
-            stamp = state.stamp_ns
-            if stamp < 0:
-                raise InputError(f'joint state: stamp {stamp} ns is negative')
+            stamp = checked_stamp(state.stamp_ns)
         except InputError as error:
             self._is_waiting = False
             self._refusals.add('joint_states', error)
@@ -106,7 +105,8 @@ class StateInput:
         if base is None:
             return
         try:
-            base.update(*odometry_numbers(deserialized(raw, Odometry)))
+            stamp, pose, twist = odometry_numbers(deserialized(raw, Odometry))
+            base.update(checked_stamp(stamp), pose, twist)
         except InputError as error:
             self._refusals.add('odom', error)
             return
