@@ -72,20 +72,27 @@ def joint_state_rows(
     return rows
 
 
-def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[CommandRows]:
+def effort_rows(
+    stamps: Stamps, torques: ArrayLike, is_void: ArrayLike = False
+) -> list[CommandRows]:
     """Return commands of torques (N, 4) in N m; see `command_rows`."""
-    return command_rows(EFFORT, stamps, torques)
+    return command_rows(EFFORT, stamps, torques, is_void)
 
 
-def command_rows(kind: CommandKind, stamps: Stamps, numbers: ArrayLike) -> list[CommandRows]:
+def command_rows(
+    kind: CommandKind, stamps: Stamps, numbers: ArrayLike, is_void: ArrayLike = False
+) -> list[CommandRows]:
     """Return commands, one group for each number of digits of the seconds.
 
     Args:
         kind: what they are.
         stamps: (N) of the states that they answer, in ns, not negative.
         numbers: (N, n), one for each joint of the kind.
+        is_void: (N) or for all, whether they command nothing.
     """
     numbers = np.asarray(numbers)
+    voids = np.broadcast_to(np.asarray(is_void, bool), len(numbers))
+    paddings = np.array([np.frombuffer(each, np.uint8) for each in kind.paddings])
     seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
     lengths = np.char.str_len(seconds.astype(str))
     groups = []
@@ -99,6 +106,7 @@ def command_rows(kind: CommandKind, stamps: Stamps, numbers: ArrayLike) -> list[
         rows[:, start + length + 1 : layout.digits.stop] = _digits(
             nanoseconds[indices], NANOSECOND_DIGITS
         )
+        rows[:, layout.padding] = paddings[voids[indices].astype(int)]
         _fill(rows, layout.data, numbers[indices])
         groups.append(CommandRows(indices, rows))
     return groups

@@ -169,7 +169,7 @@ class SimulationLog:
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in rows.effort_rows(stamps, stretch.torque):
+            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
             return
         twists = np.zeros((len(stamps), 6))

@@ -68,34 +68,37 @@ class CommandInput:
             self._refusals.add(part.topic, error)
             return
         if self._is_current(part, taken.stamp):
-            part.numbers, part.time = taken.numbers.copy(), time.monotonic()
+            part.take(taken, time.monotonic())
             self._arrived()
 
     @property
     def is_complete(self) -> bool:
-        """Whether a command of every topic is at hand."""
+        """Whether a message of every topic is at hand."""
         # Once a tick: a loop takes a third of what `all` and a generator do.
         for part in self.parts:  # noqa: SIM110
-            if part.numbers is None:
+            if not part.is_here:
                 return False
         return True
 
-    def take(self) -> Array:
-        """Return the command at hand (4), zeros where a part is missing, and be done with it."""
+    def take(self) -> Array | None:
+        """Return the command at hand, as `held` does, and be done with it."""
         command = self.held()
         self.clear()
         return command
 
-    def held(self) -> Array:
-        """Return the command in force (4), zeros where a part is missing."""
+    def held(self) -> Array | None:
+        """Return the command in force (4), None where nothing is commanded.
+
+        Of rates, a part that is missing is zero.
+        """
         if len(self.parts) == 1:
-            return self.parts[0].held()
+            return self.parts[0].numbers
         return np.concatenate([part.held() for part in self.parts])
 
     def clear(self) -> None:
         """Forget what is at hand."""
         for part in self.parts:
-            part.numbers = None
+            part.clear()
 
     def touch(self) -> None:
         """Let the command in force be as good as new."""
@@ -106,7 +109,7 @@ class CommandInput:
         """Forget what has been in force for too long, in s; return the topics of that."""
         old = [p for p in self.parts if p.numbers is not None and now - p.time > timeout]
         for part in old:
-            part.numbers = None
+            part.clear()
         return [part.topic for part in old]
 
     def age(self, now: float) -> float:
@@ -115,7 +118,7 @@ class CommandInput:
 
     def missing(self) -> str:
         """Return the topics of which no command is at hand."""
-        return ' and '.join(part.topic for part in self.parts if part.numbers is None)
+        return ' and '.join(part.topic for part in self.parts if not part.is_here)
 
     def are_sent_by(self, node: Node, name: str) -> bool:
         """Tell whether a node of this namespace sends on all topics, of the types taken."""

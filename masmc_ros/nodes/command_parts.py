@@ -29,7 +29,8 @@ _COMPONENTS = tuple(f'{part}.{c}' for part in ('linear', 'angular') for c in 'xy
 class Taken(NamedTuple):
     """A message that can be used."""
 
-    numbers: Array
+    numbers: Array | None
+    """None where it says that nothing is commanded."""
     stamp: int | None
     """Of the state that it answers, in ns; None where it names none."""
 
@@ -41,6 +42,7 @@ class Part:
         topic: relative to the robot.
         type_name: of its messages.
         names_state: whether its messages say which state they answer.
+        is_here: whether a message is at hand, be it that nothing is commanded.
         numbers: of the last command that is in force, None where there is none.
         time: by the monotonic clock, when that came.
     """
@@ -59,9 +61,19 @@ class Part:
         self.topic, self.type_name, self.message_type = topic, type_name, message_type
         self.names_state = names_state
         self.read = read
+        self.is_here = False
         self.numbers: Array | None = None
         self.time = -math.inf
         self._zeros = np.zeros(width)
+
+    def take(self, taken: Taken, now: float) -> None:
+        """Let a message be in force from a time of the monotonic clock on."""
+        self.is_here, self.time = True, now
+        self.numbers = None if taken.numbers is None else taken.numbers.copy()
+
+    def clear(self) -> None:
+        """Forget what is at hand."""
+        self.is_here, self.numbers = False, None
 
     def held(self) -> Array:
         """Return the command in force, zeros where there is none."""
@@ -94,7 +106,7 @@ def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
         elif not command.is_finite():
             count = len(command.data)
             raise InputError(f'{command.data.tolist()}, expected {count} finite numbers')
-        return Taken(command.data, command.stamp_ns)
+        return Taken(None if command.is_void else command.data, command.stamp_ns)
 
     return read
 
