@@ -116,7 +116,9 @@ class ControllerNode(SuiteNode):
         subscribe_with_past(
             self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
-        self._reference = ReferenceInput(self.node, self._refusals, self._on_reference)
+        self._reference = ReferenceInput(
+            self.node, self._refusals, lambda: self._order.last, self._on_reference
+        )
         self._input = StateInput(
             self.node, self.values, self._refusals, self._accepts, self._on_state
         )
