@@ -66,6 +66,12 @@ class CommandKind:
         self.paddings = bytes(4), len(self.joints).to_bytes(4, 'little')
         self._by_size: dict[bytes, LabelledLayout | None] = {}
 
+    def named(self, joints: Sequence[str]) -> CommandKind:
+        """Return the same kind for joints of other names."""
+        if tuple(joints) == self.joints:
+            return self
+        return CommandKind(self.what, self.quantity, self.prefix, joints)
+
     def layout(self, digits: int) -> LabelledLayout:
         """Return the layout of a command with `digits` characters after the prefix."""
         layout = self._layouts.get(digits)

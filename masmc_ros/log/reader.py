@@ -44,6 +44,7 @@ from masmc_ros.log.platform_pose import with_platform_pose
 from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
 from masmc_ros.log.topics import FLOAT_ARRAY, ODOMETRY, TWIST, TWIST_STAMPED
+from masmc_ros.robot.names import JOINT_NAMES_PARAMETER, joint_names, NAMES
 
 Floats = NDArray[np.float64]
 
@@ -87,6 +88,7 @@ class Run:
         parameters: with which every node began.
         changes: of parameters while the robot ran, and events, in the order of the log.
         restarted: nodes that were started again while the robot ran.
+        joint_names: (7) by which the states are read, in the order of `position`.
         topics: number of messages of every topic of the log.
         metadata: records of each name, in the order of the log.
         attachments: files by name.
@@ -118,6 +120,7 @@ class Run:
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
+    joint_names: tuple[str, ...] = JOINTS
 
     @property
     def commands_rates(self) -> bool:
@@ -159,7 +162,8 @@ def _run(path: Path, records: Records) -> Run:
         topic = _topic(records, namespace + name, FLOAT_ARRAY)
         return None if topic is None else decode(topic, how)
 
-    every_state, odometry = _states(records, namespace, states_topic)
+    names = _joint_names(records, namespace)
+    every_state, odometry = _states(records, namespace, states_topic, names)
     states = _last_pass(every_state, 3 * len(JOINTS))
     if odometry is not None:
         states = with_platform_pose(states, odometry)
@@ -210,7 +214,18 @@ def _run(path: Path, records: Records) -> Run:
         topics={topic.name: len(topic.messages) for topic in records.topics.values()},
         metadata=records.metadata,
         attachments=records.attachments,
+        joint_names=names,
     )
+
+
+def _joint_names(records: Records, namespace: str) -> tuple[str, ...]:
+    """Return the names of the joints, as the plant or else the controller was told them."""
+    start = parameter_history(records, namespace, 0).start
+    for node in ('plant', 'controller'):
+        told = start.get(node, {}).get(JOINT_NAMES_PARAMETER)
+        if told is not None:
+            return joint_names({JOINT_NAMES_PARAMETER: NAMES[0].check(told)})
+    return JOINTS
 
 
 def _only_states(records: Records) -> Topic:
@@ -234,16 +249,17 @@ def _only_states(records: Records) -> Topic:
 
 
 def _states(
-    records: Records, namespace: str, topic: Topic
+    records: Records, namespace: str, topic: Topic, names: tuple[str, ...]
 ) -> tuple[Series, Topic | None]:
     """Read the states, and return odometry too where the base's joints are not among theirs."""
     try:
-        return decode(topic, joint_states()), None
+        return decode(topic, joint_states(names)), None
     except InputError:
         odometry = _topic(records, namespace + 'odom', ODOMETRY)
         if odometry is None:
             raise
-        return decode(topic, joint_states(DRIVEN_JOINTS)), odometry
+        driven = names[len(BASE_JOINTS) :]
+        return decode(topic, joint_states(names, driven)), odometry
 
 
 def _topic(records: Records, name: str, *type_names: str) -> Topic | None:

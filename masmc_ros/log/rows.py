@@ -12,6 +12,7 @@ from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.labelled_command import CommandKind, NANOSECOND_DIGITS
 from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
+from masmc_ros.log.names import JOINTS
 from masmc_ros.log.platform_motion import (
     odometry_layout,
     time_layout,
@@ -53,7 +54,11 @@ def _fill_stamps(rows: Rows, stamps: Stamps, offset: int = len(ENCAPSULATION)) -
 
 
 def joint_state_rows(
-    stamps: Stamps, positions: ArrayLike, velocities: ArrayLike, efforts: ArrayLike
+    stamps: Stamps,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    efforts: ArrayLike,
+    names: tuple[str, ...] = JOINTS,
 ) -> Rows:
     """Return joint states as (N, size).
 
@@ -62,8 +67,9 @@ def joint_state_rows(
         positions: (N, 7) in m and rad.
         velocities: (N, 7) in m/s and rad/s.
         efforts: (N, 7) zeros for the base joints, then torques in N m.
+        names: (7) of the joints.
     """
-    layout, position, velocity, effort = joint_state_layout()
+    layout, position, velocity, effort = joint_state_layout(names)
     rows = _rows(layout, len(stamps))
     _fill_stamps(rows, stamps)
     _fill(rows, position, positions)

@@ -17,6 +17,7 @@ from masmc_ros.log.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.refusals import Refusals
+from masmc_ros.robot.names import ARM_JOINTS, DRIVEN_JOINTS, joint_names
 
 Array = NDArray[np.float64]
 
@@ -34,10 +35,13 @@ class CommandInput:
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
         self._refusals = refusals
+        names = joint_names(values)
         self.parts = (
-            rate_parts(values['frame_prefix'], is_stamped=self._is_stamped)
+            rate_parts(
+                names[-len(ARM_JOINTS) :], values['frame_prefix'], is_stamped=self._is_stamped
+            )
             if self.interface == 'velocity'
-            else torque_parts()
+            else torque_parts(names[-len(DRIVEN_JOINTS) :])
         )
 
     def subscribe(

@@ -80,17 +80,18 @@ class Part:
         return self._zeros if self.numbers is None else self.numbers
 
 
-def torque_parts() -> list[Part]:
-    """Return the one part of a command of torques, which is all of it."""
-    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, 4, _labelled(EffortCdr()))]
+def torque_parts(joints: tuple[str, ...]) -> list[Part]:
+    """Return the one part of a command of torques on the driven joints, which is all of it."""
+    read = _labelled(EffortCdr(joints))
+    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, 4, read)]
 
 
-def rate_parts(frame_prefix: str, *, is_stamped: bool) -> list[Part]:
+def rate_parts(arm_joints: tuple[str, ...], frame_prefix: str, *, is_stamped: bool) -> list[Part]:
     """Return the parts of commanded rates: the platform's twist, then the arm's joints.
 
     With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
     """
-    arm = _labelled(ArmVelocityCdr())
+    arm = _labelled(ArmVelocityCdr(arm_joints))
     if is_stamped:
         read = _stamped_twist(frame_prefix)
         platform = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, 2, read)

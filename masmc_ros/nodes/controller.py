@@ -45,6 +45,7 @@ from masmc_ros.nodes.state_input import StateInput
 from masmc_ros.nodes.supervision import Supervision
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
+from masmc_ros.robot.names import BASE_JOINTS, joint_names
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -74,7 +75,8 @@ class ControllerNode(SuiteNode):
         self._computed: int | None = None
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        self._health = ControllerHealth(self._timing.period, self.node.get_clock())
+        joints = joint_names(values)[len(BASE_JOINTS) :]
+        self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True
         self._was_silent = False

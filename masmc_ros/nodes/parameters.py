@@ -9,6 +9,7 @@ from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
 from masmc_ros.robot.frames import PREFIX
+from masmc_ros.robot.names import NAMES
 from masmc_ros.robot.parameters import ROBOT
 
 PACING = ('lockstep', 'realtime')
@@ -26,6 +27,7 @@ SHARED = (
     *PREFIX,
     _PACING,
     *ROBOT,
+    *NAMES,
 )
 """Parameters that a file may give to all nodes at once, needed there or not."""
 
