@@ -32,7 +32,8 @@ def unread(run: Run) -> list[str]:
         telemetry_topic('parameter_estimate'): run.parameter_estimate is not None,
     }
     if not len(run.torque):
-        found[CMD_VEL_TOPIC], found[ARM_VELOCITY_TOPIC] = len(run.cmd_vel), len(run.arm_rates)
+        found[CMD_VEL_TOPIC] = bool(len(run.cmd_vel))
+        found[ARM_VELOCITY_TOPIC] = bool(len(run.arm_rates))
         if not run.commands_rates:
             found[COMMAND_TOPIC] = False
     lacking = [name for name, is_there in found.items() if not is_there]
