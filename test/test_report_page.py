@@ -8,15 +8,18 @@ from pathlib import Path
 import re
 from typing import Any
 
+from logged_runs import ARRAY, STATE, write_run
 from logged_runs import numbers as numbers_of_a_run
-from logged_runs import write_run
 import numpy as np
 import pytest
 from report_html import numbers, Page
 from report_runs import paper_like, run_of, ticks, with_change, without_error
 
 from masmc_ros.cli.main import main
+from masmc_ros.log.cdr import ArmVelocityCdr, JointStateCdr, TwistCdr
 from masmc_ros.log.reader import Run
+from masmc_ros.log.topics import TWIST
+from masmc_ros.log.writer import LogWriter
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
@@ -289,6 +292,32 @@ def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture
     wheel = found.figure('run-1-torque')['data'][0]
     assert numbers(wheel['y']).tolist() == told.effort[:, 3].tolist()
     assert len(found.root.all('li')) == 7
+
+
+def test_a_log_whose_topics_were_renamed_says_what_it_needs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, folder = tmp_path / 'base.mcap', tmp_path / 'report'
+    state, command = JointStateCdr(), ArmVelocityCdr()
+    with LogWriter(log) as writer:
+        states = writer.channel('/joint_states', STATE)
+        commands = writer.channel('/arm_controller/commands', ARRAY)
+        twists = writer.channel('/base/cmd_vel', TWIST)
+        for stamp in range(0, 40_000_000, 1_000_000):
+            state.set_stamp(stamp)
+            command.set_stamp(stamp)
+            writer.write(states, stamp, stamp, state.to_bytes())
+            writer.write(commands, stamp, stamp, command.to_bytes())
+            writer.write(twists, stamp, stamp, TwistCdr().to_bytes())
+    assert main(['report', str(log), '--output', str(folder)]) == 0
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if 'Not read' in each]
+    assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
+    assert 'controller/tracking_error' in line
+    assert 'cmd_vel, arm_velocity_commands' in line
+    assert line.endswith('beside /joint_states.')
+    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    (box,) = found.root.all('div', **{'class': 'missing'})
+    assert 'Not read are /arm_controller/commands' in box.text
 
 
 def test_a_node_that_was_started_again_is_told() -> None:

@@ -190,16 +190,18 @@ def _same(_: bytes) -> Hashable:
     return None
 
 
-def joint_states(joints: tuple[str, ...] = JOINTS) -> Topical:
-    """Read joint states: positions, velocities and efforts, 7 of each.
+def joint_states(
+    names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
+) -> Topical:
+    """Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
 
     `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
     of others mean nothing.
     """
-    message = JointStateCdr()
+    message = JointStateCdr(names)
 
     def bulk(rows: Rows) -> Bulk | None:
-        layout, *offsets = joint_state_layout()
+        layout, *offsets = joint_state_layout(names)
         usable = _usable(rows, layout)
         if usable is None:
             return None

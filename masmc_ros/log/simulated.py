@@ -43,6 +43,7 @@ from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.robot.description import robot_description
 from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.names import joint_names
 from masmc_ros.robot.platform_motion import platform_motion
 
 Values = Mapping[str, Any]
@@ -68,6 +69,7 @@ class SimulationLog:
         recorder, plant = values['recorder'], values['plant']
         robot = robot_of(plant)
         self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._joints = joint_names(plant)
         self._files = {
             **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
         }
@@ -169,12 +171,14 @@ class SimulationLog:
     def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
         effort = np.zeros((len(stamps), 7))
         effort[:, 3:] = stretch.applied
-        data = rows.joint_state_rows(stamps, stretch.position, stretch.velocity, effort)
+        data = rows.joint_state_rows(
+            stamps, stretch.position, stretch.velocity, effort, self._joints
+        )
         return self._rows(STATE_TOPIC, stamps, data)
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in rows.effort_rows(stamps, stretch.torque):
+            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
             return
         twists = np.zeros((len(stamps), 6))

@@ -64,7 +64,8 @@ TOPICS = (
         COMMAND_TOPIC,
         FLOAT_ARRAY,
         'controller → plant',
-        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered',
+        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered; with '
+        '`data_offset` 4 nothing is commanded',
     ),
     Topic(
         CMD_VEL_TOPIC,
@@ -87,7 +88,7 @@ TOPICS = (
         FLOAT_ARRAY,
         'trajectory → controller',
         'windows of samples × (position, velocity, acceleration) × task axis, sent ahead; '
-        '4, 8 or 12 bare numbers are a set-point',
+        '4, 8 or 12 bare numbers are a set-point, taken where no trajectory runs',
     ),
     Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),

@@ -44,6 +44,7 @@ from masmc_ros.nodes.state_input import StateInput
 from masmc_ros.nodes.supervision import Supervision
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
+from masmc_ros.robot.names import BASE_JOINTS, joint_names
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -73,7 +74,8 @@ class ControllerNode(SuiteNode):
         self._computed: int | None = None
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        self._health = ControllerHealth(self._timing.period, self.node.get_clock())
+        joints = joint_names(values)[len(BASE_JOINTS) :]
+        self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True
         self._was_silent = False
@@ -115,7 +117,9 @@ class ControllerNode(SuiteNode):
         subscribe_with_past(
             self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
-        self._reference = ReferenceInput(self.node, self._refusals, self._on_reference)
+        self._reference = ReferenceInput(
+            self.node, self._refusals, lambda: self._order.last, self._on_reference
+        )
         self._input = StateInput(
             self.node, self.values, self._refusals, self._accepts, self._on_state
         )
@@ -126,10 +130,11 @@ class ControllerNode(SuiteNode):
         position, velocity, reference = np.ones(7), np.zeros(7), np.zeros(12)
         self._controller.tick(position, velocity, reference)
         self._controller.reset()
+        approach = Approach(self._controller.geometry, 1.0)
         for stamp in range(2):
-            self._approach.begin()
-            self._approach.follow(stamp, position, reference.copy())
-        self._approach.begin()
+            approach.begin()
+            approach.watch(stamp, reference.copy())
+            approach.follow(stamp, position, np.zeros(4), reference)
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
@@ -186,10 +191,10 @@ class ControllerNode(SuiteNode):
         self._was_silent = is_silent
 
     def _on_stopped(self) -> None:
-        """Send zeros at once; in lock-step as the answer to the state that waits for one."""
+        """Command nothing at once; in lock-step as the answer to the state that waits for one."""
         last = self._order.last
         if self._is_realtime and last is not None:
-            self._send_zero(last)
+            self._send_none(last)
         elif self._pending is not None:
             self._answer(self._pending)
 
@@ -254,7 +259,8 @@ class ControllerNode(SuiteNode):
                 self.wait('the trajectory (reference)')
                 if self._is_realtime and self._computed is not None:
                     # A robot that was moved before must not go on with its last torque.
-                    self._send_zero(stamp)
+                    self._send_none(stamp)
+                    self._approach.begin()
                 return
             self._compute(stamp, reference)
             if self.failure is not None:
@@ -265,7 +271,7 @@ class ControllerNode(SuiteNode):
             self._output.send(stamp)
             self._health.computed(self._controller)
         else:
-            self._send_zero(stamp)
+            self._send_none(stamp)
         self._health.answered()
         tick = round(stamp / (1e9 * self._timing.period))
         if self._supervisor.is_active:
@@ -303,11 +309,16 @@ class ControllerNode(SuiteNode):
     def _compute(self, stamp: int, reference: Any) -> None:
         """Compute the command; in real time, what cannot be computed is a fault."""
         controller, state = self._controller, self._input.state
+        is_first = self._computed is None
         if self._activations != self._supervisor.activations:
             self._activations = self._supervisor.activations
             controller.reset()
-            self._approach.begin()
+            # In lock-step the beginning of a run is what was asked for.
+            if self._is_realtime or self._computes is False:
+                self._approach.begin()
             self._note(ACTIVATED)
+        elif is_first and self._is_realtime:
+            self._approach.begin()
         elif not self._computes:
             self._note(RESUMED)
         elif self._is_realtime and self._computed is not None:
@@ -316,7 +327,10 @@ class ControllerNode(SuiteNode):
                 controller.skip(left_out)
         self._computes, self._computed = True, stamp
         if self._is_realtime:
-            reference = self._approach.follow(stamp, state.position, reference)
+            self._approach.watch(stamp, reference)
+        if self._approach.is_on:
+            rates = controller.rates(state.velocity)
+            reference = self._approach.follow(stamp, state.position, rates, reference)
         try:
             singular = controller.tick(state.position, state.velocity, reference)
             if not self._output.is_finite():
@@ -334,12 +348,12 @@ class ControllerNode(SuiteNode):
             self._was_singular = singular
             self._say_singular(stamp, singular)
 
-    def _send_zero(self, stamp: int) -> None:
+    def _send_none(self, stamp: int) -> None:
         self._controller.rest()
         if self._computes is not False:
             self._computes = False
             self._note(DEACTIVATED)
-        self._output.send_zero(stamp)
+        self._output.send_none(stamp)
 
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:

@@ -9,6 +9,7 @@ from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
 from masmc_ros.robot.frames import PREFIX
+from masmc_ros.robot.names import NAMES
 from masmc_ros.robot.parameters import ROBOT
 
 PACING = ('lockstep', 'realtime')
@@ -26,6 +27,7 @@ SHARED = (
     *PREFIX,
     _PACING,
     *ROBOT,
+    *NAMES,
 )
 """Parameters that a file may give to all nodes at once, needed there or not."""
 
@@ -44,7 +46,7 @@ _PLANT_NODE = (
     Parameter(
         'command_timeout',
         0.1,
-        'With realtime pacing, a command older than this is replaced by zeros',
+        'With realtime pacing, a command older than this is none: the drives hold',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
@@ -142,8 +144,8 @@ _CONTROLLER_NODE = (
     Parameter(
         'approach_speed',
         0.25,
-        'In real time, speed per task axis at which the controller goes to a reference that '
-        'it is away from; 0 jumps',
+        'Speed per task axis at which the controller goes to a reference that it is away from, '
+        'in real time and when it is enabled; 0 jumps',
         unit='m/s',
         minimum=0.0,
     ),

@@ -15,6 +15,7 @@ from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.robot_display import RobotDisplay
+from masmc_ros.robot.names import joint_names
 from masmc_ros.robot.platform_motion import platform_motion
 
 
@@ -31,7 +32,7 @@ class StateOutput:
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
         self._display = RobotDisplay(values)
-        self._state = JointStateCdr()
+        self._state = JointStateCdr(joint_names(values))
         self._odometry = OdometryCdr(values['frame_prefix'])
         self._twist = TwistCdr()
         self._time = TimeCdr()

@@ -48,6 +48,8 @@ class Parameter:
         choices: the values that a string (or each entry) may have, or a function that
             returns them; none means any.
         read_only: False if it may be changed while the node runs.
+        rule: what else holds of a value of the right type, length and range; None for nothing.
+        rule_text: what is right, where `rule` is there: 'the names of 4 joints'.
         kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
             from the default, the empty tuple being one of strings, where it is not given.
     """
@@ -64,6 +66,8 @@ class Parameter:
     exclusive_maximum: bool = False
     choices: tuple[str, ...] | Callable[[], Sequence[str]] = ()
     read_only: bool = True
+    rule: Callable[[Any], bool] | None = None
+    rule_text: str = ''
     kind: Kind = ''
 
     def __post_init__(self) -> None:
@@ -96,6 +100,8 @@ class Parameter:
     @property
     def expected(self) -> str:
         """What is right, as in 'a number or 4 numbers, each >= 0'."""
+        if self.rule is not None:
+            return self.rule_text
         choices = ', '.join(self.known_choices())
         limits = self.range_text or (f'one of {choices}' if choices else '')
         noun = _NOUNS[self.kind]
@@ -136,7 +142,8 @@ class Parameter:
         choices: tuple[str, ...],
     ) -> Value:
         coerced = self._coerced(value)
-        if coerced is None or not self._in_bounds(coerced, choices):
+        fits = coerced is not None and self._in_bounds(coerced, choices)
+        if coerced is None or not fits or not (self.rule is None or self.rule(coerced)):
             raise InputError(
                 f'{self._quoted(value)}: expected {self.expected}{_near(value, choices)}'
             )
