@@ -7,11 +7,12 @@ import argparse
 from collections.abc import Sequence
 import os
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from masmc_ros import __version__
 from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import UserError
+from masmc_ros.share import scenarios
 
 
 class _Parser(argparse.ArgumentParser):
@@ -19,6 +20,15 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+
+class _ListScenarios(argparse.Action):
+    """Lists the installed parameter files, and is done."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        for name, path in scenarios().items():
+            print(f'{name}  {path}')
+        parser.exit()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -112,7 +122,12 @@ def _parser() -> argparse.ArgumentParser:
         description='Compute the closed loop of a parameter file: the same bits as the nodes. '
         'Or compute the run of a log again, and compare.',
     )
-    simulate.add_argument('file', help='ROS 2 parameter file, or the log of a run')
+    simulate.add_argument(
+        'file', help='ROS 2 parameter file, the name of an installed one, or the log of a run'
+    )
+    simulate.add_argument(
+        '--list', action=_ListScenarios, nargs=0, help='list the installed parameter files'
+    )
     simulate.add_argument(
         '--set',
         action='append',
