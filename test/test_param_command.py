@@ -191,14 +191,14 @@ def test_what_a_node_has_dumped_is_loaded_without_a_word(running: Processes) -> 
         answer = loader.call(SetParameters, f'{node}/set_parameters', loaded)
         assert {result.reason for result in answer.results if not result.successful} == set()
         # One that is new is set, told and nothing else is; a read-only one is refused.
-        changed = [p for p in parameters if p.name == 'model_scale']
+        changed = [p for p in parameters if p.name == 'boundary_layer']
         changed[0].value.double_value += 0.125
         request = SetParameters.Request(parameters=parameters)
         answer = loader.call(SetParameters, f'{node}/set_parameters', request)
         assert all(result.successful for result in answer.results)
         loader.until(lambda: [e for e in events if e.node == node], 'the event')
         names = [p.name for e in events if e.node == node for p in e.changed_parameters]
-        assert names == ['model_scale']
+        assert names == ['boundary_layer']
         assert told == []  # with the first tick that is computed with it
         fixed = next(p for p in parameters if p.name == 'control_period')
         fixed.value.double_value *= 2.0

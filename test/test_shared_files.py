@@ -10,7 +10,7 @@ import pytest
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.nodes.scenario import load_scenario, strays
+from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.share import scenario_file, scenarios
 
 SHARED = """
@@ -76,8 +76,6 @@ def test_the_same_name_in_a_block_of_ours_is_refused(shared: Path) -> None:
     shared.write_text(text)
     with pytest.raises(InputError, match='yaml:14: unknown parameter'):
         load_scenario(str(shared))
-    with pytest.raises(InputError, match='unknown parameter'):
-        strays(str(shared))
 
 
 def test_installed_files_go_by_their_names(
