@@ -15,9 +15,10 @@ NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
 # `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by
-# setup.cfg. pip puts them in bin/, where names such as `plant` would be in everybody's way:
-# a wheel has `masmc` there, and shims that call it where `ros2 run` looks. A wheel takes its
-# entry points from `dist_info`, which runs first and on its own.
+# setup.cfg, and puts bin/ on the PATH: there goes a script that calls `masmc`. pip puts them in
+# bin/, where names such as `plant` would be in everybody's way: a wheel has `masmc` there, and
+# shims that call it where `ros2 run` looks. A wheel takes its entry points from `dist_info`,
+# which runs first and on its own.
 is_wheel = not {'dist_info', 'bdist_wheel', 'editable_wheel'}.isdisjoint(sys.argv)
 scripts = ['masmc = masmc_ros.cli.main:main']
 shims = []
@@ -25,6 +26,7 @@ if is_wheel:
     shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
 else:
     scripts += [f'{node} = masmc_ros.cli.run:{node}' for node in NODES]
+    shims = [('bin', ['scripts/masmc'])]
 
 setup(
     name=NAME,

@@ -50,6 +50,12 @@ def generate_launch_description() -> LaunchDescription:
             description='Put before all names of frames, such as left/; empty: as in params_file.',
         ),
         DeclareLaunchArgument(
+            'clock',
+            default_value='',
+            description='Topic of the simulated time, such as /clock, on which one robot alone '
+            'may send; empty: clock in the namespace, so that every robot has its own.',
+        ),
+        DeclareLaunchArgument(
             'record',
             default_value='true',
             choices=SWITCH,
@@ -90,6 +96,9 @@ def _nodes(context: LaunchContext) -> list[object]:
         return given(name).lower() == 'true'
 
     record = is_on('record')
+    # The nodes send on `clock`; with use_sim_time they, like all nodes of ROS, follow `/clock`.
+    clock = given('clock') or '/'.join(['', *filter(None, given('namespace').split('/')), 'clock'])
+    remappings = [('clock', clock), ('/clock', clock)]
     names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
     settings: dict[str, dict[str, object]] = {name: {} for name in names}
     settings['plant']['wait_for'] = [name for name in names if name != 'plant']
@@ -110,7 +119,11 @@ def _nodes(context: LaunchContext) -> list[object]:
     if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
-        nodes = [_composed(given('params_file'), given('namespace'), together, record=record)]
+        nodes = [
+            _composed(
+                given('params_file'), given('namespace'), together, remappings, record=record
+            )
+        ]
     nodes += [
         Node(
             package=PACKAGE,
@@ -118,6 +131,7 @@ def _nodes(context: LaunchContext) -> list[object]:
             name=name,
             namespace=given('namespace'),
             parameters=[given('params_file'), settings[name]],
+            remappings=remappings,
             output='screen',
         )
         for name in processes
@@ -127,7 +141,12 @@ def _nodes(context: LaunchContext) -> list[object]:
 
 
 def _composed(
-    params_file: str, namespace: str, settings: dict[str, dict[str, object]], *, record: bool
+    params_file: str,
+    namespace: str,
+    settings: dict[str, dict[str, object]],
+    remappings: list[tuple[str, str]],
+    *,
+    record: bool,
 ) -> Node:
     arguments = ['--record'] if record else []
     arguments += ['--ros-args', '--params-file', params_file]
@@ -140,6 +159,7 @@ def _composed(
         executable='composed',
         namespace=namespace,
         arguments=arguments,
+        remappings=remappings,
         output='screen',
     )
 

@@ -56,6 +56,17 @@ BAD_FILES = {
     'unknown shared name': BadFile(
         'plant', _shared('robot.weel_radius: 0.1'), ('weel_radius', 'wheel_radius'), is_whole=True
     ),
+    'slip of a name of another node under a wildcard': BadFile(
+        'plant', _shared('boundary_layr: 0.1'), ('boundary_layr', 'boundary_layer'), is_whole=True
+    ),
+    'quality of service': BadFile(
+        'plant',
+        'qos_overrides./joint_states.publisher.depth: 1',
+        ('qos_overrides', 'quality of service'),
+    ),
+    'mixed array in quotes': BadFile(
+        'controller', "gamma: '[1.0, 1, 1]'", ('gamma', '7 numbers', 'it has 3', 'point')
+    ),
     'name of another node': BadFile('plant', 'law: smc', ('law',)),
     'wrong type': BadFile('controller', 'law: 3', ('law', '3', 'smc, rasmc')),
     'string for a number': BadFile('controller', 'k_s1: much', ('k_s1', 'much', '4 numbers')),
@@ -263,6 +274,9 @@ NODE_ARGUMENTS = {
     'missing folder for a folder': ('recorder', ('-p', 'output:=missing'), 'missing'),
     'output that is none': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
     'unknown ROS argument': ('plant', ('--bogus',), '--bogus'),
+    'another name': ('controller', ('-r', '__node:=ctl'), '__ns:=/ctl'),
+    'another name in one process': ('composed', ('-r', 'plant:__node:=p'), '__ns:=/p'),
+    'quality of service': ('plant', ('-p', 'qos_overrides./tf.publisher.depth:=1'), 'fixed'),
     'bad namespace': ('plant', ('-r', '__ns:=/left//arm'), '/left//arm'),
 }
 

@@ -15,7 +15,9 @@ import pytest
 pytest.importorskip('rclpy')
 
 from processes import domain_variables, PATIENCE, peer, Processes, processes, surroundings
-from rcl_interfaces.srv import ListParameters
+from rcl_interfaces.msg import Parameter, ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from std_msgs.msg import String
 import yaml
 
 from masmc_ros.nodes.parameters import declared
@@ -178,3 +180,34 @@ def test_without_rclpy_it_says_what_to_do(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert result.stderr.count('\n') == 1
     assert 'pip install' in result.stderr
+
+
+def test_what_a_node_has_dumped_is_loaded_without_a_word(running: Processes) -> None:
+    """As `ros2 param load` does: every parameter is set to what it is, read-only ones too."""
+    node = '/controller'
+    with peer(running.domain, 'loader') as loader:
+        request = ListParameters.Request()
+        names = loader.call(ListParameters, f'{node}/list_parameters', request).result.names
+        asked = GetParameters.Request(names=names)
+        values = loader.call(GetParameters, f'{node}/get_parameters', asked).values
+        told = loader.collect(String, f'{node}/parameters', past=False)
+        events = loader.collect(ParameterEvent, '/parameter_events', past=False)
+        parameters = [Parameter(name=n, value=v) for n, v in zip(names, values, strict=True)]
+        loaded = SetParameters.Request(parameters=parameters)
+        answer = loader.call(SetParameters, f'{node}/set_parameters', loaded)
+        assert {result.reason for result in answer.results if not result.successful} == set()
+        # One that is new is set, told and nothing else is; a read-only one is refused.
+        changed = [p for p in parameters if p.name == 'boundary_layer']
+        changed[0].value.double_value += 0.125
+        request = SetParameters.Request(parameters=parameters)
+        answer = loader.call(SetParameters, f'{node}/set_parameters', request)
+        assert all(result.successful for result in answer.results)
+        loader.until(lambda: [e for e in events if e.node == node], 'the event')
+        names = [p.name for e in events if e.node == node for p in e.changed_parameters]
+        assert names == ['boundary_layer']
+        assert told == []  # with the first tick that is computed with it
+        fixed = next(p for p in parameters if p.name == 'control_period')
+        fixed.value.double_value *= 2.0
+        request = SetParameters.Request(parameters=[fixed])
+        (refused,) = loader.call(SetParameters, f'{node}/set_parameters', request).results
+        assert not refused.successful

@@ -16,6 +16,7 @@ from masmc_ros import __version__
 from masmc_ros.cli.endings import Ended, ended_by_signals
 from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.share import scenarios
 
 _NOT_TAKEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """What goes wrong where standard output is a file, a device, or a terminal that was closed."""
@@ -44,6 +45,15 @@ class _Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print; unlike the library, do not keep quiet where that fails."""
         print(message, end='', file=file or sys.stderr)
+
+
+class _ListScenarios(argparse.Action):
+    """Lists the installed parameter files, and is done."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        for name, path in scenarios().items():
+            print(f'{name}  {path}')
+        parser.exit()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -164,7 +174,12 @@ def _parser() -> argparse.ArgumentParser:
         description='Compute the closed loop of a parameter file: the same bits as the nodes. '
         'Or compute the run of a log again, and compare.',
     )
-    simulate.add_argument('file', help='ROS 2 parameter file, or the log of a run')
+    simulate.add_argument(
+        'file', help='ROS 2 parameter file, the name of an installed one, or the log of a run'
+    )
+    simulate.add_argument(
+        '--list', action=_ListScenarios, nargs=0, help='list the installed parameter files'
+    )
     simulate.add_argument(
         '--set',
         action='append',

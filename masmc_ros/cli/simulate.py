@@ -27,6 +27,7 @@ from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
 from masmc_ros.robot import AXES
+from masmc_ros.share import scenario_file
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
@@ -121,6 +122,7 @@ def _source(file: str, settings: Sequence[str]) -> _Source:
         run = read_run(file)
         values, changes = logged_scenario(run, settings)
         return _Source(values, changes, run.attachments, run)
+    file = scenario_file(file)
     values = load_scenario(file, settings)
     for line in strays(file):
         print(line, file=sys.stderr)

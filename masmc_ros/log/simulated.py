@@ -16,6 +16,7 @@ from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
@@ -81,6 +82,7 @@ class SimulationLog:
         self._is_stamped: bool = controller['enable_stamped_cmd_vel']
         self._command_prefix = check_frame_prefix(controller['frame_prefix'])
         types = {topic.name: topic.type_name for topic in TOPICS}
+        latched = {topic.name for topic in TOPICS if topic.is_latched}
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
         rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
@@ -89,7 +91,9 @@ class SimulationLog:
             del types[name]
         self._channels = {
             name: self._writer.channel(
-                f'/{name.lstrip("/")}', type_name, Qos(durability='transient_local')
+                f'/{name.lstrip("/")}',
+                type_name,
+                Qos(durability='transient_local' if name in latched else 'volatile'),
             )
             for name, type_name in types.items()
         }
@@ -220,7 +224,7 @@ class SimulationLog:
         decimation = self._values['plant']['clock_decimation']
         if decimation:
             chosen = self._decimated(ticks, decimation)
-            yield self._rows('/clock', stamps[chosen], rows.time_rows(stamps[chosen]))
+            yield self._rows(CLOCK_TOPIC, stamps[chosen], rows.time_rows(stamps[chosen]))
 
     def _transforms(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]

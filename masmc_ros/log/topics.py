@@ -8,6 +8,7 @@ from typing import NamedTuple
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
@@ -50,8 +51,20 @@ TRANSFORMS = Topic(
     '/tf',
     'tf2_msgs/msg/TFMessage',
     'plant →',
-    'all frames of the robot from `odom` on, in one message per tick',
+    'all frames of the robot from `odom` on, in one message per tick; in a namespace without '
+    'a `frame_prefix`, `tf` there',
 )
+
+
+def transforms_topic(namespace: str, frame_prefix: str) -> str:
+    """Return where a robot sends its transforms.
+
+    Robots share /tf where prefixes tell their frames apart. Where nothing but the namespace
+    does, each has a topic of its own.
+    """
+    is_shared = frame_prefix or namespace == '/'
+    return TRANSFORMS.name if is_shared else TRANSFORMS.name.lstrip('/')
+
 
 TOPICS = (
     Topic(
@@ -104,6 +117,7 @@ TOPICS = (
                 'raw_torque': 'what the law asked for (4) in N·m, before the limits of '
                 '`effort_commands`, after [sec, nanosec]',
             }[label],
+            is_latched=False,
         )
         for label in TELEMETRY
     ),
@@ -125,7 +139,12 @@ TOPICS = (
         '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
         holds=True,
     ),
-    Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(
+        CLOCK_TOPIC,
+        'rosgraph_msgs/msg/Clock',
+        'plant →',
+        'simulated time, decimated: `/clock`, or that of the namespace',
+    ),
     Topic(
         '/diagnostics',
         'diagnostic_msgs/msg/DiagnosticArray',

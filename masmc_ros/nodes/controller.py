@@ -94,12 +94,12 @@ class ControllerNode(SuiteNode):
         super().connect()
         self._output.connect(self.publisher)
         self._telemetry = ControllerTelemetry(
-            self._controller, self.values['telemetry_decimation'], self.publisher
+            self._controller, self.values['telemetry_decimation'], self.stream
         )
         self._supervision = Supervision(
             self.node,
             self._supervisor,
-            self.publisher(String, 'controller/state', 10),
+            self.latched(String, 'controller/state'),
             reset=self._reset_adaptation,
             stopped=self._on_stopped,
         )
@@ -108,7 +108,7 @@ class ControllerNode(SuiteNode):
         self.node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
             self.node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             lambda: self._health.report(
                 self.node, self._output, self._supervisor, self._controller, self._refusals

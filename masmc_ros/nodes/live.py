@@ -13,6 +13,7 @@ from rclpy.context import Context
 from masmc_ros.errors import InputError
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     STATE_TOPIC,
@@ -49,7 +50,7 @@ SAMPLED = frozenset(
         ARM_VELOCITY_TOPIC,
         'odom',
         'base_twist',
-        '/clock',
+        CLOCK_TOPIC,
         *(telemetry_topic(label) for label in TELEMETRY),
     }
 )

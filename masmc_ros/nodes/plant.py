@@ -80,7 +80,7 @@ class PlantNode(SuiteNode):
         self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
         publish_health(
             node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             self._report_health,
         )

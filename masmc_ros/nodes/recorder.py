@@ -41,7 +41,9 @@ from masmc_ros.log.topics import (
     SYSTEM_TOPICS,
     TOPICS,
     TRANSFORMS,
+    transforms_topic,
 )
+from masmc_ros.log.transforms import first_frames, is_of_robot
 from masmc_ros.log.writer import LogWriter
 from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
@@ -79,7 +81,7 @@ Of each line all topics of one of its entries: torques are commanded, or rates.
 
 _TELEMETRY = tuple(map(telemetry_topic, TELEMETRY))
 
-_WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, 'odom', '/clock', CMD_VEL_TOPIC)
+_WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, TRANSFORMS.name.lstrip('/'), 'odom', CMD_VEL_TOPIC)
 """Topics that come with the ticks, or every few of them, beside states and commands."""
 
 
@@ -109,6 +111,8 @@ class RecorderNode(SuiteNode):
         self._is_ready = False
         self._last_arrival = time.monotonic()
         self._parameters: dict[str, Any] = {}
+        self._heard_of: set[str] = set()
+        self._frame_prefix: str = self.values['frame_prefix']
         self._description: str | None = None
         self._changes: list[ParameterRecord] = []
         self._told_trouble: str | None = None
@@ -119,15 +123,21 @@ class RecorderNode(SuiteNode):
         """Subscribe to everything, and say so once the senders are found."""
         super().connect()
         self._progress = self.publisher(Time, 'recorder/progress', 1)
-        for topic in (*TOPICS, *SYSTEM_TOPICS):
+        told = {parameters_topic(node) for node in PARAMETER_NODES}
+        # A node finds our subscriptions in their order: one from which parameters have come
+        # has found all of them, and no telemetry of it goes by.
+        for topic in sorted((*TOPICS, *SYSTEM_TOPICS), key=lambda each: each.name in told):
             if topic.turns_up:
                 continue
+            name = topic.name
+            if topic is TRANSFORMS:
+                name = transforms_topic(self.node.get_namespace(), self._frame_prefix)
             try:
                 self._record_topic(
-                    topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
+                    name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
                 )
             except InputError as error:
-                self.log.warning(f'{topic.name} is not recorded: {error}')
+                self.log.warning(f'{name} is not recorded: {error}')
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
         self.log.info(f'recording into {self._recording.path}')
@@ -257,10 +267,17 @@ class RecorderNode(SuiteNode):
             stamp_reader(topic, type_name),
             handlers.get(topic),
         )
-        # A plain function: rclpy looks at a callback's signature to see what it takes.
+        # Plain functions: rclpy looks at a callback's signature to see what it takes.
 
         def take(raw: Any) -> None:
             callback(raw)
+
+        def take_own(raw: Any) -> None:
+            if self._is_own(raw):
+                callback(raw)
+
+        if topic == TRANSFORMS.name:
+            take = take_own
 
         if is_latched and not best_effort:
             subscribe_with_past(self.node, message_type, topic, take, DEEP)
@@ -318,6 +335,17 @@ class RecorderNode(SuiteNode):
         if self._last is not None and stamp >= self._last:
             self.wait(None)
 
+    def _is_own(self, raw: bytes) -> bool:
+        """Tell whether transforms on /tf, which robots share, are of this one."""
+        is_own = is_of_robot(raw, self._frame_prefix)
+        if not is_own:
+            parent, child = first_frames(raw)
+            self.log.info(
+                f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are left out',
+                once=True,
+            )
+        return is_own
+
     def _on_tick(self, topic: str, raw: bytes, stamp: int | None) -> None:
         if stamp is not None:
             self._coverage.add(topic, stamp)
@@ -328,11 +356,27 @@ class RecorderNode(SuiteNode):
             self._coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
+        self._heard_of.add(node)
         record = record_of(raw)
         if node in self._parameters:
             self._changes.append(record)
         else:
             self._parameters[node] = record.parameters
+        if node == 'plant':
+            self._go_by_prefix(record.parameters.get('frame_prefix'))
+
+    def _go_by_prefix(self, prefix: Any) -> None:
+        """Take the plant's word for the names of its frames."""
+        if not isinstance(prefix, str) or prefix == self._frame_prefix:
+            return
+        namespace = self.node.get_namespace()
+        topics = [transforms_topic(namespace, each) for each in (prefix, self._frame_prefix)]
+        if topics[0] != topics[1]:
+            self.log.warning(
+                f'the plant sends its frames on {topics[0]} (frame_prefix {prefix!r}), and what '
+                f'is recorded is {topics[1]}; give the recorder the same frame_prefix'
+            )
+        self._frame_prefix = prefix
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
@@ -358,11 +402,15 @@ class RecorderNode(SuiteNode):
         resolved = self.node.resolve_topic_name(topic)
         return resolved in self.counts and self.node.count_publishers(resolved) > 0
 
+    def _has_told(self, node: str) -> bool:
+        """Tell whether a node, if it is there and tells them, has told its parameters."""
+        return node in self._heard_of or not self._is_sent(parameters_topic(node))
+
     def _look_around(self) -> None:
         """Tell the plant when all senders are found; end when they have gone."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        if not self._is_ready and all(here):
+        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._report(self._coverage.reached())

@@ -16,7 +16,15 @@ from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.stretch import Change
 from masmc_ros.loop.timing import Timing
-from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
+from masmc_ros.nodes.parameters import (
+    accepted,
+    declared,
+    drop_foreign,
+    foreign_text,
+    is_from_rcl,
+    NODES,
+    SHARED,
+)
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 
@@ -37,11 +45,11 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     extra = _settings(settings)
     scenario = {}
     for node in NODES:
-        given = {n: v for n, v in file.for_node(node).items() if not is_from_rcl(n)}
-        places = file.places(node)
+        given, places = file.for_node(node), file.places(node)
         for name in accepted(node) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.
             _check_shared(name, given.pop(name), places[name])
+        drop_foreign(node, given, file.shared(node), places)
         values = check_all(declared(node), given, places)
         names = {parameter.name: parameter for parameter in declared(node)}
         for name, value in extra[node].items():
@@ -155,11 +163,18 @@ def _check_length(run: Run, timing: Timing) -> None:
 
 
 def strays(path: str) -> list[str]:
-    """Return one line for each block of the file that is for none of this package's nodes."""
-    return [
+    """Return one line for each block of a file, and one for all names, that no node here knows."""
+    file = read(path)
+    blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
-        for block in read(path).unmatched(NODES)
+        for block in file.unmatched(NODES)
     ]
+    foreign = {
+        name: None
+        for node in NODES
+        for name in drop_foreign(node, file.for_node(node), file.shared(node), file.places(node))
+    }
+    return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 
 def _check_shared(name: str, value: Any, place: str) -> None:

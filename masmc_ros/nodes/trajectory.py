@@ -70,7 +70,7 @@ class TrajectoryNode(SuiteNode):
         # A late controller needs the windows around the present, not the whole past.
         depth = 4 + 2 * (self._horizon // self._window)
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
-        self._paths = self.publisher(Path, DESIRED_PATH_TOPIC, 1)
+        self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
         if self._origin is None:
             subscribe_with_past(
                 self.node, String, 'controller/state', self._on_controller_state, depth=10

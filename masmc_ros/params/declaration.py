@@ -6,10 +6,12 @@ from __future__ import annotations
 import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+import re
 from typing import Any, Literal, TypeGuard
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.params.bounds import Bounds
+from masmc_ros.params.scalar import typed
 from masmc_ros.params.text import yaml_text
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
@@ -19,6 +21,7 @@ Values = dict[str, Any]
 Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
 
 _LONGEST_QUOTE = 120
+_ARRAY = re.compile(r'\s*\[([^][]*)\]\s*')
 _NOUNS: dict[str, str] = {
     'bool': 'true or false',
     'integer': 'an integer',
@@ -146,6 +149,7 @@ class Parameter:
         if coerced is None or not fits or not (self.rule is None or self.rule(coerced)):
             raise InputError(
                 f'{self._quoted(value)}: expected {self.expected}{_near(value, choices)}'
+                f'{self._mixed(value)}'
             )
         if not integers_for_doubles and _has_integer(value, self.kind):
             raise InputError(
@@ -153,6 +157,20 @@ class Parameter:
                 f'point; write {yaml_text(coerced)}'
             )
         return coerced
+
+    def _mixed(self, value: object) -> str:
+        """Tell of an array that has become a string, as `ros2` makes it where types differ."""
+        array = _ARRAY.fullmatch(value) if isinstance(value, str) else None
+        if array is None or self.kind != 'doubles':
+            return ''
+        entries = [typed(entry.strip()) for entry in array[1].split(',')]
+        numbers = tuple(n for entry in entries if (n := _number(entry)) is not None)
+        if len(numbers) < len(entries):
+            return ''
+        reason = 'ROS 2 takes an array of several types for a string: write each with a point'
+        if self.length not in (None, len(numbers)):
+            return f'; it has {len(numbers)}, and {reason}, as in {yaml_text(numbers[0])}'
+        return f'; {reason}, {yaml_text(numbers)}'
 
     def _quoted(self, value: object) -> str:
         text = yaml_text(value)
