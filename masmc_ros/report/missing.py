@@ -5,11 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from masmc_ros.log.gaps import gaps_in
+from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
+    STATE_TOPIC,
     telemetry_topic,
 )
 from masmc_ros.log.reader import Run
@@ -25,6 +30,9 @@ def missing(run: Run, tracked: Tracking) -> list[str]:
 def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     for node in run.restarted:
         yield f'{node} was started again while the robot ran: it began from nothing there.'
+    gaps = gaps_in(np.rint(run.times * NANOSECONDS))
+    if gaps.count:
+        yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
     has_own_error = run.tracking_error is not None
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'
