@@ -14,12 +14,11 @@ import os
 from pathlib import Path
 import sys
 
+from processes import domain_variables, looked_after, PATIENCE, processes, surroundings
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-
-from processes import domain_variables, looked_after, PATIENCE, processes, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _NODES = ('plant', 'recorder', 'controller', 'trajectory')

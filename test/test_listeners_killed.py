@@ -16,11 +16,11 @@ pytest.importorskip('rclpy')
 
 from forked import Forks, forks
 from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 from masmc_ros.log.cdr import EffortCdr
 from masmc_ros.log.stamps import header_stamp
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
 AT_ONCE = 4
@@ -34,7 +34,7 @@ ENDING = 30.0
 """Time in s in which SIGINT must end a node on a busy machine."""
 
 ROBOT = ros_arguments(
-    PAPER, **{'duration': 0.0, 'pacing': 'realtime', 'wait_for': "['']", **BOUNDED}
+    PAPER, **{'duration': 0.0, 'pacing': 'realtime', 'plant__wait_for': "['']", **BOUNDED}
 )
 
 
