@@ -128,7 +128,7 @@ TOPICS = (
     Topic(
         '/diagnostics',
         'diagnostic_msgs/msg/DiagnosticArray',
-        'plant, controller →',
+        'plant, controller, recorder →',
         'health and figures of each node, once a second',
     ),
     Topic(
