@@ -38,7 +38,7 @@ setup(
     maintainer_email='developers@masmc-ros.invalid',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['report/page/*']},
+    package_data={NAME: ['nodes/fast_dds/*', 'report/page/*']},
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.

@@ -6,7 +6,7 @@ For tests that start many. Beyond that they are nodes as a command line starts t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import multiprocessing
 from multiprocessing.context import ForkServerProcess
@@ -15,9 +15,14 @@ from pathlib import Path
 import sys
 
 from processes import domain_variables, looked_after, PATIENCE, processes, surroundings
+import rclpy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_IMPORTED = ['forked', 'masmc_ros.nodes.plant', 'masmc_ros.nodes.recorder']
+_NODES = ('plant', 'recorder', 'controller', 'trajectory')
+_IMPORTED = ['forked', *(f'masmc_ros.nodes.{name}' for name in _NODES)]
 
 
 class Forks:
@@ -30,12 +35,21 @@ class Forks:
 
     def start(self, name: str, *arguments: str) -> ForkServerProcess:
         """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        return self._start(name, _run_node, 'run', name, *arguments)
+
+    def listen(self, *topics: str) -> ForkServerProcess:
+        """Start a subscriber to states and others that is no node of this package."""
+        return self._start('listener', _listen, *topics)
+
+    def _start(
+        self, name: str, what: Callable[..., int], *arguments: str
+    ) -> ForkServerProcess:
         # It has an effect the first time, before the process that is forked is there.
         _CONTEXT.set_forkserver_preload(_IMPORTED)
         output = self._folder / f'{len(self._started)}_{name}.out'
         environment = {**surroundings(), **domain_variables(self.domain)}
         process = _CONTEXT.Process(
-            target=_run, args=(['run', name, *arguments], environment, output), daemon=True
+            target=_be, args=(what, arguments, environment, output), daemon=True
         )
         process.start()
         self._started.append((process, output))
@@ -54,15 +68,36 @@ class Forks:
             process.join(PATIENCE)
 
 
-def _run(arguments: list[str], environment: Mapping[str, str], output: Path) -> None:
+def _be(
+    what: Callable[..., int],
+    arguments: Sequence[str],
+    environment: Mapping[str, str],
+    output: Path,
+) -> None:
     """Be a process as a command line starts it."""
-    from masmc_ros.cli.main import main
-
     os.environ.update(environment)
     with output.open('wb') as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
-    sys.exit(main(arguments))
+    sys.exit(what(*arguments))
+
+
+def _run_node(*arguments: str) -> int:
+    from masmc_ros.cli.main import main
+
+    return main(arguments)
+
+
+def _listen(*topics: str) -> int:
+    """Subscribe as any program does, over the transports that are the middleware's default."""
+    rclpy.init()
+    node = rclpy.create_node('listener')
+    qos = QoSProfile(depth=10)
+    for topic in topics:
+        kind = JointState if topic == 'joint_states' else Float64MultiArray
+        node.create_subscription(kind, topic, lambda _: None, qos, raw=True)
+    rclpy.spin(node)
+    return 0
 
 
 @contextmanager

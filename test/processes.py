@@ -33,7 +33,6 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.shared_memory import clear_half_made
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -353,7 +352,6 @@ def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer
     variable = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     before = os.environ.get(variable)
     os.environ[variable] = 'LOCALHOST'
-    clear_half_made()
     context = Context()
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor(context=context)

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.shared_memory import clear_half_made
+from masmc_ros.nodes.transport import prepare_transport
 
 
 class RunProgress:
@@ -26,7 +26,7 @@ class RunProgress:
         """Join the domain."""
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         self._time = 0.0
-        clear_half_made()
+        prepare_transport()
         self._context = Context()
         rclpy.init(
             context=self._context,

@@ -8,6 +8,7 @@ from pathlib import Path
 import sys
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.gaps import state_gaps
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.recover import recover as recover_file
 
@@ -30,4 +31,6 @@ def recover(logs: Sequence[str]) -> int:
             f'{log}: completed with {found.messages} messages over {length:.3f} s;'
             f' {found.dropped} bytes of it could not be read'
         )
+        for topic, gaps in state_gaps(Path(log)).items():
+            print(f'{log}: {topic}: {gaps.text()}, by its stamps')
     return status

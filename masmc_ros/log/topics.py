@@ -148,7 +148,7 @@ TOPICS = (
     Topic(
         '/diagnostics',
         'diagnostic_msgs/msg/DiagnosticArray',
-        'plant, controller →',
+        'plant, controller, recorder →',
         'health and figures of each node, once a second',
     ),
     Topic(

@@ -13,10 +13,12 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition
+from masmc_ros.log.gaps import MISSING
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
@@ -50,10 +52,12 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.coverage import Coverage
+from masmc_ros.nodes.diagnostics import publish_health
 from masmc_ros.nodes.extra_topics import ExtraTopics
 from masmc_ros.nodes.listening import take_rest
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
+from masmc_ros.nodes.recorder_health import RecorderHealth
 from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 
@@ -67,6 +71,9 @@ _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
 
 _MEGABYTE = 1_000_000
+
+_QUEUE = 10 * DEEP
+"""Messages of a topic that wait for a recorder that is held up; memory only while they do."""
 
 _CORE = (
     ((STATE_TOPIC,),),
@@ -102,6 +109,8 @@ class RecorderNode(SuiteNode):
         self._recording = self._open(log_path(Path(self.values['output'])))
         self._not_understood = Refusals(self.log, 'is recorded as it came')
         self._recording.not_understood = self._not_understood.counts
+        self._health = RecorderHealth(self._recording)
+        self._note_state = self._health.watch(self.node.resolve_topic_name(STATE_TOPIC)).add
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
         self._early_size = 0
@@ -140,6 +149,12 @@ class RecorderNode(SuiteNode):
                 self.log.warning(f'{name} is not recorded: {error}')
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
+        publish_health(
+            self.node,
+            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.steady,
+            lambda: self._health.report(self.counts),
+        )
         self.log.info(f'recording into {self._recording.path}')
         self._recover_earlier()
         self.wait(f'the senders of {_core_text()}')
@@ -149,12 +164,15 @@ class RecorderNode(SuiteNode):
         super().close(spin)
         take_rest(spin, lambda: self._last_arrival)
         self._release_early(self._latest or 0)
+        self._health.look()
         self._recording.close()
         self._watch_disk()
         lost = sum(self._recording.lost.values())
         messages = sum(self.counts.values()) - lost
         told = f', {lost} lost' if lost else ''
         self.log.info(f'{messages} messages in {self._recording.path}{told}')
+        for topic, text in self._health.missing().items():
+            self.log.warning(f'{topic}: {text}, by its stamps')
 
     def _open(self, path: Path) -> Recording:
         """Start the recording; InputError where its place is taken or cannot be written."""
@@ -181,6 +199,9 @@ class RecorderNode(SuiteNode):
 
     def _write_closing(self, log: LogWriter) -> None:
         write_parameters(log, dict(self._parameters), tuple(self._changes))
+        missing = self._health.missing()
+        if missing:
+            log.metadata(MISSING, missing)
         if self._description is not None:
             log.attach('robot.urdf', 'application/xml', self._description.encode())
 
@@ -280,9 +301,9 @@ class RecorderNode(SuiteNode):
             take = take_own
 
         if is_latched and not best_effort:
-            subscribe_with_past(self.node, message_type, topic, take, DEEP)
+            subscribe_with_past(self.node, message_type, topic, take, _QUEUE)
         else:
-            qos = subscription_qos(depth=DEEP, past=is_latched, best_effort=best_effort)
+            qos = subscription_qos(depth=_QUEUE, past=is_latched, best_effort=best_effort)
             self.node.create_subscription(message_type, topic, take, qos, raw=True)
 
     def _on_message(
@@ -323,6 +344,7 @@ class RecorderNode(SuiteNode):
             self._release_early(stamp)
         self._latest = stamp
         self._coverage.add_state(stamp)
+        self._note_state(stamp)
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
         """Note which states are answered."""

@@ -23,7 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.command_line import parse
 from masmc_ros.nodes.ending import bounded_ending, on_end
-from masmc_ros.nodes.shared_memory import clear_half_made
+from masmc_ros.nodes.transport import prepare_transport
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""
@@ -65,7 +65,7 @@ def _told(error: UserError) -> int:
 def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = _StopSignals()
-    clear_half_made()
+    prepare_transport()
     context = Context()
     # What is wrong with the arguments is told once, below.
     set_logger_level('rcl', LoggingSeverity.FATAL)

@@ -21,7 +21,6 @@ from masmc_ros.nodes.parameters import (
     declared,
     drop_foreign,
     foreign_text,
-    is_from_rcl,
     NODES,
     SHARED,
 )

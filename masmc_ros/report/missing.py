@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from masmc_ros.log.gaps import gaps_in
+from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
@@ -51,6 +55,9 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     for node in run.restarted:
         yield f'{node} was started again while the robot ran: it began from nothing there.'
     yield from unread(run)
+    gaps = gaps_in(np.rint(run.times * NANOSECONDS))
+    if gaps.count:
+        yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
     has_own_error = run.tracking_error is not None
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'
