@@ -106,7 +106,8 @@ def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
         traces = both.figure(name)['data']
         if name.endswith('estimate'):
             assert all(re.search(r'\(kg(·m²?)?\)$', trace['name']) for trace in traces[:7])
-        drawn = [(t['meta']['colour'], t['line'].get('dash')) for t in traces if t['mode'] == 'lines']
+        solid = [t for t in traces if t['mode'] == 'lines']
+        drawn = [(t['meta']['colour'], t['line'].get('dash')) for t in solid]
         assert len(set(drawn)) == len(drawn)
 
 

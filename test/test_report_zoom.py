@@ -43,11 +43,10 @@ ZOOM = """
   found.again = drawn(chart);
   const path = document.getElementById('run-1-path');
   found.path = drawn(path);
-  const half = Math.max(...['x', 'y'].map((axis) => {
+  found.pixel = Math.max(...['x', 'y'].map((axis) => {
     const [from, to] = path.layout[`${axis}axis`].range;
     return (to - from) / path.clientWidth;
   }));
-  found.pixel = half;
   const box = %s;
   await Plotly.relayout(path, {
     'xaxis.range[0]': box[0], 'xaxis.range[1]': box[1],
@@ -69,7 +68,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return read_run(log)
 
 
-def looked(run: Run, folder: Path, begin: float, end: float, box: list[float]) -> Mapping[str, Any]:
+def looked(
+    run: Run, folder: Path, begin: float, end: float, box: list[float]
+) -> Mapping[str, Any]:
     """Write a report and return what ZOOM finds in it."""
     write_report([run], folder / 'report')
     script = ZOOM % (begin, end, json.dumps(box))
@@ -156,6 +157,7 @@ def test_a_path_is_drawn_to_a_pixel_near_and_far(run: Run, found: Mapping[str, A
 
 
 @needs_chromium
+@pytest.mark.slow
 def test_of_more_samples_than_a_page_holds_no_course_is_invented(tmp_path: Path) -> None:
     times = ticks(45.0, 1e-4)
     assert len(times) > 2 * MOST
