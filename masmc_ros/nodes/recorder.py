@@ -151,7 +151,7 @@ class RecorderNode(SuiteNode):
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
         publish_health(
             self.node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             lambda: self._health.report(self.counts),
         )
