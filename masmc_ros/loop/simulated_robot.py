@@ -15,6 +15,7 @@ from masmc_ros.control.command_interface import (
     COMMAND_INTERFACES,
     ENABLE_STAMPED_CMD_VEL,
 )
+from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
 from masmc_ros.loop.plant_tick import plant_start, plant_tick
@@ -76,10 +77,19 @@ PLANT = (
     ),
     Parameter(
         'torque_limit',
-        (0.0, 0.0, 0.0, 0.0),
+        TORQUE_LIMIT,
         "Limit of each motor's torque, unknown to the controller; 0 is none",
         unit='N·m',
         length=4,
+        minimum=0.0,
+    ),
+    Parameter(
+        'torque_rate_limit',
+        TORQUE_RATE_LIMIT,
+        'Limit of its change per time under commanded torques; 0 is none',
+        unit='N·m/s',
+        length=4,
+        broadcast=True,
         minimum=0.0,
     ),
     COMMAND_INTERFACE,
@@ -155,10 +165,10 @@ class SimulatedRobot:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the initial state at t = 0."""
+        """Return to the initial state at t = 0; InputError where that is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
-        plant_start(
+        finite = plant_start(
             self.plant,
             self.memory,
             self.delayed,
@@ -169,6 +179,11 @@ class SimulatedRobot:
             self.position,
             self.velocity,
         )
+        if not finite:
+            raise InputError(
+                'initial_pose, initial_joints or initial_velocity make no state of a robot; '
+                'expected finite numbers, and angles that have a sine'
+            )
 
     def advance(self, command: NDArray[np.float64]) -> None:
         """Hold a command (4) for one control period.
@@ -199,6 +214,7 @@ def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDAr
     for name in ('amplitude', 'frequency', 'phase'):
         plant[name] = values[f'disturbance.{name}']
     plant['limit'] = values['torque_limit']
+    plant['rate_limit'] = values['torque_rate_limit']
     plant['period'] = period
     plant['steps'] = max(1, round(period / values['integrator_step']))
     plant['resolution'] = values['encoder_resolution']

@@ -18,7 +18,7 @@ import rclpy.parameter
 
 from masmc_ros.errors import InputError
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.parameters import accepted, is_from_rcl, WITHOUT_FILE
+from masmc_ros.nodes.parameters import accepted, is_from_rcl
 from masmc_ros.params.declaration import check_all, Parameter
 
 _LARGEST = sys.float_info.max
@@ -79,9 +79,7 @@ class RosParameters:
         given = {n: v for n, v in given.items() if not is_from_rcl(n)}
         for shared in accepted(name) & given.keys():
             del given[shared]
-        defaults = {} if command_line.files else WITHOUT_FILE
-        start = {n: v for n, v in defaults.items() if n in self._declarations}
-        self.values = check_all(declarations, {**start, **given}, where=f'{name}: ')
+        self.values = check_all(declarations, given, where=f'{name}: ')
         check(self.values)
         for parameter in declarations:
             value = given.get(parameter.name, self.values[parameter.name])
