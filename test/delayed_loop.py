@@ -38,12 +38,12 @@ class DelayedRun:
     Attributes:
         error: x - x_d (n, 4) of the true state in m, by tick.
         largest_torque: (4) N m.
-        longest_hold: ticks, at most, from one answered state to the next.
+        late: ticks of the plant under a torque that answers an earlier state.
     """
 
     error: Array
     largest_torque: Array
-    longest_hold: int
+    late: int
 
     def most(self, axes: list[int], begin: int) -> float:
         """Return the largest distance in mm on two axes, from a tick on."""
@@ -62,30 +62,28 @@ class _Answering:
         self._reference, self._delay, self._period = reference, delay, period
         self._free = 0.0
         self._answered: int | None = None
-        self._sent: list[tuple[float, Array]] = []
-        self.longest_hold = 0
+        self._sent: list[tuple[float, int, Array]] = []
 
     def answer(self, sent: float, tick: int, position: Array, velocity: Array) -> None:
         """Answer the state of a tick that was sent at a time in s."""
         if self._answered is not None:
-            hold = tick - self._answered
-            self.longest_hold = max(self.longest_hold, hold)
-            if hold > 1:
-                self.controller.skip(hold - 1)
+            left_out = tick - self._answered - 1
+            if left_out > 0:
+                self.controller.skip(left_out)
         self._answered = tick
         stamp = round(1e9 * tick * self._period)
         reference = self._approach.follow(stamp, position, self._reference[tick].copy())
         self.controller.tick(position, velocity, reference)
         self._free = max(self._free, sent) + _COMPUTING + self._delay()
-        self._sent.append((self._free, self.controller.torque.copy()))
+        self._sent.append((self._free, tick, self.controller.torque.copy()))
 
     def is_free(self, now: float) -> bool:
         """Tell whether it could take a state before a time in s."""
         return self._free <= now
 
-    def latest(self, now: float) -> Array | None:
-        """Return the torque (4) that came last until a time in s, None for nothing new."""
-        arrived = [torque for time, torque in self._sent if time <= now]
+    def latest(self, now: float) -> tuple[int, Array] | None:
+        """Return what came last until a time in s, None for nothing new: tick and torque (4)."""
+        arrived = [(tick, torque) for time, tick, torque in self._sent if time <= now]
         self._sent = [each for each in self._sent if each[0] > now]
         return arrived[-1] if arrived else None
 
@@ -103,7 +101,8 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
     answering = _Answering(values, reference, delay)
     error, largest, held = np.empty((ticks, 4)), np.zeros(4), np.zeros(4)
     now = lost = 0.0
-    wake = 0
+    wake = late = 0
+    answered = -1
     state = (0.0, 0, plant.position.copy(), plant.velocity.copy())
     is_waiting = True
     while plant.tick < ticks:
@@ -113,16 +112,18 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
             answering.answer(*state)
             is_waiting = False
         newest = answering.latest(now)
-        held = held if newest is None else newest
+        if newest is not None:
+            answered, held = newest
         due = int((now - lost) / period + 1e-9)
         if due - plant.tick > LATE_TICKS:
             lost += (due - plant.tick - 1) * period
             due = plant.tick + 1
         for _ in range(plant.tick, min(due, ticks)):
+            late += answered < plant.tick
             plant.advance(held)
             place = task_positions(plant.geometry, plant.true_position[None])[0]
             error[plant.tick - 1] = place - reference[plant.tick, :4]
             largest = np.maximum(largest, np.abs(plant.applied))
             state = (now, plant.tick, plant.position.copy(), plant.velocity.copy())
             is_waiting = True
-    return DelayedRun(error, largest, answering.longest_hold)
+    return DelayedRun(error, largest, late)

@@ -45,20 +45,20 @@ def late(values: dict[str, Values], seconds: float, most: float, seed: int) -> D
 def test_the_defaults_bear_ticks_that_are_10_ms_late(seed: int) -> None:
     """For 60 s, with the errors of punctual ticks."""
     run = late(defaults(), 60.0, 0.010, seed)
-    assert run.longest_hold >= 2
+    assert run.late > 500
     assert (run.largest_torque <= TORQUE_LIMIT).all()
     assert run.most(END_EFFECTOR, 1000) < 5.0
     assert run.most(PLATFORM, 1000) < 1.5
 
 
 @pytest.mark.parametrize('most', [0.03, 0.1])
-def test_and_stay_bounded_where_ticks_are_100_ms_late(most: float) -> None:
+def test_and_stay_bounded_where_they_are_100_ms_late(most: float) -> None:
     """The plant's time falls behind the wall clock then."""
     run = late(defaults(), 60.0, most, seed=1)
-    assert run.longest_hold >= 3
+    assert run.late > 1000
     assert (run.largest_torque <= TORQUE_LIMIT).all()
-    assert run.most(END_EFFECTOR, 1000) < 60.0
-    assert run.most(PLATFORM, 1000) < 60.0
+    assert run.most(END_EFFECTOR, 1000) < 40.0
+    assert run.most(PLATFORM, 1000) < 40.0
 
 
 def busy(values: dict[str, Values], seed: int) -> DelayedRun:

@@ -22,7 +22,7 @@ TIMING = (
     Parameter('duration', 0.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
 )
 
-LATE_TICKS = 3
+LATE_TICKS = 2
 """Ticks of real time that a plant makes up for at once when the wall clock has run ahead.
 
 The torque at hand acts through all of them, and a law can do with only so much of that: by more
