@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""By the wall clock silence is a fault whoever says what, and a plant that is paused not silent."""
+"""By the wall clock silence is a fault whoever says what; a plant that is paused is not silent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from processes import peer, Peer, processes, ros_arguments
+from processes import Peer, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
