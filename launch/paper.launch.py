@@ -23,12 +23,12 @@ SWITCH = ['true', 'false', 'True', 'False']
 
 
 def generate_launch_description() -> LaunchDescription:
-    share = get_package_share_directory(PACKAGE)
     arguments = [
         DeclareLaunchArgument(
             'params_file',
-            default_value=os.path.join(share, 'config', 'paper.yaml'),
-            description='ROS 2 parameter file for all nodes.',
+            default_value='',
+            description='ROS 2 parameter file for all nodes; empty: config/paper.yaml, with '
+            'pacing:=realtime config/realtime.yaml after it.',
         ),
         DeclareLaunchArgument(
             'law',
@@ -95,6 +95,11 @@ def _nodes(context: LaunchContext) -> list[object]:
     def is_on(name: str) -> bool:
         return given(name).lower() == 'true'
 
+    files = [given('params_file')]
+    if not files[0]:
+        files = [_config('paper.yaml')]
+        if given('pacing') == 'realtime':
+            files.append(_config('realtime.yaml'))
     record = is_on('record')
     # The nodes send on `clock`; with use_sim_time they, like all nodes of ROS, follow `/clock`.
     clock = given('clock') or '/'.join(['', *filter(None, given('namespace').split('/')), 'clock'])
@@ -105,7 +110,8 @@ def _nodes(context: LaunchContext) -> list[object]:
     if given('law'):
         settings['controller']['law'] = given('law')
     if given('pacing'):
-        settings['plant']['pacing'] = given('pacing')
+        for name in ('plant', 'controller'):
+            settings[name]['pacing'] = given('pacing')
     if record:
         settings['recorder']['output'] = given('output')
     if is_on('live'):
@@ -119,18 +125,14 @@ def _nodes(context: LaunchContext) -> list[object]:
     if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
-        nodes = [
-            _composed(
-                given('params_file'), given('namespace'), together, remappings, record=record
-            )
-        ]
+        nodes = [_composed(files, given('namespace'), together, remappings, record=record)]
     nodes += [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             namespace=given('namespace'),
-            parameters=[given('params_file'), settings[name]],
+            parameters=[*files, settings[name]],
             remappings=remappings,
             output='screen',
         )
@@ -140,8 +142,12 @@ def _nodes(context: LaunchContext) -> list[object]:
     return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
 
 
+def _config(name: str) -> str:
+    return os.path.join(get_package_share_directory(PACKAGE), 'config', name)
+
+
 def _composed(
-    params_file: str,
+    files: list[str],
     namespace: str,
     settings: dict[str, dict[str, object]],
     remappings: list[tuple[str, str]],
@@ -149,7 +155,9 @@ def _composed(
     record: bool,
 ) -> Node:
     arguments = ['--record'] if record else []
-    arguments += ['--ros-args', '--params-file', params_file]
+    arguments += ['--ros-args']
+    for file in files:
+        arguments += ['--params-file', file]
     for node, values in settings.items():
         for name, value in values.items():
             text = str(value).lower() if isinstance(value, bool) else value

@@ -6,7 +6,7 @@ from __future__ import annotations
 import shutil
 import textwrap
 
-from masmc_ros.nodes.parameters import declared, SHARED, WITHOUT_FILE
+from masmc_ros.nodes.parameters import declared, SHARED
 from masmc_ros.params.documentation import plain_list
 
 _DOES = {
@@ -49,5 +49,5 @@ def node_help(name: str) -> str:
     needed = {p.name for node in nodes for p in declared(node)}
     common = [p for p in SHARED if p.name in needed]
     if common:
-        lines += ['', 'parameters that nodes share:', *plain_list(common, width, WITHOUT_FILE)]
+        lines += ['', 'parameters that nodes share:', *plain_list(common, width)]
     return '\n'.join(lines) + '\n'

@@ -15,6 +15,7 @@ PLANT_SETTINGS = np.dtype(
         ('frequency', 'f8', AXES),
         ('phase', 'f8', AXES),
         ('limit', 'f8', AXES),  # of each motor's torque, N m
+        ('rate_limit', 'f8', AXES),  # of its change, N m/s
         ('period', 'f8'),  # s
         ('steps', 'i8'),  # of integration in a period
         ('is_exact', 'i8'),  # whether the state is measured as it is: the next four are zero
@@ -36,6 +37,7 @@ PLANT_MEMORY = np.dtype(
         ('velocity', 'f8', 7),
         ('odometry', 'f8', 3),  # x, y, yaw of the axle's middle by counting wheel angles
         ('wheels', 'f8', 2),  # angles counted so far, rad
+        ('driven', 'f8', AXES),  # torque of the last tick, N m
         ('wound', 'f8', AXES),  # integrals of the drives' velocity loops, N m
     ],
     align=True,

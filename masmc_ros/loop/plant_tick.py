@@ -7,7 +7,7 @@ from typing import Any
 
 from masmc_ros.compiled import formula, kernel
 from masmc_ros.control.command_interface import VELOCITY
-from masmc_ros.control.limits import clipped
+from masmc_ros.control.limits import limited
 from masmc_ros.loop.arrays import as_base_parameters, as_geometry
 from masmc_ros.loop.measurement import measure
 from masmc_ros.loop.plant import advance, is_finite, load_state, PlantState, store_state
@@ -48,8 +48,12 @@ def hold_command(plant: Any, memory: Any, tick: int, command: Any, applied: Any)
     """
     if plant['command_interface'] == VELOCITY:
         return hold_rates(plant, memory, tick, command, applied)
+    driven = memory['driven']
     for i in range(AXES):
-        applied[i] = clipped(command[i], plant['limit'][i])
+        applied[i] = limited(
+            command[i], driven[i], plant['limit'][i], plant['rate_limit'][i], plant['period']
+        )
+        driven[i] = applied[i]
         memory['wound'][i] = 0.0
     return advance_true_state(plant, memory, tick, applied)
 
@@ -67,6 +71,18 @@ def observe(
         measure(plant, memory, delayed, tick, position, velocity)
 
 
+@formula
+def is_measured(position: Any, velocity: Any) -> bool:
+    """Tell whether all that is measured (7 positions, 7 velocities) is a finite number.
+
+    Of a finite state it need not be: beyond 1e9 rad an angle has no sine.
+    """
+    total = 0.0
+    for i in range(7):
+        total += (position[i] - position[i]) + (velocity[i] - velocity[i])
+    return total == 0.0
+
+
 @kernel
 def plant_tick(
     plant: Any,
@@ -78,7 +94,7 @@ def plant_tick(
     velocity: Any,
     applied: Any,
 ) -> bool:
-    """Advance the plant by one control period; tell whether its state is still finite.
+    """Advance the plant by one control period; tell whether all of its state is still finite.
 
     In: one record of PLANT_SETTINGS; the tick that the command (4, N m, or m/s and rad/s as in
     `hold_rates`) answers. In and out: one record of PLANT_MEMORY with the true state, and the
@@ -89,7 +105,7 @@ def plant_tick(
     model, state = plant[0], memory[0]
     finite = hold_command(model, state, tick, command, applied)
     observe(model, state, delayed, tick + 1, position, velocity)
-    return finite
+    return finite and is_measured(position, velocity)
 
 
 @kernel
@@ -113,8 +129,9 @@ def plant_hold(
     if model['command_interface'] != VELOCITY:
         for i in range(AXES):
             applied[i] = 0.0
+            state['driven'][i] = 0.0
     observe(model, state, delayed, tick + 1, position, velocity)
-    return finite
+    return finite and is_measured(position, velocity)
 
 
 @kernel
@@ -128,8 +145,8 @@ def plant_start(
     rates: Any,
     position: Any,
     velocity: Any,
-) -> None:
-    """Set the true state and measure it at tick 0.
+) -> bool:
+    """Set the true state and measure it at tick 0; tell whether all of it is finite.
 
     The state is that of a pose (x_C, y_C, yaw), joint angles (4) and their rates (4).
     """
@@ -150,5 +167,7 @@ def plant_start(
     )
     for i in range(AXES):
         state['wound'][i] = 0.0
+        state['driven'][i] = 0.0
     store_state(as_geometry(model['geometry']), start, state['position'], state['velocity'])
     observe(model, state, delayed, 0, position, velocity)
+    return is_measured(position, velocity)

@@ -17,6 +17,7 @@ from masmc_ros.control.command_interface import (
     ENABLE_STAMPED_CMD_VEL,
     VELOCITY,
 )
+from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
 from masmc_ros.loop.plant_tick import plant_hold, plant_start, plant_tick
@@ -79,10 +80,19 @@ PLANT = (
     ),
     Parameter(
         'torque_limit',
-        (0.0, 0.0, 0.0, 0.0),
+        TORQUE_LIMIT,
         "Limit of each motor's torque, unknown to the controller; 0 is none",
         unit='N·m',
         length=4,
+        minimum=0.0,
+    ),
+    Parameter(
+        'torque_rate_limit',
+        TORQUE_RATE_LIMIT,
+        'Limit of its change per time under commanded torques; 0 is none',
+        unit='N·m/s',
+        length=4,
+        broadcast=True,
         minimum=0.0,
     ),
     COMMAND_INTERFACE,
@@ -166,10 +176,10 @@ class SimulatedRobot:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the initial state at t = 0."""
+        """Return to the initial state at t = 0; InputError where that is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
-        plant_start(
+        finite = plant_start(
             self.plant,
             self.memory,
             self.delayed,
@@ -180,6 +190,11 @@ class SimulatedRobot:
             self.position,
             self.velocity,
         )
+        if not finite:
+            raise InputError(
+                'initial_pose, initial_joints or initial_velocity make no state of a robot; '
+                'expected finite numbers, and angles that have a sine'
+            )
 
     def advance(self, command: NDArray[np.float64] | None) -> None:
         """Hold a command (4) for one control period; with None the drives hold the joints.
@@ -206,6 +221,7 @@ def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDAr
     for name in ('amplitude', 'frequency', 'phase'):
         plant[name] = values[f'disturbance.{name}']
     plant['limit'] = values['torque_limit']
+    plant['rate_limit'] = values['torque_rate_limit']
     plant['period'] = period
     step = values['integrator_step']
     steps = Decimal(period) / Decimal(step)

@@ -14,15 +14,22 @@ from masmc_ros.params.declaration import Parameter
 TIMING = (
     Parameter(
         'control_period',
-        0.001,
+        0.01,
         'Time T between two control ticks',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
         maximum=1.0,
     ),
-    Parameter('duration', 20.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
+    Parameter('duration', 0.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
 )
+
+LATE_TICKS = 2
+"""Ticks of real time that a plant makes up for at once when the wall clock has run ahead.
+
+The torque at hand acts through all of them, and a law can do with only so much of that: by more
+than this the robot's time falls behind instead.
+"""
 
 
 MOST_TICKS = 100_000

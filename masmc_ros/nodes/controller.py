@@ -36,6 +36,7 @@ from masmc_ros.nodes.command_output import CommandOutput, RateOutput, TorqueOutp
 from masmc_ros.nodes.controller_health import ControllerHealth
 from masmc_ros.nodes.controller_telemetry import ControllerTelemetry
 from masmc_ros.nodes.diagnostics import publish_health
+from masmc_ros.nodes.layer_watch import LayerWatch
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.reference_input import ReferenceInput
 from masmc_ros.nodes.refusals import Refusals
@@ -72,6 +73,7 @@ class ControllerNode(SuiteNode):
         self._activations = self._supervisor.activations
         self._computes: bool | None = self._supervisor.is_active
         self._computed: int | None = None
+        self._layer = LayerWatch(self._controller, self.log)
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
         joints = joint_names(values)[len(BASE_JOINTS) :]
@@ -104,7 +106,7 @@ class ControllerNode(SuiteNode):
             stopped=self._on_stopped,
         )
         self.parameters.on_change(self._change)
-        self._set_pacing(self.values['pacing'])
+        self._set_pacing(is_realtime=self.values['pacing'] == 'realtime')
         self.node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
             self.node,
@@ -139,7 +141,8 @@ class ControllerNode(SuiteNode):
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
         self._note(changed=tuple(values))
-        self._set_pacing('realtime' if self._is_realtime else 'lockstep')
+        self._set_pacing(is_realtime=self._is_realtime)
+        self._layer.begin()
 
     def _reset_adaptation(self) -> None:
         self._controller.forget()
@@ -151,9 +154,9 @@ class ControllerNode(SuiteNode):
 
     # Pacing.
 
-    def _set_pacing(self, pacing: str) -> None:
+    def _set_pacing(self, *, is_realtime: bool) -> None:
         """Judge stamps and silence as the pacing needs it; in lock-step nothing is too late."""
-        self._is_realtime = pacing == 'realtime'
+        self._is_realtime = is_realtime
         self._order.gap_ns = round(1e9 * self._state_timeout()) if self._is_realtime else None
 
     def _state_timeout(self) -> float:
@@ -161,15 +164,23 @@ class ControllerNode(SuiteNode):
         return max(self.values['state_timeout'], _FEWEST_PERIODS * self._timing.period)
 
     def _on_plant_parameters(self, raw: bytes) -> None:
-        """Take the pacing from the plant, where a simulated one is there."""
+        """Go by the wall clock where a plant does, and tell where it differs.
+
+        Never the other way: what anybody sends must not switch off the timeouts.
+        """
         try:
             told = record_of(raw).parameters
         except InputError as error:
             self._refusals.add('plant/parameters', error)
             return
         pacing = told.get('pacing')
-        if pacing in ('lockstep', 'realtime'):
-            self._set_pacing(pacing)
+        if pacing == 'realtime' and not self._is_realtime:
+            self._set_pacing(is_realtime=True)
+        elif pacing == 'lockstep' and self._is_realtime:
+            self.log.warning(
+                'pacing = realtime, and a plant has lockstep: its silence is a fault here; '
+                'start both with the same'
+            )
         for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
             mine, theirs = self.values[name], told.get(name, self.values[name])
             if mine != theirs:
@@ -325,6 +336,7 @@ class ControllerNode(SuiteNode):
             left_out = round((stamp - self._computed) / (1e9 * self._timing.period)) - 1
             if left_out > 0:
                 controller.skip(left_out)
+            self._layer.held(max(left_out, 0) + 1, state.position)
         self._computes, self._computed = True, stamp
         if self._is_realtime:
             self._approach.watch(stamp, reference)

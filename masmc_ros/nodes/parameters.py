@@ -22,7 +22,7 @@ PACING = ('lockstep', 'realtime')
 
 _PACING = Parameter(
     'pacing',
-    'lockstep',
+    'realtime',
     'The plant advances when the command for the present state arrives, or by the wall '
     'clock; a controller of real hardware: realtime',
     choices=PACING,
@@ -36,9 +36,6 @@ SHARED = (
     *NAMES,
 )
 """Parameters that a file may give to all nodes at once, needed there or not."""
-
-WITHOUT_FILE = {'pacing': 'realtime', 'duration': 0.0}
-"""Defaults of a node that is started without a parameter file: it runs until it is stopped."""
 
 _PLANT_NODE = (
     Parameter(
@@ -64,12 +61,12 @@ _PLANT_NODE = (
     ),
     Parameter(
         'odom_decimation',
-        20,
+        2,
         'Ticks between two messages on odom and base_twist',
         minimum=1,
     ),
     Parameter(
-        'clock_decimation', 10, 'Ticks between two messages on /clock; 0 is none', minimum=0
+        'clock_decimation', 1, 'Ticks between two messages on /clock; 0 is none', minimum=0
     ),
     Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
 )

@@ -19,7 +19,7 @@ import rclpy.parameter
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.parameters import accepted, drop_foreign, foreign_text, WITHOUT_FILE
+from masmc_ros.nodes.parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.file import read
 
@@ -108,9 +108,7 @@ class RosParameters:
         shared_names = _shared(node, command_line) - settings.keys()
         if foreign := drop_foreign(name, given, shared_names, f'{name}: '):
             node.get_logger().warning(foreign_text(foreign))
-        defaults = {} if command_line.files else WITHOUT_FILE
-        start = {n: v for n, v in defaults.items() if n in self._declarations}
-        self.values = check_all(declarations, {**start, **given}, where=f'{name}: ')
+        self.values = check_all(declarations, given, where=f'{name}: ')
         check(self.values)
         for parameter in declarations:
             value = given.get(parameter.name, self.values[parameter.name])

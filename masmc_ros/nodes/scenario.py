@@ -32,6 +32,12 @@ Values = dict[str, Any]
 _MOST_MISSING = 1000
 """Ticks to a state in a log that lacks most of them."""
 
+_UNSTATED_DURATION = 20.0
+"""Length in s of an offline run of which nothing says how long it is; nodes are then endless."""
+
+_ABSENT = {'plant': {'torque_rate_limit': 0.0}}
+"""What held in logs that do not tell a parameter, where that is not its default."""
+
 
 def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     """Read a parameter file as the nodes would, settings on top, defaults below.
@@ -53,6 +59,8 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
         names = {parameter.name: parameter for parameter in declared(node)}
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
+        if 'duration' in names and not {'duration'} & (given.keys() | extra[node].keys()):
+            values['duration'] = _UNSTATED_DURATION
         if 'control_period' in values:
             _check_timing(values, path, node)
         scenario[node] = values
@@ -90,7 +98,7 @@ def logged_scenario(
     extra = _settings(settings)
     scenario = {}
     for node in NODES:
-        given = {**run.parameters.get(node, {})}
+        given = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
         if 'duration' in given and 'duration' not in extra[node]:
             given['duration'] = _length(run)
         names = {parameter.name: parameter for parameter in declared(node)}

@@ -80,6 +80,10 @@ class StateOutput:
             self._clock.publish(self._time.to_bytes())
         self._display.show(tick, self._robot.position)
 
+    def send_again(self) -> None:
+        """Publish the state at hand once more."""
+        self._states.publish(self._state.to_bytes())
+
     def _publish_motion(self, stamp: int) -> None:
         pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
         odometry, velocity = self._odometry, self._twist

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 import textwrap
-from typing import Any
 
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
@@ -30,18 +29,11 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
     )
 
 
-def plain_list(
-    parameters: Iterable[Parameter], width: int, without_file: Mapping[str, Any] | None = None
-) -> Iterator[str]:
-    """Yield the lines of a list for a terminal: each parameter with all that there is to say.
-
-    `without_file` are defaults that differ where no parameter file is given.
-    """
+def plain_list(parameters: Iterable[Parameter], width: int) -> Iterator[str]:
+    """Yield the lines of a list for a terminal: each parameter with all that there is to say."""
     for parameter in parameters:
         unit = f' {parameter.unit}' if parameter.unit else ''
         default = f'default {_default(parameter)}{unit}'
-        if parameter.name in (without_file or {}):
-            default += f' ({yaml_text((without_file or {})[parameter.name])} without a file)'
         facts = [default, parameter.expected, *([] if parameter.read_only else ['live'])]
         yield f'  {parameter.name}'
         for text in (parameter.description, '; '.join(facts)):
