@@ -65,6 +65,7 @@ setup(
             'mpmath',
             'pyarrow',
             'pytest',
+            'pytest-xdist',
             'sympy',
             'websockets',
         ],

@@ -97,7 +97,9 @@ def kill_some(
     return killed
 
 
-@pytest.mark.parametrize('number', range(ROUNDS))
+@pytest.mark.parametrize(
+    'number', [0, *(pytest.param(number, marks=pytest.mark.slow) for number in range(1, ROUNDS))]
+)
 def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
     """Three in each round, in a domain of its own: the dead slow down who still sends to them."""
     rng = random.Random(number)
