@@ -31,9 +31,10 @@ setup(
     version='0.1.0',
     description='Robust adaptive sliding mode control of mobile manipulators for ROS 2',
     author='masmc_ros developers',
-    author_email='developers@masmc-ros.invalid',
+    author_email='maintainers@masmc-ros.org',
     maintainer='masmc_ros developers',
-    maintainer_email='developers@masmc-ros.invalid',
+    maintainer_email='maintainers@masmc-ros.org',
+    url='https://github.com/masmc-ros/masmc_ros',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['report/page/*']},
@@ -42,15 +43,18 @@ setup(
     # wheels and in apt. The extra `ros` brings the wheels.
     install_requires=[
         'jinja2',
+        'lz4',
+        'markupsafe',
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
-        'numba',
-        'numpy',
+        'numba>=0.58',
+        'numpy>=1.26',
         'plotly>=6',
         'PyYAML',
         'rosbags',
         'tqdm',
+        'zstandard',
     ],
     extras_require={
         'ros': [

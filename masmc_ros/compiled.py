@@ -21,10 +21,20 @@ import os
 from pathlib import Path
 from typing import Any
 
+from numba import __version__ as numba_version
 from numba import config, njit
 
 from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
+
+OLDEST_NUMBA = (0, 58)
+"""That of Ubuntu 24.04; setup.py says the same."""
+
+if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
+    raise UserError(
+        f'numba {numba_version} is too old: expected {".".join(map(str, OLDEST_NUMBA))} or later;'
+        ' pip install --upgrade numba'
+    )
 
 _NUMERICAL_MODULES = ('compiled', 'portable_math', 'portable_random')
 _NUMERICAL_FOLDERS = ('robot', 'control', 'reference', 'loop')

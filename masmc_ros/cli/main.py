@@ -12,6 +12,7 @@ from typing import NoReturn
 from masmc_ros import __version__
 from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import UserError
+from masmc_ros.optional import explained
 
 
 class _Parser(argparse.ArgumentParser):
@@ -34,6 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parser().parse_args(arguments)
         name = f'masmc {options.command}'
         return _dispatch(options)
+    except ModuleNotFoundError as missing:
+        print(f'{name}: {explained(missing)}', file=sys.stderr)
+        return 2
     except UserError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return error.exit_status

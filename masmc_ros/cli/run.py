@@ -16,6 +16,7 @@ from types import FrameType
 
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.optional import explained
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 
@@ -31,10 +32,13 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
         signal.signal(number, _end)
     try:
         require_rclpy()
+        status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
+    except ModuleNotFoundError as missing:
+        print(f'masmc run: {explained(missing)}', file=sys.stderr)
+        return 2
     except UserError as error:
         print(f'masmc run: {error}', file=sys.stderr)
         return error.exit_status
-    status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
     return status
 
 
