@@ -14,7 +14,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from forked import Forks, forks
+from forks import Forks, forks
 from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray

@@ -14,10 +14,12 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from processes import domain_variables, PATIENCE, peer, Processes, processes, surroundings
+from forked import completed
+from processes import PATIENCE, peer, Processes, processes
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from std_msgs.msg import String
+from surroundings import domain_variables, surroundings
 import yaml
 
 from masmc_ros.nodes.parameters import declared
@@ -37,13 +39,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
 
 
 def param(domain: int, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'masmc_ros.cli.main', 'param', *arguments],
-        env={**surroundings(), **domain_variables(domain)},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    environment = {**surroundings(), **domain_variables(domain)}
+    return completed('param', *arguments, folder=Path.cwd(), environment=environment)
 
 
 def told(domain: int, *arguments: str) -> str:

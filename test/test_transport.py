@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from processes import surroundings
 from rclpy.utilities import get_rmw_implementation_identifier
+from surroundings import surroundings
 
 import masmc_ros.nodes
 

@@ -16,6 +16,7 @@ from masmc_ros import __version__
 from masmc_ros.cli.endings import Ended, ended_by_signals
 from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.optional import explained
 from masmc_ros.share import scenarios
 
 _NOT_TAKEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -85,7 +86,11 @@ def _run(name: str, arguments: list[str]) -> int:
         return run_node(arguments[1], arguments[2:])
     try:
         with ended_by_signals():
-            return _dispatch(_parser().parse_args(arguments))
+            options = _parser().parse_args(arguments)
+            name = f'masmc {options.command}'
+            return _dispatch(options)
+    except ModuleNotFoundError as missing:
+        return _tell(f'{name}: {explained(missing)}')
     except UserError as error:
         return _tell(f'{name}: {error}', error.exit_status)
     except Ended as end:

@@ -18,6 +18,7 @@ from masmc_ros.cli.endings import end_with_parent
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.nodes.ending import on_end
+from masmc_ros.optional import explained
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 
@@ -38,10 +39,13 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
     on_end(_end)
     try:
         require_rclpy()
+        status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
+    except ModuleNotFoundError as missing:
+        print(f'masmc run: {explained(missing)}', file=sys.stderr)
+        return 2
     except UserError as error:
         print(f'masmc run: {error}', file=sys.stderr)
         return error.exit_status
-    status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
     return status
 
 
