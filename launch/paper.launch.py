@@ -23,12 +23,12 @@ SWITCH = ['true', 'false', 'True', 'False']
 
 
 def generate_launch_description() -> LaunchDescription:
-    share = get_package_share_directory(PACKAGE)
     arguments = [
         DeclareLaunchArgument(
             'params_file',
-            default_value=os.path.join(share, 'config', 'paper.yaml'),
-            description='ROS 2 parameter file for all nodes.',
+            default_value='',
+            description='ROS 2 parameter file for all nodes; empty: config/paper.yaml, with '
+            'pacing:=realtime config/realtime.yaml after it.',
         ),
         DeclareLaunchArgument(
             'law',
@@ -48,6 +48,12 @@ def generate_launch_description() -> LaunchDescription:
             'frame_prefix',
             default_value='',
             description='Put before all names of frames, such as left/; empty: as in params_file.',
+        ),
+        DeclareLaunchArgument(
+            'clock',
+            default_value='',
+            description='Topic of the simulated time, such as /clock, on which one robot alone '
+            'may send; empty: clock in the namespace, so that every robot has its own.',
         ),
         DeclareLaunchArgument(
             'record',
@@ -89,14 +95,23 @@ def _nodes(context: LaunchContext) -> list[object]:
     def is_on(name: str) -> bool:
         return given(name).lower() == 'true'
 
+    files = [given('params_file')]
+    if not files[0]:
+        files = [_config('paper.yaml')]
+        if given('pacing') == 'realtime':
+            files.append(_config('realtime.yaml'))
     record = is_on('record')
+    # The nodes send on `clock`; with use_sim_time they, like all nodes of ROS, follow `/clock`.
+    clock = given('clock') or '/'.join(['', *filter(None, given('namespace').split('/')), 'clock'])
+    remappings = [('clock', clock), ('/clock', clock)]
     names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
     settings: dict[str, dict[str, object]] = {name: {} for name in names}
     settings['plant']['wait_for'] = [name for name in names if name != 'plant']
     if given('law'):
         settings['controller']['law'] = given('law')
     if given('pacing'):
-        settings['plant']['pacing'] = given('pacing')
+        for name in ('plant', 'controller'):
+            settings[name]['pacing'] = given('pacing')
     if record:
         settings['recorder']['output'] = given('output')
     if is_on('live'):
@@ -110,14 +125,15 @@ def _nodes(context: LaunchContext) -> list[object]:
     if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
-        nodes = [_composed(given('params_file'), given('namespace'), together, record=record)]
+        nodes = [_composed(files, given('namespace'), together, remappings, record=record)]
     nodes += [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
             namespace=given('namespace'),
-            parameters=[given('params_file'), settings[name]],
+            parameters=[*files, settings[name]],
+            remappings=remappings,
             output='screen',
         )
         for name in processes
@@ -126,11 +142,22 @@ def _nodes(context: LaunchContext) -> list[object]:
     return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
 
 
+def _config(name: str) -> str:
+    return os.path.join(get_package_share_directory(PACKAGE), 'config', name)
+
+
 def _composed(
-    params_file: str, namespace: str, settings: dict[str, dict[str, object]], *, record: bool
+    files: list[str],
+    namespace: str,
+    settings: dict[str, dict[str, object]],
+    remappings: list[tuple[str, str]],
+    *,
+    record: bool,
 ) -> Node:
     arguments = ['--record'] if record else []
-    arguments += ['--ros-args', '--params-file', params_file]
+    arguments += ['--ros-args']
+    for file in files:
+        arguments += ['--params-file', file]
     for node, values in settings.items():
         for name, value in values.items():
             text = str(value).lower() if isinstance(value, bool) else value
@@ -140,6 +167,7 @@ def _composed(
         executable='composed',
         namespace=namespace,
         arguments=arguments,
+        remappings=remappings,
         output='screen',
     )
 

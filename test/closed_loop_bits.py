@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scenario import axes, Run, Scenario, whole
 
-from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
+from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 
 

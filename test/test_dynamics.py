@@ -10,8 +10,8 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
-import pytest
 from plant_state import derivative, PlantState
+import pytest
 from robots import (
     all_angles,
     Angles,

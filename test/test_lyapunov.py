@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
-import pytest
 from plant_state import derivative, PlantState
+import pytest
 from robots import (
     Angles,
     Array,

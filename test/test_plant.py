@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,12 +24,18 @@ from robots import (
     quads,
 )
 
+from masmc_ros.errors import InputError
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick
+from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.dynamics import inertia, inertia_times
 from masmc_ros.robot.geometry import posture, quasi_velocity
 from masmc_ros.robot.two_link import TWO_LINK
+
+PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 
 ROBOT = Machine(DEFAULT)
 STILL = np.zeros(4)
@@ -156,25 +163,37 @@ def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push
 def test_the_initial_pose_is_that_of_the_centre_of_mass(
     robot: Machine, yaw: float, joints: Quad, rates: Quad
 ) -> None:
-    position, velocity = np.full(7, np.nan), np.full(7, np.nan)
     offset = robot.physical['com_offset']
     pose = np.array([0.4, -0.6, yaw])
-    plant = np.zeros(1, PLANT_SETTINGS)
-    plant['geometry'], plant['is_exact'] = robot.geometry, 1
-    plant_start(
-        plant,
-        np.zeros(1, PLANT_MEMORY),
-        np.zeros((1, 14)),
-        offset,
-        pose,
-        np.array(joints),
-        np.array(rates),
-        position,
-        velocity,
-    )
+    start = {'initial_pose': pose, 'initial_joints': joints, 'initial_velocity': rates}
+    memory, now = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
+    write_start(memory, offset, start)
+    assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), now)
+    position, velocity = now['position'][0, :, 0], now['velocity'][0, :, 0]
     heading = np.array([math.cos(yaw), math.sin(yaw)])
     assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
     assert position[2:].tolist() == [yaw, *joints]
     u, w, _, _ = quasi_velocity(robot.geometry, *rates)
     assert_agree(velocity[:2], u * heading, 1e-14, scale=1.0)
     assert velocity[2:].tolist() == [w, *rates]
+
+
+def test_what_is_measured_is_finite_or_an_error() -> None:
+    """An angle beyond 1e9 rad has no sine: a finite state whose velocities are none."""
+    random = np.random.default_rng(1)
+    values = load_scenario(PAPER)['plant']
+    wrong = 0
+    for _ in range(2000):
+        rate = 10.0 ** random.uniform(3.0, 12.0)
+        turned = 1e-3 * rate * random.uniform(0.0, 1.2) * 0.0508 / 0.182
+        values['initial_pose'] = (0.0, 0.0, 1e9 - turned)
+        values['initial_velocity'] = (rate, -rate, 0.0, 0.0)
+        try:
+            plant = SimulatedRobot(robot_of(values), 0.001, values)
+            plant.advance(10.0 ** random.uniform(0.0, 12.0) * random.standard_normal(4))
+        except InputError:
+            wrong += 1
+            continue
+        assert np.isfinite(plant.position).all()
+        assert np.isfinite(plant.velocity).all()
+    assert 0 < wrong < 2000

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
+from scenario import Scenario
 from test_consistency import reduced_inertia, stretched
 
 from masmc_ros.law.parts.adaptation import MARGIN, projected

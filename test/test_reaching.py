@@ -52,7 +52,7 @@ def switched(kind: str, s: float, delta: float) -> float:
 
 
 def test_laws_and_terms_go_by_their_names() -> None:
-    assert SWITCHING == (*EXPLICIT, 'implicit')
+    assert (*EXPLICIT, 'implicit') == SWITCHING
     assert {name: term.name for name, term in REACHING.items()} == {n: n for n in SWITCHING}
     assert {name: law.name for name, law in LAWS.items()} == {'smc': 'smc', 'rasmc': 'rasmc'}
 

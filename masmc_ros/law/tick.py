@@ -12,7 +12,7 @@ from masmc_ros.law.parts.surface import (
 )
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each, unit
+from masmc_ros.numerics.tuples import each, tabulate, unit
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -81,9 +81,14 @@ def tick_of(
 
 
 @formula
-def task_inertia_column(tick: Tick, j: int) -> Numbers:
-    """Return column j of H_x = J^-T H J^-1 of (11) by the nominal model, kg."""
-    h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    v = mechanism.motion_from_task(tick.model, tick.posture, unit(tick.surface, j))
-    f = mechanism.inertia_times(tick.model, h, v)
-    return mechanism.task_from_forces(tick.model, tick.posture, f)
+def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, h, like = of
+    v = mechanism.motion_from_task(model, posture, unit(like, j))
+    return mechanism.task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
+
+
+@formula
+def task_inertia(model: Any, posture: Any, theta: Numbers, like: Numbers) -> Any:
+    """Return H_x = J^-T H J^-1 of (11) by its columns, kg; `like` has an entry for each axis."""
+    h = mechanism.inertia(model, posture, theta)
+    return tabulate(_task_inertia_column, like, (model, posture, h, like))

@@ -11,8 +11,9 @@ from masmc_ros.loop.control import control, within_limits
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
+from masmc_ros.numerics.tuples import dot, each
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.plant.tick import hold, observe, write_velocity
+from masmc_ros.robot.plant.tick import advance, observe, write_velocity
 
 
 @kernel
@@ -55,28 +56,58 @@ def settle(settings: Any, memory: Any) -> None:
 
 @kernel
 def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
-    """Advance the plant by one control period; tell whether its state is still finite.
+    """Advance the plant by one control period; tell whether all of its state is still finite.
 
     The signals' command answers the state of `tick`; their state becomes that of the next.
     """
-    hold(plant[0], memory[0], tick, now[0])
+    advance(plant[0], memory[0], tick, now[0], False)
     observe(plant[0], memory[0], delayed, tick + 1, now[0])
-    total = 0.0
-    values = memory[0]['velocity']
-    for value in values.flat:
-        # Zero for a finite number, not-a-number for any other.
-        total += value - value
-    values = memory[0]['position']
-    for value in values.flat:
-        total += value - value
-    return total == 0.0
+    return is_finite(now[0])
 
 
 @kernel
-def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> None:
+def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
+    """Advance the plant by one control period in which nobody commands: its drives hold.
+
+    They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
+    where torques are commanded, none of them is applied meanwhile: what the drives make to hold
+    is their own.
+    """
+    advance(plant[0], memory[0], tick, now[0], True)
+    observe(plant[0], memory[0], delayed, tick + 1, now[0])
+    return is_finite(now[0])
+
+
+@kernel
+def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
     """Measure the state at tick 0 from the positions and the joints' rates in the memory."""
     write_velocity(plant[0], memory[0])
     observe(plant[0], memory[0], delayed, 0, now[0])
+    return is_finite(now[0])
+
+
+@formula
+def is_finite(now: Any) -> bool:
+    """Tell whether the state, true and as it is measured, consists of finite numbers.
+
+    Of a finite true state it need not: beyond 1e9 rad an angle has no sine.
+    """
+    total = 0.0
+    for lane in range(lane_count(now)):
+        for values in (
+            get(now, 'position', lane),
+            get(now, 'velocity', lane),
+            get(now, 'true_position', lane),
+            get(now, 'true_velocity', lane),
+        ):
+            # Zero for finite numbers, not-a-number for any other.
+            total += dot(each(_nothing, values), values)
+    return total == 0.0
+
+
+@formula
+def _nothing(value: float) -> float:
+    return value - value
 
 
 @kernel
@@ -107,7 +138,7 @@ def closed_loop(
         copy_to(signal, signals[k])
         if final and k == n - 1:
             break
-        hold(plant_of_all, state, first + k, signal)
+        advance(plant_of_all, state, first + k, signal, False)
         observe(plant_of_all, state, delayed, first + k + 1, signal)
     copy_to(state, plant_memory[0])
     copy_to(learned, memory[0])

@@ -7,11 +7,11 @@ from typing import Any
 
 from masmc_ros.law import law
 from masmc_ros.law.parts import velocity_estimator
-from masmc_ros.numerics.limits import limited
-from masmc_ros.law.parts.velocity_estimator import ESTIMATED, estimate_rates, note_disturbance
+from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.smc import ESTIMATE
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import Field, get, lane_count, put
 from masmc_ros.numerics.tuples import each, tail, thirds
 from masmc_ros.robot import mechanism

@@ -99,6 +99,17 @@ class Controller:
         self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
 
+    def rates(self, velocity: Array) -> Array:
+        """Return the driven joints' rates (rad/s) before a tick of these velocities.
+
+        Those measured, or the last tick's estimate, with which the estimator begins at zero.
+        """
+        joints = len(self.torque)
+        if self.values['velocity_source'] != ESTIMATED_RATES:
+            return velocity[-joints:]
+        follows = self.memory['follows'][0, 0]
+        return self.memory['rates'][0, :, 0].copy() if follows else np.zeros(joints)
+
     def skip(self, periods: int) -> None:
         """Note that so many ticks were left out, with the last torque held meanwhile.
 
@@ -110,7 +121,7 @@ class Controller:
 
     def forget(self) -> None:
         """Forget what was learned: theta_hat is nominal, the law's memory as at its start."""
-        kept = ('commanded', 'velocity_command', *(field.name for field in velocity_estimator.MEMORY))
+        kept = ('velocity_command', *(field.name for field in velocity_estimator.MEMORY))
         before, self.memory = self.memory, self._new_memory()
         for name in kept:
             self.memory[name] = before[name]

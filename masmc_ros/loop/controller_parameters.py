@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.parts.velocity_estimator import SOURCES
+from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
 ADAPTATION = (
     Parameter(
         'leakage',
-        0.0,
+        0.02,
         'Rate at which theta_hat returns to the nominal model (sigma-modification); 0 is off',
         unit='1/s',
         minimum=0.0,
@@ -38,7 +39,7 @@ ADAPTATION = (
     ),
     Parameter(
         'projection.lower',
-        0.0,
+        0.2,
         'Least theta_hat as a multiple of the nominal model; 0 is no projection',
         minimum=0.0,
         maximum=1.0,
@@ -47,7 +48,7 @@ ADAPTATION = (
     ),
     Parameter(
         'projection.upper',
-        10.0,
+        5.0,
         'Largest theta_hat as a multiple of the nominal model, with projection',
         minimum=1.0,
         exclusive_minimum=True,
@@ -55,18 +56,20 @@ ADAPTATION = (
     ),
     Parameter(
         'freeze_when_saturated',
-        False,
+        True,
         'Learn nothing while torque_limit or torque_rate_limit cuts the torque',
         read_only=False,
     ),
 )
-"""What lets the adaptation last; all off by default."""
+"""What lets the adaptation last."""
 
 
-def _limit(name: str, description: str, unit: str) -> Parameter:
+def _limit(
+    name: str, default: tuple[float, ...], description: str, unit: str
+) -> Parameter:
     return Parameter(
         name,
-        (0.0,) * AXES,
+        default,
         f'{description}, on wheel_right, wheel_left, arm_1, arm_2; 0 is none',
         unit=unit,
         length=AXES,
@@ -78,8 +81,8 @@ def _limit(name: str, description: str, unit: str) -> Parameter:
 
 
 LIMITS = (
-    _limit('torque_limit', 'Limit of the commanded torque', 'N·m'),
-    _limit('torque_rate_limit', 'Limit of its change per time', 'N·m/s'),
+    _limit('torque_limit', TORQUE_LIMIT, 'Limit of the commanded torque', 'N·m'),
+    _limit('torque_rate_limit', TORQUE_RATE_LIMIT, 'Limit of its change per time', 'N·m/s'),
 )
 
 
@@ -139,7 +142,7 @@ def parameters() -> tuple[Parameter, ...]:
         ),
         Parameter(
             'switching',
-            'tanh',
+            'implicit',
             'Switching term: the sign, a smooth approximation of it, or implicit Euler',
             choices=registry.SWITCHING,
             read_only=False,
@@ -155,7 +158,7 @@ def parameters() -> tuple[Parameter, ...]:
         ),
         Parameter(
             'observer_gain',
-            0.0,
+            0.5,
             'Gain beta of the disturbance estimate of the implicit law; 0 is off',
             minimum=0.0,
             maximum=1.0,

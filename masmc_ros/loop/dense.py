@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.law.plug_in import TickInput
-from masmc_ros.law.tick import task_inertia_column, tick_of
+from masmc_ros.law.tick import task_inertia as inertia_of_task
+from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import tail, tabulate, thirds, unit
+from masmc_ros.numerics.tuples import tabulate, tail, thirds, unit
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -65,7 +66,7 @@ def _dense(settings: Any, now: Any) -> Any:
         tabulate(_jacobian_column, rates, (model, posture, rates)),
         tabulate(_inverse_column, rates, (model, posture, tick.error)),
         tabulate(_reduced_inertia_column, rates, (model, h, rates)),
-        tabulate(task_inertia_column, tick.error, tick),
+        inertia_of_task(model, posture, tick.nominal, tick.error),
         tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
         mechanism.is_singular(model, posture),
     )

@@ -85,7 +85,9 @@ def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
     return new_record(SIGNALS, mechanism.sizes, lanes)
 
 
-def write_parameters(settings: Records, values: Mapping[str, Any], lane: int | None = None) -> None:
+def write_parameters(
+    settings: Records, values: Mapping[str, Any], lane: int | None = None
+) -> None:
     """Write checked values of parameters, by name, into the settings of a law."""
     for parameter in parameters():
         field = field_of(parameter)

@@ -4,22 +4,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import (
     COMMAND_INTERFACE,
     COMMAND_INTERFACES,
     ENABLE_STAMPED_CMD_VEL,
     VELOCITY,
 )
-from masmc_ros.errors import InputError
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import plant_start, plant_tick
+from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
+from masmc_ros.loop.timing import check_count, MOST_TICKS
+from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.mechanism import Mechanism
 from masmc_ros.robot.parameters import Robot
@@ -79,10 +83,19 @@ PLANT = (
     ),
     Parameter(
         'torque_limit',
-        (0.0, 0.0, 0.0, 0.0),
+        TORQUE_LIMIT,
         "Limit of each motor's torque, unknown to the controller; 0 is none",
         unit='N·m',
         length=4,
+        minimum=0.0,
+    ),
+    Parameter(
+        'torque_rate_limit',
+        TORQUE_RATE_LIMIT,
+        'Limit of its change per time under commanded torques; 0 is none',
+        unit='N·m/s',
+        length=4,
+        broadcast=True,
         minimum=0.0,
     ),
     COMMAND_INTERFACE,
@@ -90,7 +103,8 @@ PLANT = (
     Parameter(
         'velocity_loop.bandwidth',
         (100.0, 100.0, 100.0, 100.0),
-        "Bandwidth of the drives' velocity loops, with commanded rates",
+        "Bandwidth of the drives' velocity loops, which follow commanded rates, and hold the "
+        'joints where nothing is commanded',
         unit='rad/s',
         length=4,
         broadcast=True,
@@ -130,13 +144,20 @@ PLANT = (
 """The plant's declarations."""
 
 
+_BANDWIDTH_STEP = 0.1
+"""Most that the bandwidth of drives that hold is, times the step of integration.
+
+A joint that feels a quarter of its own inertia, as in a stretched arm, is stable up to 0.25.
+"""
+
+
 class SimulatedRobot:
     """The plant's state and how it moves; arrays are views of `now`, the signals of the tick.
 
     `position`, `velocity` (positions) are what is measured at the tick, in the order of
     joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
-    `applied` (joints) is the torque over the interval just ended, in N m: that held, or with
-    commanded rates the mean of what the drives made of them.
+    `applied` (joints) is the torque over the interval just ended, in N m: that commanded,
+    within the motors' limits, or with commanded rates the mean of what the drives made of them.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
@@ -161,21 +182,29 @@ class SimulatedRobot:
         self.reset()
 
     def reset(self) -> None:
-        """Return to the initial state at t = 0."""
+        """Return to the initial state at t = 0; InputError where that is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
         write_start(self.memory, self._com_offset, self._values)
-        plant_start(self.settings, self.memory, self.delayed, self.now)
+        if not plant_start(self.settings, self.memory, self.delayed, self.now):
+            raise InputError(
+                'initial_pose, initial_joints or initial_velocity make no state of a robot; '
+                'expected finite numbers, and angles that have a sine'
+            )
 
-    def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a command (joints) for one control period.
+    def advance(self, command: NDArray[np.float64] | None) -> None:
+        """Hold a command (joints) for one period; with None the drives hold the joints.
 
         Torques in N m, or with `command_interface` velocity the base's own velocities and the
         rates of the joints that it does not move by. Raises InputError where the state is no
         longer finite.
         """
-        self._command[:] = command
-        finite = plant_tick(self.settings, self.memory, self.delayed, self.tick, self.now)
+        moved = self.settings, self.memory, self.delayed, self.tick, self.now
+        if command is None:
+            finite = plant_hold(*moved)
+        else:
+            self._command[:] = command
+            finite = plant_tick(*moved)
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)
@@ -191,6 +220,20 @@ def write_plant(
     """Write a robot, the control period in s and checked values of PLANT into a record."""
     delay = round(values['measurement_delay'] / period)
     imperfect = (*values['encoder_resolution'], *values['velocity_noise'], delay)
+    step = values['integrator_step']
+    check_count(
+        Decimal(period) / Decimal(step),
+        MOST_TICKS,
+        'integrator_step',
+        step,
+        'steps in a control period',
+    )
+    steps = max(1, round(period / step))
+    takes_rates = values['command_interface'] == COMMAND_INTERFACES[VELOCITY]
+    bandwidth = np.array(values['velocity_loop.bandwidth'])
+    if not takes_rates:
+        # Whoever commands torques integrates as the robot needs it; drives that hold follow.
+        bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
     for name, value in {
         'geometry': robot.geometry,
         'theta': robot.theta,
@@ -198,15 +241,16 @@ def write_plant(
         'frequency': values['disturbance.frequency'],
         'phase': values['disturbance.phase'],
         'limit': values['torque_limit'],
+        'rate_limit': values['torque_rate_limit'],
         'period': period,
-        'steps': max(1, round(period / values['integrator_step'])),
-        'takes_rates': values['command_interface'] == COMMAND_INTERFACES[VELOCITY],
+        'steps': steps,
+        'takes_rates': takes_rates,
         'is_exact': not any(imperfect),
         'resolution': values['encoder_resolution'],
         'noise': values['velocity_noise'],
         'delay': delay,
         'seed': values['seed'],
-        'bandwidth': values['velocity_loop.bandwidth'],
+        'bandwidth': bandwidth,
     }.items():
         fill(settings, name, value, lane)
     angles = np.array(values['initial_joints'])[:, None] + np.zeros(settings['inertia'][0].shape)
@@ -221,9 +265,11 @@ def write_start(
     x, y, yaw = values['initial_pose']
     s, c = sin_cos(yaw)
     position = (x - com_offset * c, y - com_offset * s, yaw, *values['initial_joints'])
+    still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)
-    fill(memory, 'wound', np.zeros(len(values['initial_velocity'])), lane)
+    fill(memory, 'wound', still, lane)
+    fill(memory, 'driven', still, lane)
 
 
 def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
@@ -23,12 +23,13 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
+from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.parameters import ROBOT, Robot
 
 _OF_PLANT = ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
 _COMPUTED = ('raw_torque', 'torque', 'error', 'surface', 'estimate', 'singular')
-_VECTORS = (*_OF_PLANT, *_COMPUTED[:-1], 'reference')
+_VECTORS = (*_OF_PLANT, *_COMPUTED[:-1])
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
@@ -50,6 +51,7 @@ class Simulation:
         self._start = control
         self._changes = tuple(changes)
         self._is_active = True
+        self._approach: Approach | None = None
         check_agreement(plant, control)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
@@ -70,6 +72,7 @@ class Simulation:
         self.controller.change(self._start)
         self.controller.reset()
         self._is_active = self._start['active_on_start']
+        self._approach = None
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
@@ -91,13 +94,18 @@ class Simulation:
             compiles = self._is_active and self.controller.is_compiled
             advance = self._compiled if compiles else self._interpreted
             samples = reference[start - first : stop - first]
-            parts.append(advance(start, samples, final=final and stop == end))
+            followed = self._followed(start, samples)
+            parts.append(advance(start, samples, followed, final=final and stop == end))
         return parts[0] if not changes else joined(parts, changes)
 
     def _make(self, change: Change) -> None:
         if change.values:
             self.controller.change(change.values)
         if change.event == ACTIVATED:
+            if not self._is_active:
+                speed = self._start['approach_speed']
+                self._approach = Approach(self.controller.geometry, speed)
+                self._approach.begin()
             self.controller.reset()
         elif change.event == ADAPTATION_RESET:
             self.controller.forget()
@@ -105,6 +113,24 @@ class Simulation:
             self.controller.rest()
         if change.event in (ACTIVATED, RESUMED, DEACTIVATED):
             self._is_active = change.event != DEACTIVATED
+
+    def _followed(self, first: int, reference: Array) -> Array:
+        """Return what the controller follows from a tick on (n, 12), the reference being given.
+
+        After an activation it goes from where the robot then is to the reference.
+        """
+        approach = self._approach
+        if approach is None or not (self._is_active and approach.is_on):
+            return reference
+        followed = reference.copy()
+        rates = self.controller.rates(self.plant.velocity)
+        for k in range(len(reference)):
+            stamp = self.timing.stamp(first + k)
+            # Position and rates count at the first tick of an approach, which is here the first.
+            followed[k] = approach.follow(stamp, self.plant.position, rates, reference[k])
+            if not approach.is_on:
+                break
+        return followed
 
     def _check_finite(self, stretch: Stretch) -> None:
         finite = np.isfinite(stretch.torque).all(axis=1)
@@ -115,7 +141,9 @@ class Simulation:
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
-    def _compiled(self, first: int, reference: Array, *, final: bool) -> Stretch:
+    def _compiled(
+        self, first: int, reference: Array, followed: Array, *, final: bool
+    ) -> Stretch:
         plant, controller = self.plant, self.controller
         signals = np.empty(len(reference), plant.now.dtype)
         closed_loop(
@@ -127,13 +155,15 @@ class Simulation:
             plant.now,
             first,
             final,
-            reference,
+            followed,
             signals,
         )
         plant.tick = first + len(reference)
-        return self._told(first, signals, active=True)
+        return self._told(first, signals, reference, active=True)
 
-    def _interpreted(self, first: int, reference: Array, *, final: bool) -> Stretch:
+    def _interpreted(
+        self, first: int, reference: Array, followed: Array, *, final: bool
+    ) -> Stretch:
         """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
         n = len(reference)
         plant, controller, is_active = self.plant, self.controller, self._is_active
@@ -141,7 +171,7 @@ class Simulation:
         for k in range(n):
             row, now = signals[k], controller.now[0]
             if is_active:
-                controller.tick(plant.position, plant.velocity, reference[k])
+                controller.tick(plant.position, plant.velocity, followed[k])
                 for name in _COMPUTED:
                     row[name] = now[name]
             else:
@@ -149,18 +179,18 @@ class Simulation:
                 row['error'], row['surface'] = np.nan, np.nan
             for name in _OF_PLANT:
                 row[name] = plant.now[0][name]
-            row['reference'][:, 0] = reference[k]
             if not (final and k == n - 1):
-                plant.advance(row['torque'][:, 0])
-        return self._told(first, signals, active=is_active)
+                plant.advance(row['torque'][:, 0] if is_active else None)
+        return self._told(first, signals, reference, active=is_active)
 
-    def _told(self, first: int, signals: Any, *, active: bool) -> Stretch:
+    def _told(self, first: int, signals: Any, reference: Array, *, active: bool) -> Stretch:
         n, rates = len(signals), signals['rates'][:, :, 0]
         return Stretch(
             first,
             **{name: signals[name][:, :, 0] for name in _VECTORS},
+            reference=reference,
             active=np.full(n, active),
-            # Rates that are commanded are compiled; at rest they are as zero as torques.
+            # Rates that are commanded are compiled; at rest they are zero, and so are torques.
             rates=rates if self.controller.commands_rates else rates[:0],
             singular=int(signals['singular'].sum()),
         )

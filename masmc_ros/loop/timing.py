@@ -5,22 +5,48 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 
 TIMING = (
     Parameter(
         'control_period',
-        0.001,
+        0.01,
         'Time T between two control ticks',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
         maximum=1.0,
     ),
-    Parameter('duration', 20.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
+    Parameter('duration', 0.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
 )
+
+LATE_TICKS = 2
+"""Ticks of real time that a plant makes up for at once when the wall clock has run ahead.
+
+The torque at hand acts through all of them, and a law can do with only so much of that: by more
+than this the robot's time falls behind instead.
+"""
+
+
+MOST_TICKS = 100_000
+"""Ticks in a second, and steps of integration in a tick, beyond which nobody can mean them."""
+
+_LONGEST = 2**31
+"""Stamps of ROS 2 end before so many s."""
+
+
+def check_count(count: Decimal, most: int, name: str, value: float, what: str) -> None:
+    """Refuse a parameter's value by InputError where it makes more of something than can be."""
+    if count > most:
+        raise InputError(f'{name} = {value!r}: {_text(count)} {what}; expected at most {most}')
+
+
+def _text(count: Decimal) -> str:
+    return f'{float(count):.6g}' if count < Decimal('1e300') else f'{count:.1e}'
 
 
 @dataclass(frozen=True)
@@ -32,8 +58,15 @@ class Timing:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Timing:
-        """Make the grid from checked parameter values."""
+        """Make the grid from checked parameter values; InputError for ticks beyond count."""
         period, duration = values['control_period'], values['duration']
+        each = 1 / Decimal(period)
+        check_count(each, MOST_TICKS, 'control_period', period, 'ticks in a second')
+        if duration >= _LONGEST:
+            raise InputError(
+                f'duration = {duration!r}: {_text(Decimal(duration) * each)} ticks; expected less'
+                f' than {_LONGEST} s, where stamps end, or 0 for an endless run'
+            )
         return cls(period, max(1, round(duration / period)) if duration > 0.0 else None)
 
     def time(self, tick: int) -> float:

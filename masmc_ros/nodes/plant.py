@@ -18,7 +18,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.loop.timing import Timing
+from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_input import CommandInput
 from masmc_ros.nodes.command_line import CommandLine
@@ -32,8 +32,8 @@ from masmc_ros.nodes.runtime import run
 from masmc_ros.nodes.state_output import StateOutput
 from masmc_ros.nodes.throttle import Throttle
 
-_LATE_TICKS = 20
-"""Ticks made up for at once when the wall clock has run ahead."""
+_HELD = 0.02
+"""Time in s between two sendings of the same state while the robot's time stands still."""
 
 
 class PlantNode(SuiteNode):
@@ -49,7 +49,8 @@ class PlantNode(SuiteNode):
         self._lockstep = self.values['pacing'] == 'lockstep'
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
-        self._robot.advance(np.zeros(4))
+        for command in (np.zeros(4), None):
+            self._robot.advance(command)
         self._output = StateOutput(self._robot, self._timing, self.values)
         self._started = self._paused = self._runs = False
         self._single_steps = 0
@@ -60,7 +61,7 @@ class PlantNode(SuiteNode):
         self._begun = 0.0
         self._watched = -1
         self._recorder = RecorderPace(self.log)
-        self._woken = 0.0
+        self._woken = self._sent = 0.0
         self._anchor = (0.0, 0)
         self._pacer: Timer | None = None
 
@@ -79,7 +80,7 @@ class PlantNode(SuiteNode):
         self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
         publish_health(
             node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             self._report_health,
         )
@@ -174,7 +175,7 @@ class PlantNode(SuiteNode):
             self._single_steps -= 1
         self._advance(self._input.take())
 
-    def _advance(self, command: np.ndarray) -> None:
+    def _advance(self, command: np.ndarray | None) -> None:
         if self._robot.tick == self._timing.last:
             self.finished = True
             self._say_pace()
@@ -251,13 +252,17 @@ class PlantNode(SuiteNode):
             # This process was held up, and the robot's time with it; commands may be waiting.
             self._input.touch()
         if self._paused or not self._runs or self.finished:
+            self._send_again(now)
             return
         since, tick = self._anchor
-        due = tick + int((now - since) * self.values['real_time_factor'] / self._timing.period)
-        if due - self._robot.tick > _LATE_TICKS:
-            self._health.late += due - self._robot.tick
+        factor = self.values['real_time_factor']
+        due = tick + int((now - since) * factor / self._timing.period)
+        behind = due - self._robot.tick
+        if behind > 1:
+            self._health.late += behind - 1  # by a period or more
+        if behind > LATE_TICKS * max(1.0, factor):
             self.log.warning(
-                f'{due - self._robot.tick} ticks late; the plant goes on from here',
+                f'{behind - 1} ticks late; the plant goes on from here',
                 throttle_duration_sec=5.0,
             )
             due = self._robot.tick + 1
@@ -265,8 +270,14 @@ class PlantNode(SuiteNode):
         while self._robot.tick < due and not self.finished:
             self._advance(self._held_command(now))
 
-    def _held_command(self, now: float) -> np.ndarray:
-        """Return the last command, zeros where it is too old.
+    def _send_again(self, now: float) -> None:
+        """Let nobody take a robot whose time stands still for one that is silent."""
+        if not self.finished and now - self._sent > _HELD:
+            self._sent = now
+            self._output.send_again()
+
+    def _held_command(self, now: float) -> np.ndarray | None:
+        """Return the last command, None where nothing is commanded or that is too old.
 
         A command does not grow old while the robot's time stands still.
         """
@@ -275,7 +286,7 @@ class PlantNode(SuiteNode):
         for topic in [] if self._paused else self._input.drop_old(now, timeout):
             if self._silences.is_due(topic):
                 self.log.warning(
-                    f'no command for {timeout:g} s; what {topic} asked for is zero until one comes'
+                    f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
                 )
         return self._input.held()
 

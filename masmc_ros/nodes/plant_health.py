@@ -18,7 +18,7 @@ class PlantHealth:
 
     Attributes:
         dropped: commands that were not for the present.
-        late: ticks that the wall clock had run ahead by when the plant gave up on them.
+        late: ticks that were due a period or more before they were made, or given up on.
     """
 
     def __init__(self, period: float) -> None:

@@ -112,7 +112,9 @@ def _share(gradient: float, share: float) -> float:
 
 
 @formula
-def adapt(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers) -> None:
+def adapt(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
     """Move theta_hat on by one tick, before the projection."""
     w = mechanism.motion_from_task(tick.model, tick.posture, tick.surface)
     gradient = mechanism.regressor_transpose_times(tick.model, tick.regressor, w)

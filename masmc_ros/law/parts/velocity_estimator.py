@@ -155,7 +155,9 @@ def estimate_rates(
 
 
 @formula
-def note_disturbance(memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int) -> None:
+def note_disturbance(
+    memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
+) -> None:
     """Keep the law's disturbance estimate (N) as torques for the next expectation."""
     force = mechanism.forces_from_task(model, posture, disturbance)
     put(memory, 'felt', lane, mechanism.joint_torques(model, force))

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from masmc_ros.law.reaching.reaching import Reaching, register
-from masmc_ros.law.tick import task_inertia_column, Tick
+from masmc_ros.law.tick import task_inertia, Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import Field, get, put
-from masmc_ros.numerics.tuples import each, least, matrix_times, tabulate
+from masmc_ros.numerics.tuples import each, least, matrix_times
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -121,7 +121,7 @@ def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance
 @formula
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the reaching force, and remember s+ and the disturbance estimate."""
-    inertia = tabulate(task_inertia_column, tick.surface, tick)
+    inertia = task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
     k_s1, k_s2 = get(settings, 'k_s1', lane), get(settings, 'k_s2', lane)
     disturbance = disturbance_estimate(
         inertia,

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import tabulate, unit
 from masmc_ros.robot import mechanism

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import Field, get, lane_count, put
 from masmc_ros.numerics.tuples import column, each
 from masmc_ros.robot import mechanism
@@ -24,6 +24,7 @@ SETTINGS = (
     Field('frequency', 'joints', 'Disturbance torque', 'rad/s'),
     Field('phase', 'joints', 'Disturbance torque', 'rad'),
     Field('limit', 'joints', "Limit of each motor's torque; 0 is none", 'N·m'),
+    Field('rate_limit', 'joints', 'Limit of its change; 0 is none', 'N·m/s'),
     Field('period', description='Control period, that of all lanes', unit='s'),
     Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
     Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
@@ -42,7 +43,7 @@ MEMORY = (
     Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
     Field('rates', 'joints', "True rates of the joints, the last of them again", 'rad/s'),
     Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
-    Field('driven', 'joints', "Torque of the drives' velocity loops", 'N·m'),
+    Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
     Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
@@ -109,22 +110,35 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
 
 
 @formula
-def hold(plant: Any, memory: Any, tick: int, now: Any) -> None:
-    """Move the true state on by one period under the command in `now`.
+def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
+    """Move the true state on by one period under the command in `now`; nobody's if `holds`.
 
     Writes the torque that it comes to as `applied`: within the motors' limits the command
-    itself, or the mean of what the drives make of commanded rates.
+    itself, or the mean of what the drives make of commanded rates. Where nobody commands, the
+    drives hold the joints as with rates of zero; no torque is applied in anybody's name then.
     """
     lanes = lane_count(plant)
     steps, period = plant['steps'][0], plant['period'][0]
-    takes_rates = plant['takes_rates'][0] != 0
+    takes_rates = (plant['takes_rates'][0] != 0) | holds
     time = tick * period
     h = period / steps
     for lane in range(lanes):
         asked = get(now, 'torque', lane)
-        held = each(clipped, asked, get(plant, 'limit', lane))
-        put(now, 'applied', lane, each(_nothing, asked) if takes_rates else held)
-        put(memory, 'driven', lane, held)
+        nothing = each(_nothing, asked)
+        held = each(
+            limited,
+            asked,
+            get(memory, 'driven', lane),
+            get(plant, 'limit', lane),
+            get(plant, 'rate_limit', lane),
+            period,
+        )
+        put(now, 'applied', lane, nothing if takes_rates else held)
+        if holds:
+            put(now, 'rates', lane, nothing)
+        if not takes_rates:
+            put(memory, 'driven', lane, held)
+            put(memory, 'wound', lane, nothing)
         put(memory, 'push', lane, disturbance(plant, lane, time))
     for step in range(steps):
         if takes_rates:
@@ -147,6 +161,11 @@ def hold(plant: Any, memory: Any, tick: int, now: Any) -> None:
             put(memory, 'rates', lane, rates)
             put(memory, 'push', lane, end)
     write_velocity(plant, memory)
+    if holds & (plant['takes_rates'][0] == 0):
+        for lane in range(lanes):
+            nothing = each(_nothing, get(now, 'torque', lane))
+            put(now, 'applied', lane, nothing)
+            put(memory, 'driven', lane, nothing)
 
 
 @formula

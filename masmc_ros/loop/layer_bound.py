@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a torque may be held under a boundary layer, and how thick the layer has to be.
+
+Inside the layer a smooth switching term is the gain K_s1 + K_s2 / delta. Held for h seconds it
+is stable as long as h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.law.tick import task_inertia
+from masmc_ros.loop import records
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.record import fill, get
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.two_link import TWO_LINK
+
+
+@kernel
+def _task_inertia(plant: Any, now: Any) -> Any:
+    model = mechanism.model_of(plant[0], 0)
+    bend = mechanism.posture(model, get(now[0], 'position', 0))
+    return task_inertia(model, bend, get(plant[0], 'theta', 0), get(now[0], 'error', 0))
+
+
+def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
+    """Return lambda_min(H_x) in kg of base parameters and lengths, at the positions."""
+    plant, now = records.plant_settings(TWO_LINK), records.signals(TWO_LINK)
+    fill(plant, 'theta', theta)
+    fill(plant, 'geometry', geometry)
+    fill(now, 'position', position)
+    matrix = np.array(_task_inertia(plant, now))
+    return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
+
+
+def longest_hold(inertia: float, k_s1: float, k_s2: float, layer: float) -> float:
+    """Return the time in s for which a torque may be held: kg, N s/m, N, m/s."""
+    return 2.0 * inertia / (k_s1 + k_s2 / layer)
+
+
+def thinnest_layer(inertia: float, k_s1: float, k_s2: float, hold: float) -> float:
+    """Return the bound of delta in m/s for torques held for so many s; infinite for none."""
+    rest = 2.0 * inertia / hold - k_s1
+    return k_s2 / rest if rest > 0.0 else math.inf

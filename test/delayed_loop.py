@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop on a busy machine: the real controller and plant, each held up at random.
+
+What the nodes do by the wall clock, without the nodes: the plant wakes up late and makes up for
+the ticks that are due with the torque at hand; the controller takes the latest state once it is
+free, and its answer comes late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.timing import LATE_TICKS
+from masmc_ros.nodes.scenario import Values
+from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.forward_kinematics import task_positions
+
+Array = NDArray[np.float64]
+Delay = Callable[[], float]
+"""Returns how much later than it should something happens, in s."""
+
+_COMPUTING = 0.0003
+"""Time in s from a state to its answer on a machine without other work."""
+
+
+@dataclass
+class DelayedRun:
+    """What a run leaves behind.
+
+    Attributes:
+        error: x - x_d (n, 4) of the true state in m, by tick.
+        largest_torque: (4) N m.
+        late: ticks of the plant under a torque that answers an earlier state.
+    """
+
+    error: Array
+    largest_torque: Array
+    late: int
+
+    def most(self, axes: list[int], begin: int) -> float:
+        """Return the largest distance in mm on two axes, from a tick on."""
+        return float(1e3 * np.hypot(*self.error[begin:, axes].T).max())
+
+
+class _Answering:
+    """The controller, which answers the state that is the latest when it is free."""
+
+    def __init__(self, values: Values, reference: Array, delay: Delay) -> None:
+        control = values['controller']
+        period = control['control_period']
+        self.controller = Controller(robot_of(control), period, control)
+        self._approach = Approach(self.controller.geometry, control['approach_speed'])
+        self._approach.begin()
+        self._reference, self._delay, self._period = reference, delay, period
+        self._free = 0.0
+        self._answered: int | None = None
+        self._sent: list[tuple[float, int, Array]] = []
+
+    def answer(self, sent: float, tick: int, position: Array, velocity: Array) -> None:
+        """Answer the state of a tick that was sent at a time in s."""
+        if self._answered is not None:
+            left_out = tick - self._answered - 1
+            if left_out > 0:
+                self.controller.skip(left_out)
+        self._answered = tick
+        stamp = round(1e9 * tick * self._period)
+        reference = self._approach.follow(stamp, position, self._reference[tick].copy())
+        self.controller.tick(position, velocity, reference)
+        self._free = max(self._free, sent) + _COMPUTING + self._delay()
+        self._sent.append((self._free, tick, self.controller.torque.copy()))
+
+    def is_free(self, now: float) -> bool:
+        """Tell whether it could take a state before a time in s."""
+        return self._free <= now
+
+    def latest(self, now: float) -> tuple[int, Array] | None:
+        """Return what came last until a time in s, None for nothing new: tick and torque (4)."""
+        arrived = [(tick, torque) for time, tick, torque in self._sent if time <= now]
+        self._sent = [each for each in self._sent if each[0] > now]
+        return arrived[-1] if arrived else None
+
+
+def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay) -> DelayedRun:
+    """Run for some time of the robot; both delays are asked for once for every tick.
+
+    Raises InputError where the robot's state is no longer finite.
+    """
+    period = values['plant']['control_period']
+    plant = SimulatedRobot(robot_of(values['plant']), period, values['plant'])
+    ticks = round(seconds / period)
+    trajectory = Trajectory(values['trajectory'], period, robot_of(values['trajectory']))
+    reference = trajectory.sample(0, ticks + 1)
+    answering = _Answering(values, reference, delay)
+    error, largest, held = np.empty((ticks, 4)), np.zeros(4), np.zeros(4)
+    now = lost = 0.0
+    wake = late = 0
+    answered = -1
+    state = (0.0, 0, plant.position.copy(), plant.velocity.copy())
+    is_waiting = True
+    while plant.tick < ticks:
+        wake = max(wake, int(now / period)) + 1
+        now = max(now, wake * period + plant_delay())
+        if is_waiting and answering.is_free(now):
+            answering.answer(*state)
+            is_waiting = False
+        newest = answering.latest(now)
+        if newest is not None:
+            answered, held = newest
+        due = int((now - lost) / period + 1e-9)
+        if due - plant.tick > LATE_TICKS:
+            lost += (due - plant.tick - 1) * period
+            due = plant.tick + 1
+        for _ in range(plant.tick, min(due, ticks)):
+            late += answered < plant.tick
+            plant.advance(held)
+            place = task_positions(plant.geometry, plant.true_position[None])[0]
+            error[plant.tick - 1] = place - reference[plant.tick, :4]
+            largest = np.maximum(largest, np.abs(plant.applied))
+            state = (now, plant.tick, plant.position.copy(), plant.velocity.copy())
+            is_waiting = True
+    return DelayedRun(error, largest, late)
