@@ -26,14 +26,18 @@ def _sum(a: float, b: float) -> float:
 
 
 @formula
-def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the joints' torques in N m."""
-    model = mechanism.regressor_times(
-        tick.model, tick.regressor, get(memory, 'estimate', lane)
-    )
-    u = reach(settings, tick, memory, lane)
+def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
+    """Return Y theta + J' u in N m: what a model asks for, and a force u (N) on the task's axes."""
+    model = mechanism.regressor_times(tick.model, tick.regressor, theta)
     force = mechanism.forces_from_task(tick.model, tick.posture, u)
     return mechanism.joint_torques(tick.model, each(_sum, model, force))
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    u = reach(settings, tick, memory, lane)
+    return model_torque(tick, get(memory, 'estimate', lane), u)
 
 
 SMC = register(Law('smc', torque, memory=(ESTIMATE,), learn=correct, settle=project))

@@ -61,6 +61,8 @@ class Controller:
         self.commands_rates = values['command_interface'] == VELOCITY_INTERFACE
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
+        self._law: Law = registry.OF_RATES
+        self.memory = self._new_memory()
         self._choose(values)
         self.estimate[:] = self.nominal
         self._apply(values)
@@ -186,10 +188,8 @@ class Controller:
         fill(settings, 'period', self.period)
         fill(settings, 'takes_rates', self.commands_rates)
         self.settings, self._plug_in = settings, plug_in
-        before = getattr(self, 'memory', None)
-        self.memory = self._new_memory()
-        if before is not None:
-            take_over(self.memory, before)
+        before, self.memory = self.memory, self._new_memory()
+        take_over(self.memory, before)
 
     def _new_memory(self) -> records.Records:
         return records.law_memory(self.mechanism, self._law)

@@ -132,7 +132,13 @@ def _shape(record: types.Record, name: str) -> tuple[int, ...]:
 @generated(lane_count, lambda context, record: types.intp)
 def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
     lanes = next(iter(kinds[0].fields.values())).type.shape[-1]
-    return compiler.context.get_constant(types.intp, lanes)
+    number = compiler.context.get_constant(types.intp, lanes)
+    if lanes == 1:
+        return number
+    # Where the compiler knows how many, it writes a tick out once for each lane, and does not
+    # find out that one instruction does for several.
+    same = ir.FunctionType(number.type, [number.type])
+    return compiler.builder.asm(same, '', '=r,0', [number], False)
 
 
 def get(record: Any, name: str, lane: int) -> Any:
