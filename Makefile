@@ -6,11 +6,12 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
 
-.PHONY: help setup demo test lint bench soak clean
+.PHONY: help setup demo test test-all lint bench soak clean
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
-	@echo 'make test   set up and run the tests'
+	@echo 'make test   set up and run the tests, without those that take long by their nature'
+	@echo 'make test-all   all of them'
 	@echo 'make lint   style and types'
 	@echo 'make bench  speeds, as ratios within one run'
 	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try'
@@ -35,8 +36,14 @@ setup: $(VENV)/.installed
 demo: $(VENV)/.installed
 	@$(BIN)/masmc demo
 
+# The files of tests are shared out to two processes, each file whole: its fixtures are made once.
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile
+
 test: $(VENV)/.installed-dev
-	@$(BIN)/python -m pytest
+	@$(PYTEST) -m 'not slow'
+
+test-all: $(VENV)/.installed-dev
+	@$(PYTEST)
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

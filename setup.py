@@ -15,9 +15,10 @@ NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
 # `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by
-# setup.cfg. pip puts them in bin/, where names such as `plant` would be in everybody's way:
-# a wheel has `masmc` there, and shims that call it where `ros2 run` looks. A wheel takes its
-# entry points from `dist_info`, which runs first and on its own.
+# setup.cfg, and puts bin/ on the PATH: there goes a script that calls `masmc`. pip puts them in
+# bin/, where names such as `plant` would be in everybody's way: a wheel has `masmc` there, and
+# shims that call it where `ros2 run` looks. A wheel takes its entry points from `dist_info`,
+# which runs first and on its own.
 is_wheel = not {'dist_info', 'bdist_wheel', 'editable_wheel'}.isdisjoint(sys.argv)
 scripts = ['masmc = masmc_ros.cli.main:main']
 shims = []
@@ -25,32 +26,37 @@ if is_wheel:
     shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
 else:
     scripts += [f'{node} = masmc_ros.cli.run:{node}' for node in NODES]
+    shims = [('bin', ['scripts/masmc'])]
 
 setup(
     name=NAME,
     version='0.1.0',
     description='Robust adaptive sliding mode control of mobile manipulators for ROS 2',
     author='masmc_ros developers',
-    author_email='developers@masmc-ros.invalid',
+    author_email='maintainers@masmc-ros.org',
     maintainer='masmc_ros developers',
-    maintainer_email='developers@masmc-ros.invalid',
+    maintainer_email='maintainers@masmc-ros.org',
+    url='https://github.com/masmc-ros/masmc_ros',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['report/page/*']},
+    package_data={NAME: ['nodes/fast_dds/*', 'report/page/*']},
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.
     install_requires=[
         'jinja2',
+        'lz4',
+        'markupsafe',
         'matplotlib',
         'mcap',
         'mcap-ros2-support',
-        'numba',
-        'numpy',
+        'numba>=0.58',
+        'numpy>=1.26',
         'plotly>=6',
         'PyYAML',
         'rosbags',
         'tqdm',
+        'zstandard',
     ],
     extras_require={
         'ros': [
@@ -65,6 +71,7 @@ setup(
             'mpmath',
             'pyarrow',
             'pytest',
+            'pytest-xdist',
             'sympy',
             'websockets',
         ],

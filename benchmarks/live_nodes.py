@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 
+from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.share import shared_file
 
@@ -36,7 +37,8 @@ def realtime_nodes(
         os.environ.update(domain)
         processes = {
             node: subprocess.Popen(
-                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *arguments]
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *arguments],
+                env={**os.environ, **child_environment()},
             )
             for node in nodes
         }

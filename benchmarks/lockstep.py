@@ -12,6 +12,7 @@ import sys
 import tempfile
 
 from benchmarks.ping_pong import round_trips_per_second
+from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.share import shared_file
 
@@ -49,7 +50,7 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
         processes = [
             subprocess.Popen(
                 [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *given],
-                env={**os.environ, **domain},
+                env={**os.environ, **domain, **child_environment()},
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,

@@ -18,6 +18,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from masmc_ros.nodes.transport import prepare_transport
+
 _QOS = QoSProfile(depth=1)
 
 
@@ -82,6 +84,7 @@ class Ping:
 
 def round_trips_per_second(*, raw: bool, composed: bool, seconds: float = 3.0) -> float:
     """Measure round trips per second, both nodes in this process or one in another."""
+    prepare_transport()
     context = rclpy.Context()
     rclpy.init(context=context)
     executor = EventsExecutor(context=context)
@@ -116,6 +119,7 @@ def _serve(*, raw: bool) -> None:
     """Answer until SIGTERM."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    prepare_transport()
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     executor = EventsExecutor(context=context)

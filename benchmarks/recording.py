@@ -19,6 +19,7 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.log.cdr import JointStateCdr
 from masmc_ros.nodes.qos import publisher_qos
@@ -48,6 +49,7 @@ def main(seconds: float = SECONDS) -> None:
                 *('-p', f'output:={log}', '-p', f'extra_topics:=[{", ".join(names)}]'),
             ],
             stderr=subprocess.DEVNULL,
+            env={**os.environ, **child_environment()},
         )
         try:
             sent, wall = _send(names, seconds, recorder.pid)

@@ -50,6 +50,12 @@ def generate_launch_description() -> LaunchDescription:
             description='Put before all names of frames, such as left/; empty: as in params_file.',
         ),
         DeclareLaunchArgument(
+            'clock',
+            default_value='',
+            description='Topic of the simulated time, such as /clock, on which one robot alone '
+            'may send; empty: clock in the namespace, so that every robot has its own.',
+        ),
+        DeclareLaunchArgument(
             'record',
             default_value='true',
             choices=SWITCH,
@@ -95,6 +101,9 @@ def _nodes(context: LaunchContext) -> list[object]:
         if given('pacing') == 'realtime':
             files.append(_config('realtime.yaml'))
     record = is_on('record')
+    # The nodes send on `clock`; with use_sim_time they, like all nodes of ROS, follow `/clock`.
+    clock = given('clock') or '/'.join(['', *filter(None, given('namespace').split('/')), 'clock'])
+    remappings = [('clock', clock), ('/clock', clock)]
     names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
     settings: dict[str, dict[str, object]] = {name: {} for name in names}
     settings['plant']['wait_for'] = [name for name in names if name != 'plant']
@@ -116,7 +125,7 @@ def _nodes(context: LaunchContext) -> list[object]:
     if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
-        nodes = [_composed(files, given('namespace'), together, record=record)]
+        nodes = [_composed(files, given('namespace'), together, remappings, record=record)]
     nodes += [
         Node(
             package=PACKAGE,
@@ -124,6 +133,7 @@ def _nodes(context: LaunchContext) -> list[object]:
             name=name,
             namespace=given('namespace'),
             parameters=[*files, settings[name]],
+            remappings=remappings,
             output='screen',
         )
         for name in processes
@@ -140,6 +150,7 @@ def _composed(
     files: list[str],
     namespace: str,
     settings: dict[str, dict[str, object]],
+    remappings: list[tuple[str, str]],
     *,
     record: bool,
 ) -> Node:
@@ -156,6 +167,7 @@ def _composed(
         executable='composed',
         namespace=namespace,
         arguments=arguments,
+        remappings=remappings,
         output='screen',
     )
 

@@ -19,10 +19,22 @@ from functools import cache
 import hashlib
 import os
 from pathlib import Path
-import tempfile
 from typing import Any
 
+from numba import __version__ as numba_version
 from numba import config, njit
+
+from masmc_ros.errors import UserError
+from masmc_ros.user_folder import runtime_folder
+
+OLDEST_NUMBA = (0, 58)
+"""That of Ubuntu 24.04; setup.py says the same."""
+
+if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
+    raise UserError(
+        f'numba {numba_version} is too old: expected {".".join(map(str, OLDEST_NUMBA))} or later;'
+        ' pip install --upgrade numba'
+    )
 
 _NUMERICAL_MODULES = ('compiled', 'portable_math', 'portable_random')
 _NUMERICAL_FOLDERS = ('robot', 'control', 'reference', 'loop')
@@ -64,16 +76,13 @@ def _cache_directory() -> Path:
         digest.update(source.read_bytes())
     name = f'masmc_ros-{digest.hexdigest()[:16]}'
     root = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
-    for directory in (root / 'masmc_ros' / name, Path(tempfile.gettempdir()) / _user(name)):
+    # The temporary folder is a shared one: machine code that is run must be one's own.
+    for parent in (lambda: root / 'masmc_ros', runtime_folder):
         try:
+            directory = parent() / name
             directory.mkdir(parents=True, exist_ok=True)
-        except OSError:
+        except (OSError, UserError):
             continue
         if os.access(directory, os.W_OK):
             return directory
     return package / '__pycache__'
-
-
-def _user(name: str) -> str:
-    """Keep the cache of one user apart from another's in a shared temporary folder."""
-    return f'{name}-{os.getuid()}' if hasattr(os, 'getuid') else name

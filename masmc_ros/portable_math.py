@@ -20,8 +20,10 @@ _HALF_PI_1 = 1.57079632673412561417e00
 _HALF_PI_2 = 6.07710050630396597660e-11
 _HALF_PI_3 = 2.02226624871116645580e-21
 _HALF_PI_REST = 8.47842766036889956997e-32
-# From here on the reduction would return noise; not-a-number says so.
+# From here on the reduction would return noise; not-a-number says so. It is a constant because
+# older releases of Numba do not compile float('nan').
 _LARGEST_ANGLE = 1.0e9
+_NAN = float('nan')
 
 _LOG2_E = 1.44269504088896338700e00
 _LN2_HIGH = 6.93145751953125e-01
@@ -37,7 +39,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
     Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
     worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
     """
-    angle = angle if abs(angle) < _LARGEST_ANGLE else float('nan')
+    angle = angle if abs(angle) < _LARGEST_ANGLE else _NAN
     n = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
     r = (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
     z = r * r

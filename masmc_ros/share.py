@@ -14,11 +14,36 @@ def shared_file(*parts: str) -> Path:
 
     Looks beside the sources, in the prefix of a pip installation and in that of colcon.
     """
-    package = Path(__file__).resolve().parent
-    # colcon: PREFIX/lib/pythonX.Y/site-packages/masmc_ros, and PREFIX/share/masmc_ros.
-    prefixes = [Path(sys.prefix), *package.parents[:5]]
-    for folder in (package.parent, *(p / 'share' / 'masmc_ros' for p in prefixes)):
+    for folder in _folders():
         path = folder.joinpath(*parts)
         if path.is_file():
             return path
     raise InputError(f'{"/".join(parts)}: not installed with masmc_ros; reinstall the package')
+
+
+def scenarios() -> dict[str, Path]:
+    """Return the parameter files that are installed with the package, by name."""
+    found = (sorted(folder.glob('config/*.yaml')) for folder in _folders())
+    return {path.stem: path for path in next(filter(None, found), [])}
+
+
+def scenario_file(name: str) -> str:
+    """Return the path of a parameter file: the one that is there, or that of an installed name."""
+    if Path(name).exists() or Path(name).name != name:
+        return name
+    installed = scenarios()
+    if name in installed:
+        return str(installed[name])
+    if Path(name).suffix or not installed:
+        return name
+    raise InputError(
+        f'{name}: no such file; give the path of a parameter file or of a log, or the name of an '
+        f'installed one: {", ".join(installed)}'
+    )
+
+
+def _folders() -> tuple[Path, ...]:
+    package = Path(__file__).resolve().parent
+    # colcon: PREFIX/lib/pythonX.Y/site-packages/masmc_ros, and PREFIX/share/masmc_ros.
+    prefixes = [Path(sys.prefix), *package.parents[:5]]
+    return (package.parent, *(p / 'share' / 'masmc_ros' for p in prefixes))

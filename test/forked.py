@@ -1,72 +1,129 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes in processes of their own that need not import anything: forks of one that has.
+"""Commands in processes of their own that need not import anything: forks of one that has.
 
-For tests that start many. Beyond that they are nodes as a command line starts them.
+Importing rclpy and Numba and finding compiled kernels takes a second of each process. Beyond
+that they are processes as a command line starts them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+import faulthandler
+from functools import cache
 import multiprocessing
-from multiprocessing.context import ForkServerProcess
+from multiprocessing import forkserver
 import os
 from pathlib import Path
+import signal
+import subprocess
 import sys
+import tempfile
 
-from processes import domain_variables, looked_after, PATIENCE, processes, surroundings
+PATIENCE = 180.0
+"""Longest time in s that a command may take; machines may be slow and busy."""
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_IMPORTED = ['forked', 'masmc_ros.nodes.plant', 'masmc_ros.nodes.recorder']
+_IMPORTED = ['forked', 'masmc_ros.nodes.composed', 'masmc_ros.nodes.recorder', 'warm']
+"""Those that cannot be imported, where there is no rclpy, are left out."""
 
 
-class Forks:
-    """The processes of a domain."""
+class Forked:
+    """`masmc ARGUMENTS` in a fork, with what a `subprocess.Popen` of it has."""
 
-    def __init__(self, domain: int, folder: Path) -> None:
-        self.domain = domain
-        self._folder = folder
-        self._started: list[tuple[ForkServerProcess, Path]] = []
-
-    def start(self, name: str, *arguments: str) -> ForkServerProcess:
-        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
-        # It has an effect the first time, before the process that is forked is there.
-        _CONTEXT.set_forkserver_preload(_IMPORTED)
-        output = self._folder / f'{len(self._started)}_{name}.out'
-        environment = {**surroundings(), **domain_variables(self.domain)}
-        process = _CONTEXT.Process(
-            target=_run, args=(['run', name, *arguments], environment, output), daemon=True
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        out: Path,
+        err: Path,
+        folder: Path | None = None,
+    ) -> None:
+        for path in (out, err):
+            path.touch()
+        _start_server()
+        self._arguments = list(arguments)
+        self._process = _CONTEXT.Process(
+            target=_be,
+            args=(self._arguments, dict(environment), out, err, folder or Path.cwd()),
+            daemon=True,
         )
-        process.start()
-        self._started.append((process, output))
-        return process
+        self._process.start()
 
-    def tell(self) -> None:
-        """Print what all processes printed."""
-        for _, output in self._started:
-            text = output.read_text(encoding='utf-8', errors='replace') if output.exists() else ''
-            print(f'--- {output.stem}', text, sep='\n')
+    @property
+    def pid(self) -> int:
+        """Its number among the processes."""
+        assert self._process.pid is not None
+        return self._process.pid
 
-    def end(self) -> None:
-        """End whatever still runs."""
-        for process, _ in self._started:
-            process.kill()
-            process.join(PATIENCE)
+    @property
+    def returncode(self) -> int | None:
+        """Its exit status, None while it runs, or minus the signal that ended it."""
+        return self._process.exitcode
+
+    def poll(self) -> int | None:
+        """Return its exit status, None while it runs."""
+        return self._process.exitcode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; return its exit status."""
+        self._process.join(timeout)
+        status = self._process.exitcode
+        if status is None:
+            raise subprocess.TimeoutExpired(self._arguments, timeout or 0.0)
+        return status
+
+    def send_signal(self, number: signal.Signals) -> None:
+        """Send it a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.send_signal(signal.SIGKILL)
 
 
-def _run(arguments: list[str], environment: Mapping[str, str], output: Path) -> None:
+@cache
+def _start_server() -> None:
+    """Start the process that is forked: it finds what this one finds."""
+    _CONTEXT.set_forkserver_preload(_IMPORTED)
+    before = os.environ.get('PYTHONPATH')
+    os.environ['PYTHONPATH'] = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    try:
+        forkserver.ensure_running()
+    finally:
+        if before is None:
+            del os.environ['PYTHONPATH']
+        else:
+            os.environ['PYTHONPATH'] = before
+
+
+def _be(
+    arguments: list[str], environment: Mapping[str, str], out: Path, err: Path, folder: Path
+) -> None:
     """Be a process as a command line starts it."""
     from masmc_ros.cli.main import main
 
+    for number, path in ((1, out), (2, err)):
+        with path.open('wb') as stream:
+            os.dup2(stream.fileno(), number)
+    faulthandler.enable(sys.__stderr__)
+    os.environ.clear()
     os.environ.update(environment)
-    with output.open('wb') as stream:
-        os.dup2(stream.fileno(), 1)
-        os.dup2(stream.fileno(), 2)
+    os.chdir(folder)
+    sys.argv = ['masmc', *arguments]
     sys.exit(main(arguments))
 
 
-@contextmanager
-def forks(folder: Path) -> Iterator[Forks]:
-    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with processes(folder) as other, looked_after(Forks(other.domain, folder)) as started:
-        yield started
+def completed(
+    *arguments: str, folder: Path, environment: Mapping[str, str]
+) -> subprocess.CompletedProcess[str]:
+    """Run `masmc ARGUMENTS` in a folder to its end."""
+    with tempfile.TemporaryDirectory() as place:
+        out, err = Path(place) / 'out', Path(place) / 'err'
+        process = Forked(arguments, environment, out, err, folder)
+        try:
+            status = process.wait(PATIENCE)
+        finally:
+            process.kill()
+        texts = (path.read_text(encoding='utf-8', errors='replace') for path in (out, err))
+        return subprocess.CompletedProcess(arguments, status, *texts)

@@ -20,23 +20,28 @@ _READING = 120.0
 
 
 def read_log(log: Path, *more: Path) -> Any:
-    """Return what `node/read_log.mjs` tells of a log.
+    """Return what `node/read_log.mjs` tells of a log, and of a layout's scripts.
 
     Skips the test where Node.js is not installed, and where its packages cannot be had;
     the latter is a failure where CI is set.
     """
+    result = run_read_log(log, *more)
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def run_read_log(log: Path, *more: Path) -> subprocess.CompletedProcess[str]:
+    """Run `node/read_log.mjs`, skipping as `read_log` does."""
     folder = _installed()
-    script = folder / 'read_log.mjs'
-    # Modules are looked for beside the script.
-    shutil.copyfile(SOURCES / script.name, script)
-    result = subprocess.run(
-        ['node', str(script), str(log), *map(str, more)],
+    # Modules are looked for beside the scripts.
+    for script in SOURCES.glob('*.mjs'):
+        shutil.copyfile(script, folder / script.name)
+    return subprocess.run(
+        ['node', str(folder / 'read_log.mjs'), str(log), *map(str, more)],
         capture_output=True,
         text=True,
         timeout=_READING,
     )
-    assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout)
 
 
 def _installed() -> Path:

@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-import fcntl
-import itertools
 import os
 from pathlib import Path
-import random
 import re
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
+from forked import Forked, PATIENCE
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 import rclpy
@@ -31,9 +28,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+from surroundings import domain, domain_variables, surroundings
 
 from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.shared_memory import clear_half_made
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -47,17 +44,11 @@ BOUNDED = dict.fromkeys(
 On a busy machine a node can be held up for many ticks, again and again.
 """
 
-PATIENCE = 180.0
-"""Longest time in s that anything may take; machines may be slow and busy."""
-
 _RESPONSE = 5.0
 """Time in s after which a service is called again."""
 
 _LAST_WORDS = 5.0
 """Time in s that a process takes at most to tell where it stands."""
-
-_DOMAINS = range(60, 100)
-_turn = itertools.count(random.randrange(len(_DOMAINS)))
 
 _MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file|the middleware does not let go')
 """Lines about shared memory that killed processes left behind, and about Fast DDS hanging."""
@@ -66,7 +57,9 @@ _MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file|the middleware do
 class NodeProcess:
     """A process and what it printed; its standard output and error are files."""
 
-    def __init__(self, name: str, process: subprocess.Popen[bytes], out: Path, err: Path) -> None:
+    def __init__(
+        self, name: str, process: subprocess.Popen[bytes] | Forked, out: Path, err: Path
+    ) -> None:
         self.name = name
         self.process = process
         self._out, self._err = out, err
@@ -110,11 +103,15 @@ class NodeProcess:
 
 
 class Processes:
-    """All processes of a domain."""
+    """All processes of a domain.
 
-    def __init__(self, domain: int, folder: Path) -> None:
+    They are forks, or, where `fresh`, started from nothing as by a command line.
+    """
+
+    def __init__(self, domain: int, folder: Path, *, fresh: bool = False) -> None:
         self.domain = domain
         self._folder = folder
+        self._fresh = fresh
         self._started: list[NodeProcess] = []
 
     def start(
@@ -123,14 +120,21 @@ class Processes:
         """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
         stem = f'{len(self._started)}_{name}'
         out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
-        with out.open('wb') as to_out, err.open('wb') as to_err:
-            process = subprocess.Popen(
-                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', name, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=to_out,
-                stderr=to_err,
-                env={**surroundings(), **domain_variables(self.domain), **(environment or {})},
-            )
+        command = ['run', name, *arguments]
+        variables = {**surroundings(), **domain_variables(self.domain), **(environment or {})}
+        process: subprocess.Popen[bytes] | Forked
+        # Variables of the environment may be for what happens while modules are imported.
+        if self._fresh or environment:
+            with out.open('wb') as to_out, err.open('wb') as to_err:
+                process = subprocess.Popen(
+                    [sys.executable, '-m', 'masmc_ros.cli.main', *command],
+                    stdin=subprocess.DEVNULL,
+                    stdout=to_out,
+                    stderr=to_err,
+                    env=variables,
+                )
+        else:
+            process = Forked(command, variables, out, err)
         self._started.append(NodeProcess(name, process, out, err))
         return self._started[-1]
 
@@ -283,68 +287,21 @@ def _qos(*, latched: bool) -> QoSProfile:
     return QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
-def surroundings() -> dict[str, str]:
-    """Return environment variables with which a child imports what this process imports."""
-    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
-    return {
-        **os.environ,
-        'PYTHONPATH': path,
-        'PYTHONFAULTHANDLER': '1',
-        'RCUTILS_COLORIZED_OUTPUT': '0',
-    }
-
-
-def domain_variables(domain: int) -> dict[str, str]:
-    """Return environment variables of a domain that does not leave this machine."""
-    return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-
-
 @contextmanager
-def processes(folder: Path) -> Iterator[Processes]:
-    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with _domain() as domain, looked_after(Processes(domain, folder)) as started:
-        yield started
+def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
+    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile.
 
-
-class _Started(Protocol):
-    """Processes that a test has started."""
-
-    def tell(self) -> None:
-        """Print what they printed."""
-
-    def end(self) -> None:
-        """End whatever still runs."""
-
-
-_Some = TypeVar('_Some', bound=_Started)
-
-
-@contextmanager
-def looked_after(started: _Some) -> Iterator[_Some]:
-    """Yield processes; they tell what they printed where the test fails, and end with it."""
-    try:
-        yield started
-    except BaseException:
-        started.tell()
-        raise
-    finally:
-        started.end()
-
-
-@contextmanager
-def _domain() -> Iterator[int]:
-    """Yield the next domain that is free, locked as `masmc demo` locks its own."""
-    for _ in _DOMAINS:
-        domain = _DOMAINS[next(_turn) % len(_DOMAINS)]
-        path = Path(tempfile.gettempdir()) / f'masmc_ros_domain_{domain}.lock'
-        with path.open('w') as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                continue
-            yield domain
-            return
-    raise AssertionError('no free ROS domain')
+    They tell what they printed where the test fails, and end with it.
+    """
+    with domain() as number:
+        started = Processes(number, folder, fresh=fresh)
+        try:
+            yield started
+        except BaseException:
+            started.tell()
+            raise
+        finally:
+            started.end()
 
 
 @contextmanager
@@ -353,7 +310,6 @@ def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer
     variable = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
     before = os.environ.get(variable)
     os.environ[variable] = 'LOCALHOST'
-    clear_half_made()
     context = Context()
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor(context=context)

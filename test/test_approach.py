@@ -26,6 +26,7 @@ def simulation(**settings_: object) -> Simulation:
 
 
 ROBOT = simulation().controller.geometry
+REST = np.zeros(4)
 
 
 @settings(max_examples=50)
@@ -36,13 +37,13 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
     position, reference = np.array(state), np.array(sample)
     approach = Approach(ROBOT, SPEED)
     approach.begin()
-    first = approach.follow(0, position, reference).copy()
+    first = approach.follow(0, position, REST, reference).copy()
     assert first[:4] == pytest.approx(task_positions(ROBOT, position[None])[0], abs=1e-12)
     assert np.abs(first[4:]).max() < 1e-9  # at rest
     stamp = 0
     while approach.is_on:
         stamp += 10 * MS
-        followed = approach.follow(stamp, position, reference)
+        followed = approach.follow(stamp, position, REST, reference)
     assert followed is reference
     distance = np.abs(reference[:4] - first[:4]).max()
     assert stamp * 1e-9 == pytest.approx(max(SHORTEST, 1.875 * distance / SPEED), abs=0.011)
@@ -57,12 +58,54 @@ def test_its_speed_is_bounded(goal: list[float]) -> None:
     approach.begin()
     stamp, before = 0, None
     while stamp == 0 or approach.is_on:
-        followed = approach.follow(stamp, position, reference).copy()
+        followed = approach.follow(stamp, position, REST, reference).copy()
         assert np.abs(followed[4:8]).max() <= SPEED * 1.0001
         if before is not None:
             assert np.abs(followed[:4] - before[:4]).max() <= SPEED * 0.01 * 1.0001
         before = followed
         stamp += 10 * MS
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(near, min_size=7, max_size=7),
+    st.lists(near, min_size=4, max_size=4),
+    st.lists(near, min_size=12, max_size=12),
+)
+def test_a_robot_that_moves_is_braked_without_a_jump(
+    state: list[float], moving: list[float], sample: list[float]
+) -> None:
+    """What it follows begins with the robot's velocity, and is off its way by little."""
+    position, rates = np.array(state), np.array(moving)
+    reference = np.array(sample)
+    step = 1e-6
+    after = integrated(position, rates, step)
+    velocity = (
+        task_positions(ROBOT, after[None])[0] - task_positions(ROBOT, position[None])[0]
+    ) / step
+    way = {}
+    for name, each in (('moving', rates), ('at rest', REST)):
+        approach = Approach(ROBOT, SPEED)
+        approach.begin()
+        way[name] = []
+        for k in range(501):
+            way[name].append(approach.follow(k * MS, position, each, reference).copy())
+    moved, rested = np.array(way['moving']), np.array(way['at rest'])
+    assert moved[0, :4] == pytest.approx(task_positions(ROBOT, position[None])[0], abs=1e-12)
+    assert moved[0, 4:8] == pytest.approx(np.clip(velocity, -SPEED, SPEED), abs=1e-4)
+    assert np.abs(moved - rested)[:, :4].max() <= 0.1 * SPEED
+    # Braked after half a second, from which on nothing is different.
+    assert moved[500] == pytest.approx(rested[500], abs=1e-12)
+
+
+def integrated(position: np.ndarray, rates: np.ndarray, step: float) -> np.ndarray:
+    """Return the positions (7) a step later at these rates (4) of the driven joints."""
+    radius, half_track = ROBOT[0], ROBOT[1]
+    speed = 0.5 * radius * (rates[0] + rates[1])
+    turn = 0.5 * radius / half_track * (rates[0] - rates[1])
+    yaw = position[2]
+    platform = [speed * np.cos(yaw), speed * np.sin(yaw), turn]
+    return position + step * np.array([*platform, *rates])
 
 
 def test_a_step_of_the_reference_begins_it_and_a_stream_of_small_ones_does_not() -> None:
@@ -72,11 +115,13 @@ def test_a_step_of_the_reference_begins_it_and_a_stream_of_small_ones_does_not()
     for k in range(100):
         reference = reference.copy()
         reference[0] += 0.002
-        assert approach.follow(k * 10 * MS, position, reference) is reference
+        approach.watch(k * 10 * MS, reference)
+        assert not approach.is_on
     jumped = reference.copy()
     jumped[2] += 0.1
-    followed = approach.follow(1000 * MS, position, jumped)
+    approach.watch(1000 * MS, jumped)
     assert approach.is_on
+    followed = approach.follow(1000 * MS, position, REST, jumped)
     assert np.abs(followed[4:8]).max() < 1e-9
 
 
@@ -94,7 +139,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
         for tick in range(12_000):
             followed = reference
             if speed:
-                followed = approach.follow(tick * MS, plant.position, reference)
+                followed = approach.follow(tick * MS, plant.position, REST, reference)
             law.tick(plant.position, plant.velocity, followed)
             if tick < 100:
                 peak = max(peak, float(np.abs(law.torque).max()))

@@ -6,19 +6,22 @@ The same files are given to the simulation and to the node that they are for.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-import os
+from functools import partial
 from pathlib import Path
 import subprocess
 import sys
 
+from forked import completed, PATIENCE
 import pytest
+from surroundings import domain, domain_variables, surroundings
 
 from masmc_ros.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = str(ROOT / 'config' / 'paper.yaml')
-PATIENCE = 60.0
+Masmc = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,17 @@ BAD_FILES = {
     'unknown name': BadFile('controller', 'k_s3: 1.0', ('k_s3', 'k_s1')),
     'unknown shared name': BadFile(
         'plant', _shared('robot.weel_radius: 0.1'), ('weel_radius', 'wheel_radius'), is_whole=True
+    ),
+    'slip of a name of another node under a wildcard': BadFile(
+        'plant', _shared('boundary_layr: 0.1'), ('boundary_layr', 'boundary_layer'), is_whole=True
+    ),
+    'quality of service': BadFile(
+        'plant',
+        'qos_overrides./joint_states.publisher.depth: 1',
+        ('qos_overrides', 'quality of service'),
+    ),
+    'mixed array in quotes': BadFile(
+        'controller', "gamma: '[1.0, 1, 1]'", ('gamma', '7 numbers', 'it has 3', 'point')
     ),
     'name of another node': BadFile('plant', 'law: smc', ('law',)),
     'wrong type': BadFile('controller', 'law: 3', ('law', '3', 'smc, rasmc')),
@@ -120,24 +134,17 @@ BAD_FILES = {
 each_bad_file = pytest.mark.parametrize('bad', BAD_FILES.values(), ids=BAD_FILES.keys())
 
 
-def masmc(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command in a process of its own."""
-    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
-    return subprocess.run(
-        [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
-        cwd=folder,
-        env={
-            **os.environ,
-            'PYTHONPATH': path,
-            'ROS_DOMAIN_ID': '99',
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        },
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+@pytest.fixture(scope='module', autouse=True)
+def ros_domain() -> Iterator[dict[str, str]]:
+    """Variables of a domain of their own, for all processes of this file."""
+    with domain() as number:
+        yield domain_variables(number)
+
+
+@pytest.fixture
+def masmc(ros_domain: dict[str, str], tmp_path: Path) -> Masmc:
+    """Run the command in a process of its own, in the folder of the test."""
+    return partial(completed, folder=tmp_path, environment={**surroundings(), **ros_domain})
 
 
 def the_line(status: int, out: str, err: str) -> str:
@@ -171,11 +178,11 @@ def test_simulate_refuses_a_bad_file(
 
 
 @each_bad_file
-def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path) -> None:
+def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
     path = tmp_path / 'bad.yaml'
     path.write_text(bad.text(), encoding='utf-8')
-    result = masmc('run', bad.node, '--ros-args', '--params-file', str(path), folder=tmp_path)
+    result = masmc('run', bad.node, '--ros-args', '--params-file', str(path))
     message = the_line(result.returncode, result.stdout, result.stderr)
     for word in bad.words:
         assert word in message, f'{word!r} is not in: {message}'
@@ -186,11 +193,37 @@ def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
 )
-@pytest.mark.parametrize('name', ['missing.yaml', 'missing/bad.yaml', '.'])
-def test_a_file_that_is_none(command: tuple[str, ...], name: str, tmp_path: Path) -> None:
+def test_a_process_from_nothing_refuses_as_a_fork_does(
+    command: tuple[str, ...], masmc: Masmc, ros_domain: dict[str, str], tmp_path: Path
+) -> None:
     if command[0] == 'run':
         pytest.importorskip('rclpy')
-    result = masmc(*command, name, folder=tmp_path)
+    path = tmp_path / 'bad.yaml'
+    path.write_text(BAD_FILES['negative mass'].text(), encoding='utf-8')
+    fork = masmc(*command, str(path))
+    result = subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', *command, str(path)],
+        cwd=tmp_path,
+        env={**surroundings(), **ros_domain},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert message == the_line(fork.returncode, fork.stdout, fork.stderr)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
+)
+@pytest.mark.parametrize('name', ['missing.yaml', 'missing/bad.yaml', '.'])
+def test_a_file_that_is_none(command: tuple[str, ...], name: str, masmc: Masmc) -> None:
+    if command[0] == 'run':
+        pytest.importorskip('rclpy')
+    result = masmc(*command, name)
     message = the_line(result.returncode, result.stdout, result.stderr)
     assert f'{name}: ' in message
     assert 'give the path of a parameter file' in message
@@ -250,6 +283,7 @@ NODE_ARGUMENTS = {
     'no value': ('controller', ('-p', 'k_s1'), 'NAME:=VALUE'),
     'empty value': ('controller', ('-p', 'k_s1:='), 'no value'),
     'unknown name': ('controller', ('-p', 'k_s3:=1.0'), 'k_s1'),
+    'with its node': ('controller', ('-p', 'controller.k_s1:=5'), 'did you mean k_s1?'),
     'wrong type': ('controller', ('-p', 'law:=3'), 'smc, rasmc'),
     'not YAML': ('controller', ('-p', 'k_s1:=[1.0,'), 'not YAML'),
     'wrong length': ('controller', ('-p', 'k_s1:=[1.0, 2.0]'), '4 numbers'),
@@ -262,6 +296,9 @@ NODE_ARGUMENTS = {
     'missing folder for a folder': ('recorder', ('-p', 'output:=missing'), 'missing'),
     'output that is none': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
     'unknown ROS argument': ('plant', ('--bogus',), '--bogus'),
+    'another name': ('controller', ('-r', '__node:=ctl'), '__ns:=/ctl'),
+    'another name in one process': ('composed', ('-r', 'plant:__node:=p'), '__ns:=/p'),
+    'quality of service': ('plant', ('-p', 'qos_overrides./tf.publisher.depth:=1'), 'fixed'),
     'bad namespace': ('plant', ('-r', '__ns:=/left//arm'), '/left//arm'),
 }
 
@@ -270,20 +307,20 @@ NODE_ARGUMENTS = {
     ('node', 'arguments', 'word'), NODE_ARGUMENTS.values(), ids=NODE_ARGUMENTS.keys()
 )
 def test_bad_arguments_of_nodes(
-    node: str, arguments: tuple[str, ...], word: str, tmp_path: Path
+    node: str, arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
 ) -> None:
     pytest.importorskip('rclpy')
-    result = masmc('run', node, '--ros-args', *arguments, folder=tmp_path)
+    result = masmc('run', node, '--ros-args', *arguments)
     message = the_line(result.returncode, result.stdout, result.stderr)
     assert word in message
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_that_is_there_is_kept(tmp_path: Path) -> None:
+def test_a_recording_that_is_there_is_kept(tmp_path: Path, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
     log = tmp_path / 'run.mcap'
     log.write_bytes(b'precious')
-    result = masmc('run', 'recorder', '--ros-args', '-p', f'output:={log}', folder=tmp_path)
+    result = masmc('run', 'recorder', '--ros-args', '-p', f'output:={log}')
     message = the_line(result.returncode, result.stdout, result.stderr)
     assert 'run.mcap' in message
     assert 'overwrite' in message
@@ -302,8 +339,10 @@ def test_a_recording_that_is_there_is_kept(tmp_path: Path) -> None:
         (('report', 'missing.mcap'), 'missing.mcap'),
     ],
 )
-def test_commands_that_are_none(arguments: tuple[str, ...], word: str, tmp_path: Path) -> None:
-    result = masmc(*arguments, folder=tmp_path)
+def test_commands_that_are_none(
+    arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
+) -> None:
+    result = masmc(*arguments)
     assert word in the_line(result.returncode, result.stdout, result.stderr)
     assert list(tmp_path.iterdir()) == []
 
@@ -317,10 +356,10 @@ def test_commands_that_are_none(arguments: tuple[str, ...], word: str, tmp_path:
         ('plant', '--ros-args', '-p', 'duration:=1.0', '--', '--recrod'),
     ],
 )
-def test_what_a_node_does_not_understand(arguments: tuple[str, ...], tmp_path: Path) -> None:
+def test_what_a_node_does_not_understand(arguments: tuple[str, ...], masmc: Masmc) -> None:
     """Else a run goes by its defaults, or unrecorded, and nobody is told."""
     pytest.importorskip('rclpy')
-    result = masmc('run', *arguments, folder=tmp_path)
+    result = masmc('run', *arguments)
     message = the_line(result.returncode, result.stdout, result.stderr)
     assert next(a for a in reversed(arguments) if a.strip('-')) in message or '-p' in message
     assert '--ros-args' in message
@@ -337,9 +376,9 @@ def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     'setting', ['plant:command_interface:=velocity', 'controller:enable_stamped_cmd_vel:=true']
 )
-def test_plant_and_controller_that_disagree_in_one_process(setting: str, tmp_path: Path) -> None:
+def test_plant_and_controller_that_disagree_in_one_process(setting: str, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
-    result = masmc('run', 'composed', '--ros-args', '-p', setting, folder=tmp_path)
+    result = masmc('run', 'composed', '--ros-args', '-p', setting)
     message = the_line(result.returncode, result.stdout, result.stderr)
     name = setting.split(':')[1]
     assert f'controller.{name} = ' in message

@@ -273,6 +273,33 @@ def test_joint_state_by_name_from_rclpy() -> None:
     assert state.stamp_ns == 1_500_000_000
 
 
+def test_a_command_of_nothing_says_so_by_its_offset() -> None:
+    """Four zeros to whoever looks at nothing else; read in place, or by rclpy."""
+    ours = EffortCdr()
+    ours.set_stamp(1_500_000_000)
+    plain = ours.to_bytes()
+    ours.is_void = True
+    raw = ours.to_bytes()
+    message = deserialize_message(raw, Float64MultiArray)
+    assert list(message.data) == [0.0] * 4
+    assert message.layout.data_offset == 4
+    assert message.layout.dim[0].label == 'effort@1.500000000'
+    for sent, is_void in ((plain, False), (raw, True)):
+        quick, slow = EffortCdr(), EffortCdr()
+        quick.is_void = slow.is_void = not is_void
+        assert quick.load(sent)
+        slow.load_message(deserialize_message(sent, Float64MultiArray))
+        assert quick.is_void == slow.is_void == is_void
+        assert quick.stamp_ns == slow.stamp_ns == 1_500_000_000
+        assert quick.to_bytes() == sent
+    # Of any other offset a command is a command, as it always was.
+    message.layout.data_offset = 7
+    other = EffortCdr()
+    assert not other.load(serialize_message(message))
+    other.load_message(message)
+    assert not other.is_void
+
+
 def test_unlabelled_command_from_rclpy() -> None:
     """What a sender for ros2_control's effort controllers publishes."""
     raw = serialize_message(Float64MultiArray(data=[1.0, 2.0, 3.0, 4.0]))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -79,6 +80,31 @@ def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
     ended = interrupted(command, library, signal.SIGINT)
     assert ended == (130, 'masmc simulate: interrupted\n')
     assert list(tmp_path.iterdir()) == []
+
+
+def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert "shims = [('bin', ['scripts/masmc'])]" in setup
+    script, installed = tmp_path / 'bin' / 'masmc', tmp_path / 'lib' / 'masmc_ros' / 'masmc'
+    for folder in (script.parent, installed.parent):
+        folder.mkdir(parents=True)
+    shutil.copy(ROOT / 'scripts' / 'masmc', script)
+    installed.write_text(
+        f'#!{sys.executable}\nfrom masmc_ros.cli.main import main\nraise SystemExit(main())\n'
+    )
+    installed.chmod(0o755)
+    command = [str(script), 'simulate', '--list']
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    found = subprocess.run(
+        command,
+        env={**os.environ, 'PYTHONPATH': path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert 'paper.yaml' in found.stdout
 
 
 def test_every_executable_of_colcon_is_there() -> None:

@@ -14,9 +14,10 @@ import pytest
 pytest.importorskip('rclpy')
 
 from log_contents import read_log
-from processes import PATIENCE, peer, processes, ros_arguments, surroundings
+from processes import PATIENCE, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from surroundings import surroundings
 
 from masmc_ros.log.cdr import EffortCdr
 from masmc_ros.log.stamps import header_stamp
@@ -28,7 +29,7 @@ ALL = '[controller, trajectory, recorder]'
 def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> None:
     """While the recorder of the same process takes what is under way, nothing is late or lost."""
     log = tmp_path / 'run.mcap'
-    with processes(tmp_path) as started:
+    with processes(tmp_path, fresh=True) as started:
         arguments = ros_arguments(
             duration=0.5,
             control_period=0.002,
@@ -54,7 +55,7 @@ def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
 ) -> None:
     """The last state is the next one that they see, far ahead of the one before."""
     last = 2_000_000_000
-    with processes(tmp_path) as started, peer(started.domain) as tester:
+    with processes(tmp_path, fresh=True) as started, peer(started.domain) as tester:
         stamps = [-1]
         tester.subscribe(
             JointState, 'joint_states', lambda raw: stamps.append(header_stamp(raw)), raw=True
@@ -97,7 +98,7 @@ def test_who_is_held_up_takes_what_has_come_meanwhile() -> None:
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
 def test_a_robot_that_diverges_ends_the_plant_with_one_line(pacing: str, tmp_path: Path) -> None:
-    with processes(tmp_path) as started, peer(started.domain) as tester:
+    with processes(tmp_path, fresh=True) as started, peer(started.domain) as tester:
         states = tester.collect(JointState, 'joint_states', raw=True)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
         plant = started.start(
@@ -116,7 +117,7 @@ def test_a_robot_that_diverges_ends_the_plant_with_one_line(pacing: str, tmp_pat
 
 
 def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_path: Path) -> None:
-    with processes(tmp_path) as started:
+    with processes(tmp_path, fresh=True) as started:
         arguments = ros_arguments(
             controller__switching='implicit',
             controller__observer_gain=1.0,

@@ -16,8 +16,9 @@ pytest.importorskip('rclpy')
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import domain_variables, PATIENCE, peer, processes, surroundings
+from processes import PATIENCE, peer, processes
 from rclpy.duration import Duration
+from surroundings import domain_variables, surroundings
 
 from masmc_ros.log.definitions import definition
 

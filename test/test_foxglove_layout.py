@@ -16,7 +16,8 @@ from masmc_ros.log.names import ODOM_FRAME
 from masmc_ros.log.topics import SYSTEM_TOPICS
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
-PANELS = {'3D', 'Plot', 'Parameters', 'RawMessages', 'RosOut'}
+SETTINGS = Path(__file__).with_name('viewer_settings.json')
+PANELS = {'3D', 'Plot', 'Parameters', 'RawMessages', 'RosOut', 'Tab', 'Table'}
 _STEP = re.compile(r'\.(\w+)|\[(\d+|:)\]')
 _SCRIPT_TOPIC = re.compile(r'export const (input|output)s? = \[?([^\]\n;]+)')
 
@@ -45,12 +46,21 @@ def scripts(layout: dict[str, Any]) -> dict[str, list[str]]:
     return made
 
 
+def made_fields(layout: dict[str, Any], topic: str) -> set[str]:
+    """Return the fields of what a script makes."""
+    (source,) = (
+        script['sourceCode']
+        for script in layout['userNodes'].values()
+        if f'output = "{topic}"' in script['sourceCode']
+    )
+    (fields,) = re.findall(r'^type Output = \{\n(.*?)^\};', source, re.DOTALL | re.MULTILINE)
+    return set(re.findall(r'^  (\w+): ', fields, re.MULTILINE))
+
+
 def message_paths(config: Any) -> Iterator[str]:
     """Yield every message path of a panel."""
     for series in config.get('paths', []):
         yield series['value']
-        if 'xValuePath' in series:
-            yield series['xValuePath']
     if 'xAxisPath' in config:
         yield config['xAxisPath']['value']
 
@@ -93,9 +103,57 @@ def test_every_panel_of_the_tree_has_a_configuration_and_the_other_way_round(
         yield from panels(node['second'])
 
     shown = list(panels(layout['layout']))
+    for name in list(shown):
+        for tab in layout['configById'][name].get('tabs', ()):
+            shown += panels(tab['layout'])
     assert len(shown) == len(set(shown))
     assert set(shown) == set(layout['configById'])
     assert {name.split('!')[0] for name in shown} == PANELS
+
+
+def settings(value: Any, known: set[str], path: str = '') -> Iterator[str]:
+    """Yield the settings of a panel, as a dotted path down to where a known one ends."""
+    if path in known or not isinstance(value, dict | list):
+        yield path
+        return
+    for key, each in value.items() if isinstance(value, dict) else enumerate(value):
+        any_name = f'{path}.*' if path else '*'
+        is_any = any(f'{setting}.'.startswith(f'{any_name}.') for setting in known)
+        step = any_name if is_any else f'{path}.{key}' if path else key
+        yield from settings(each, known, step)
+
+
+def test_the_viewer_knows_every_setting(layout: dict[str, Any]) -> None:
+    known = json.loads(SETTINGS.read_text(encoding='utf-8'))
+    for name, config in layout['configById'].items():
+        # Foxglove has its own name for the title.
+        of_panel = {*known[name.split('!')[0]], *known['every panel'], 'foxglovePanelTitle'}
+        assert set(settings(config, of_panel)) <= of_panel, name
+    wrong = {'paths': [{'value': '/a', 'xValuePath': '/b'}], 'timeWindowMode': 'automatic'}
+    unknown = {'paths.*.xValuePath', 'timeWindowMode'}
+    assert set(settings(wrong, set(known['Plot']))) - set(known['Plot']) == unknown
+
+
+def test_every_panel_has_its_own_title_in_both_viewers(layout: dict[str, Any]) -> None:
+    titles = [
+        (config['lichtblickPanelTitle'], config['foxglovePanelTitle'])
+        for name, config in layout['configById'].items()
+        if not name.startswith('Tab!')
+    ]
+    assert all(one == other != '' for one, other in titles)
+    assert len(set(titles)) == len(titles)
+
+
+def test_legends_stand_beside_the_lines(layout: dict[str, Any]) -> None:
+    plots = [c for name, c in layout['configById'].items() if name.startswith('Plot!')]
+    assert {plot['legendDisplay'] for plot in plots} == {'left'}
+
+
+def test_lines_of_a_plot_in_the_plane_share_one_message(layout: dict[str, Any]) -> None:
+    """A viewer pairs ordinates with the one abscissa of the plot by their number."""
+    for config in layout['configById'].values():
+        if config.get('xAxisVal') in ('custom', 'currentCustom'):
+            assert len({path.partition('.')[0] for path in message_paths(config)}) == 1
 
 
 def test_every_plotted_value_is_a_number_in_the_log(
@@ -107,6 +165,7 @@ def test_every_plotted_value_is_a_number_in_the_log(
     for path in plotted:
         topic, _, rest = path.partition('.')
         if topic in made:
+            assert rest.partition('.')[0].partition('[')[0] in made_fields(layout, topic), path
             continue
         value = follow(messages[topic], f'.{rest}')
         assert value != []
@@ -125,7 +184,7 @@ def test_every_topic_is_in_the_log_or_made_of_such(
     named = {path.partition('.')[0] for c in configs.values() for path in message_paths(c)}
     named |= set(configs['3D!scene']['topics'])
     for key in ('topicPath', 'topicToRender'):
-        named |= {config[key] for config in configs.values() if key in config}
+        named |= {config[key].partition('.')[0] for config in configs.values() if key in config}
     assert set(made) <= named <= known | set(made)
 
 
@@ -149,9 +208,8 @@ def test_the_scene_shows_the_robot_where_it_is(
 ) -> None:
     scene = layout['configById']['3D!scene']
     frames = {each.header.frame_id for each in messages['/tf'].transforms}
-    assert scene['fixedFrame'] == scene['followTf'] == ODOM_FRAME
+    assert scene['followTf'] == ODOM_FRAME
     assert ODOM_FRAME in frames
-    assert scene['scene']['transforms']['visible']
     for topic in ('/robot_description', '/path/desired', '/path/actual'):
         assert scene['topics'][topic]['visible']
 

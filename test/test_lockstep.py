@@ -201,5 +201,28 @@ def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) 
             started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
         assert set(started.wait().values()) == {0}, started.output()
     for robot in ('left', 'right'):
-        live = read_log(tmp_path / f'{robot}.mcap', f'/{robot}').messages
-        assert live['joint_states'] == paper['joint_states']
+        log = read_log(tmp_path / f'{robot}.mcap', f'/{robot}')
+        # Each has its own: nothing of the other one's time and frames.
+        for topic in ('joint_states', 'clock', 'tf'):
+            assert log.messages[topic] == paper[topic], topic
+
+
+def test_two_robots_in_one_tree_of_frames(tmp_path: Path) -> None:
+    """They share /tf, and a log holds those of its own robot."""
+    with processes(tmp_path) as started:
+        for robot in ('left', 'right'):
+            arguments = ros_arguments(
+                PAPER,
+                **{f'{node}__duration': 0.5 for node in NODES},
+                **{f'{node}__frame_prefix': f'{robot}/' for node in NODES},
+                plant__wait_for='[controller, trajectory, recorder]',
+                recorder__output=tmp_path / f'{robot}.mcap',
+            )
+            started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
+        assert set(started.wait().values()) == {0}, started.output()
+    for robot in ('left', 'right'):
+        log = read_log(tmp_path / f'{robot}.mcap', f'/{robot}')
+        assert '/tf' in {channel.topic for channel in log.summary.channels.values()}
+        frames = f'{robot}/base_link'.encode()
+        assert len([raw for raw in log.messages['tf'] if frames in raw]) == 501
+        assert len(log.messages['tf']) == 501

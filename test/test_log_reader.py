@@ -14,10 +14,11 @@ import pytest
 from rosbags.typesys import get_typestore, Stores
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow
+from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, ReferenceWindow
 from masmc_ros.log.definitions import definition
 from masmc_ros.log.names import JOINTS, TELEMETRY
 from masmc_ros.log.reader import read_run
+from masmc_ros.log.topics import ODOMETRY
 from masmc_ros.log.writer import LogWriter
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -261,6 +262,8 @@ def test_refused_contents(tmp_path: Path) -> None:
     state = JointStateCdr().to_bytes()
     assert refusal().startswith('no joint_states in it; a run has at least these')
     assert refusal(('/other_joint_states', STATE, state)).startswith('no joint_states')
+    renamed = refusal(('/robot/js', STATE, state))
+    assert renamed.endswith('; /robot/js, of that type, would have to be called joint_states')
     two = refusal(('/a/joint_states', STATE, state), ('/b/joint_states', STATE, state))
     assert two.startswith('states of several robots (/a/joint_states, /b/joint_states)')
     other = refusal(('/joint_states', ARRAY, EffortCdr().to_bytes()))
@@ -269,6 +272,12 @@ def test_refused_contents(tmp_path: Path) -> None:
     assert wrong == f'/reference is {STATE}; it takes {ARRAY}'
     camera = refusal(('/joint_states', STATE, foreign_state(0, ['camera'], [1.0])))
     assert camera.startswith("joint state: joint 'base_x_joint' is missing")
+    moved = refusal(
+        ('/joint_states', STATE, foreign_state(0, ['camera'], [1.0])),
+        ('/base/odom', ODOMETRY, OdometryCdr().to_bytes()),
+    )
+    assert moved.startswith("joint state: joint 'base_x_joint' is missing")
+    assert moved.endswith('; /base/odom, of that type, would have to be called /odom')
     garbage = refusal(('/joint_states', STATE, state[:40]))
     assert garbage.startswith('/joint_states: a message cannot be decoded')
 

@@ -53,11 +53,13 @@ def test_commands(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 4)
     message = EffortCdr()
     seen = []
-    for indices, rows in effort_rows(stamps, values):
+    is_void = values[:, 0] > 0.0
+    for indices, rows in effort_rows(stamps, values, is_void):
         seen += indices.tolist()
         for index, row in zip(indices.tolist(), rows, strict=True):
             message.set_stamp(int(stamps[index]))
             message.data[:] = values[index]
+            message.is_void = bool(is_void[index])
             assert row.tobytes() == message.to_bytes()
     assert sorted(seen) == list(range(len(stamps)))
 

@@ -75,13 +75,21 @@ def test_a_gap_between_windows_is_an_end() -> None:
     assert positions(windows, [2, 5, 9.9, 10]) == [1, 1, 1, 2]
 
 
-def test_set_point_holds_from_its_arrival_until_a_newer_window() -> None:
-    windows = [(0, window(0, 20, 1.0)), (5 * MS, set_point(2.0))]
-    assert positions(windows, [4, 5, 6, 100]) == [1, 2, 2, 2]
+def test_set_point_holds_from_its_arrival_until_a_window_begins() -> None:
+    windows = [(0, window(0, 3, 1.0)), (5 * MS, set_point(2.0))]
+    assert positions(windows, [2, 4, 5, 6, 100]) == [1, 1, 2, 2, 2]
     found = sample_reference(windows, np.array([100 * MS]))
     assert (found[0, 4:] == 7.0).all()
-    windows.append((8 * MS, window(8, 3, 3.0)))
-    assert positions(windows, [5, 7, 8, 10, 50]) == [2, 2, 3, 3, 3]
+    windows.append((6 * MS, window(8, 3, 3.0)))
+    windows.append((7 * MS, set_point(4.0)))
+    assert positions(windows, [5, 6.5, 7, 8, 10, 50]) == [2, 2, 4, 3, 3, 3]
+
+
+def test_a_set_point_beside_a_trajectory_is_left_out() -> None:
+    windows = [
+        (0, window(0, 20, 1.0)), (5 * MS, set_point(2.0)), (6 * MS, window(20, 5, 3.0))
+    ]
+    assert positions(windows, [4, 5, 6, 20, 100]) == [1, 1, 1, 3, 3]
 
 
 @given(

@@ -11,7 +11,12 @@ from rosbags.typesys import get_typestore, Stores
 
 from masmc_ros.log.rows import transforms_rows
 from masmc_ros.log.stamps import stamp_reader
-from masmc_ros.log.transforms import transforms_layout, TransformsCdr
+from masmc_ros.log.transforms import (
+    first_frames,
+    is_of_robot,
+    transforms_layout,
+    TransformsCdr,
+)
 from masmc_ros.robot.names import FRAMES
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -66,6 +71,54 @@ def test_in_bulk(prefix: str, stamps: list[int]) -> None:
 def test_a_message_without_transforms_has_no_stamp() -> None:
     empty = bytes(STORE.serialize_cdr(STORE.types[TYPE](transforms=[]), TYPE))
     assert stamp_reader('/tf', TYPE)(empty) is None
+
+
+def transform(parent: str, child: str) -> bytes:
+    """Return the message of another sender, with one transform."""
+    t = STORE.types
+    time = t['builtin_interfaces/msg/Time'](sec=1, nanosec=2)
+    message = t[TYPE](
+        transforms=[
+            t['geometry_msgs/msg/TransformStamped'](
+                header=t['std_msgs/msg/Header'](stamp=time, frame_id=parent),
+                child_frame_id=child,
+                transform=t['geometry_msgs/msg/Transform'](
+                    translation=t['geometry_msgs/msg/Vector3'](1.0, 2.0, 3.0),
+                    rotation=t['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0),
+                ),
+            )
+        ]
+    )
+    return bytes(STORE.serialize_cdr(message, TYPE))
+
+
+@given(st.text(max_size=20), st.text(max_size=20))
+def test_the_first_frames_are_those_of_the_message(parent: str, child: str) -> None:
+    parent, child = parent.replace('\0', ''), child.replace('\0', '')
+    assert first_frames(transform(parent, child)) == (parent, child)
+
+
+@given(st.binary(max_size=60))
+def test_whatever_comes_has_frames_or_none(raw: bytes) -> None:
+    for frame in first_frames(raw):
+        assert len(frame) <= len(raw)
+
+
+@pytest.mark.parametrize(
+    ('parent', 'child', 'owners'),
+    [
+        ('left/odom', 'left/base_link', {'left/'}),
+        ('map', 'left/odom', {'left/', ''}),
+        ('odom', 'base_link', {''}),
+        ('right/odom', 'right/base_link', set()),
+        ('leftover/odom', 'leftover/base_link', set()),
+    ],
+)
+def test_transforms_are_of_the_robot_whose_frames_they_name(
+    parent: str, child: str, owners: set[str]
+) -> None:
+    raw = transform(parent, child)
+    assert {prefix for prefix in ('', 'left/') if is_of_robot(raw, prefix)} == owners
 
 
 @pytest.mark.parametrize('prefix', ['', 'left/'])

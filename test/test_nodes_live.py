@@ -23,7 +23,6 @@ pytest.importorskip('foxglove')
 from foxglove_client import Viewer, viewer
 from processes import (
     BOUNDED,
-    domain_variables,
     NodeProcess,
     PAPER,
     PATIENCE,
@@ -33,13 +32,13 @@ from processes import (
     processes,
     ros_arguments,
     shortened,
-    surroundings,
 )
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from surroundings import domain_variables, surroundings
 
 from masmc_ros.log.cdr import JointStateCdr
 from masmc_ros.log.definitions import definition

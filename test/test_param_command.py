@@ -14,8 +14,12 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from processes import domain_variables, PATIENCE, peer, Processes, processes, surroundings
-from rcl_interfaces.srv import ListParameters
+from forked import completed
+from processes import PATIENCE, peer, Processes, processes
+from rcl_interfaces.msg import Parameter, ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from std_msgs.msg import String
+from surroundings import domain_variables, surroundings
 import yaml
 
 from masmc_ros.nodes.parameters import declared
@@ -35,13 +39,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
 
 
 def param(domain: int, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'masmc_ros.cli.main', 'param', *arguments],
-        env={**surroundings(), **domain_variables(domain)},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    environment = {**surroundings(), **domain_variables(domain)}
+    return completed('param', *arguments, folder=Path.cwd(), environment=environment)
 
 
 def told(domain: int, *arguments: str) -> str:
@@ -83,6 +82,12 @@ def test_a_refusal_tells_the_reason_and_changes_nothing(
     for word in words:
         assert word in result.stderr
     assert told(running.domain, 'get', '/controller', 'k_s2') == before
+
+
+def test_a_name_that_is_none_is_answered_with_what_was_meant(running: Processes) -> None:
+    result = param(running.domain, 'set', '/controller', 'ks_1', '150', '--timeout', '30')
+    assert "unknown parameter 'ks_1'; did you mean k_s1" in result.stderr
+    assert result.returncode == 1
 
 
 def test_a_negative_number_is_a_value(running: Processes) -> None:
@@ -172,3 +177,34 @@ def test_without_rclpy_it_says_what_to_do(tmp_path: Path) -> None:
     assert result.returncode == 2
     assert result.stderr.count('\n') == 1
     assert 'pip install' in result.stderr
+
+
+def test_what_a_node_has_dumped_is_loaded_without_a_word(running: Processes) -> None:
+    """As `ros2 param load` does: every parameter is set to what it is, read-only ones too."""
+    node = '/controller'
+    with peer(running.domain, 'loader') as loader:
+        request = ListParameters.Request()
+        names = loader.call(ListParameters, f'{node}/list_parameters', request).result.names
+        asked = GetParameters.Request(names=names)
+        values = loader.call(GetParameters, f'{node}/get_parameters', asked).values
+        told = loader.collect(String, f'{node}/parameters', past=False)
+        events = loader.collect(ParameterEvent, '/parameter_events', past=False)
+        parameters = [Parameter(name=n, value=v) for n, v in zip(names, values, strict=True)]
+        loaded = SetParameters.Request(parameters=parameters)
+        answer = loader.call(SetParameters, f'{node}/set_parameters', loaded)
+        assert {result.reason for result in answer.results if not result.successful} == set()
+        # One that is new is set, told and nothing else is; a read-only one is refused.
+        changed = [p for p in parameters if p.name == 'boundary_layer']
+        changed[0].value.double_value += 0.125
+        request = SetParameters.Request(parameters=parameters)
+        answer = loader.call(SetParameters, f'{node}/set_parameters', request)
+        assert all(result.successful for result in answer.results)
+        loader.until(lambda: [e for e in events if e.node == node], 'the event')
+        names = [p.name for e in events if e.node == node for p in e.changed_parameters]
+        assert names == ['boundary_layer']
+        assert told == []  # with the first tick that is computed with it
+        fixed = next(p for p in parameters if p.name == 'control_period')
+        fixed.value.double_value *= 2.0
+        request = SetParameters.Request(parameters=[fixed])
+        (refused,) = loader.call(SetParameters, f'{node}/set_parameters', request).results
+        assert not refused.successful

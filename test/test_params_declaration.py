@@ -80,6 +80,19 @@ def test_right_values_are_coerced(parameter: Parameter, value: object, coerced: 
         (GAIN, -1, 'k_s1 = -1: expected a number or 4 numbers, each >= 0'),
         (GAIN, True, 'k_s1 = true: expected a number or 4 numbers, each >= 0'),
         (GAIN, '150', 'k_s1 = "150": expected a number or 4 numbers, each >= 0'),
+        (
+            GAIN,
+            '[1.0, 1, 1, 2]',
+            'k_s1 = "[1.0, 1, 1, 2]": expected a number or 4 numbers, each >= 0; ROS 2 takes an '
+            'array of several types for a string: write each with a point, [1.0, 1.0, 1.0, 2.0]',
+        ),
+        (
+            GAIN,
+            '[1.0, 1, 1]',
+            'k_s1 = "[1.0, 1, 1]": expected a number or 4 numbers, each >= 0; it has 3, and ROS 2 '
+            'takes an array of several types for a string: write each with a point, as in 1.0',
+        ),
+        (GAIN, '[a, 1]', 'k_s1 = "[a, 1]": expected a number or 4 numbers, each >= 0'),
         (GAIN, None, 'k_s1 = []: expected a number or 4 numbers, each >= 0'),
         (
             GAIN,

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import html
-import json
 from pathlib import Path
 import re
 import shutil
 import subprocess
 from typing import Any
 
+from browser import chromium, LIMIT, look, needs_chromium
 from matplotlib.image import imread
 import numpy as np
 import pytest
@@ -19,32 +18,18 @@ from report_runs import paper_like, with_change
 
 from masmc_ros.report.report import write_report
 
-LIMIT = 120.0
-CHROMIUM = next(
-    filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None
-)
 FIREFOX = next(filter(None, map(shutil.which, ('firefox', 'firefox-esr'))), None)
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason='no Chromium here')
 needs_firefox = pytest.mark.skipif(FIREFOX is None, reason='no Firefox here')
 
 PLOTS = 2 + 4 + 4
 BLUE, BLUE_IN_THE_DARK = (0x00, 0x72, 0xB2), (0x4A, 0xA8, 0xE0)
 
-# Runs in the page: everything that it finds goes into an element.
 LOOK = """
-<script>
-(async () => {
-  const problems = [];
-  addEventListener('error', (event) => problems.push(event.message));
-  addEventListener('unhandledrejection', (event) => problems.push(String(event.reason)));
-  addEventListener('securitypolicyviolation', (event) => problems.push(event.violatedDirective));
-  while (!document.documentElement.dataset.drawn) await new Promise((go) => setTimeout(go, 50));
   const charts = [...document.querySelectorAll('.plot')];
   const overTime = charts.filter((chart) => chart.classList.contains('over-time'));
   const ranges = () => overTime.map((chart) => [...chart.layout.xaxis.range]);
   const ticks = () =>
     overTime.map((chart) => [...chart.querySelectorAll('.xtick')].map((t) => +t.textContent));
-  const settle = () => new Promise((go) => setTimeout(go, 500));
   const found = {
     drawn: charts.map((chart) => chart.querySelectorAll('.scatterlayer .js-line').length),
     expected: charts.map((chart) => chart.data.filter((t) => t.mode === 'lines').length),
@@ -61,13 +46,6 @@ LOOK = """
   await settle();
   found.again = { ranges: ranges(), ticks: ticks() };
   found.loaded = performance.getEntriesByType('resource').map((entry) => entry.name);
-  found.problems = problems;
-  const told = document.createElement('pre');
-  told.id = 'found';
-  told.textContent = JSON.stringify(found);
-  document.body.append(told);
-})();
-</script>
 """
 
 
@@ -79,37 +57,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / 'report.html'
 
 
-def chromium(home: Path, page: Path, *options: str) -> str:
-    """Open a page and return what the browser prints."""
-    assert CHROMIUM is not None
-    command = [
-        CHROMIUM,
-        '--headless=new',
-        '--no-sandbox',  # it refuses to be root otherwise
-        '--disable-gpu',
-        '--disable-dev-shm-usage',
-        f'--user-data-dir={home}',
-        '--virtual-time-budget=30000',
-        *options,
-        page.as_uri(),
-    ]
-    return subprocess.run(command, capture_output=True, text=True, timeout=LIMIT).stdout
-
-
-def look(report: Path, home: Path, *options: str) -> Mapping[str, Any]:
-    """Return what LOOK finds in a page."""
-    page = home / 'page.html'
-    page.write_text(report.read_text().replace('<noscript>', f'{LOOK}<noscript>'))
-    dom = chromium(home / 'home', page, '--dump-dom', *options)
-    told = re.search(r'<pre id="found">(.*?)</pre>', dom)
-    assert told, dom[-500:]
-    found: dict[str, Any] = json.loads(html.unescape(told[1]))
-    return found
-
-
 @pytest.fixture(scope='module')
 def found(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
-    return look(report, tmp_path_factory.mktemp('laptop'), '--window-size=1400,900')
+    return look(report, LOOK, tmp_path_factory.mktemp('laptop'), '--window-size=1400,900')
 
 
 @needs_chromium
@@ -142,7 +92,7 @@ def test_zooming_one_plot_zooms_all(found: Mapping[str, Any]) -> None:
 @needs_chromium
 @pytest.mark.parametrize('width', [500, 1400])
 def test_page_is_as_wide_as_the_window(report: Path, tmp_path: Path, width: int) -> None:
-    assert look(report, tmp_path, f'--window-size={width},900')['fits']
+    assert look(report, LOOK, tmp_path, f'--window-size={width},900')['fits']
 
 
 def share(image: Path, colour: tuple[int, int, int]) -> float:

@@ -8,15 +8,18 @@ from pathlib import Path
 import re
 from typing import Any
 
+from logged_runs import ARRAY, STATE, write_run
 from logged_runs import numbers as numbers_of_a_run
-from logged_runs import write_run
 import numpy as np
 import pytest
-from report_html import numbers, Page
+from report_html import lines, numbers, Page
 from report_runs import paper_like, run_of, ticks, with_change, without_error
 
 from masmc_ros.cli.main import main
+from masmc_ros.log.cdr import ArmVelocityCdr, JointStateCdr, TwistCdr
 from masmc_ros.log.reader import Run
+from masmc_ros.log.topics import TWIST
+from masmc_ros.log.writer import LogWriter
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
@@ -106,7 +109,8 @@ def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
         traces = both.figure(name)['data']
         if name.endswith('estimate'):
             assert all(re.search(r'\(kg(·m²?)?\)$', trace['name']) for trace in traces[:7])
-        drawn = [(t['meta'], t['line'].get('dash')) for t in traces if t['mode'] == 'lines']
+        solid = [t for t in traces if t['mode'] == 'lines']
+        drawn = [(t['meta']['colour'], t['line'].get('dash')) for t in solid]
         assert len(set(drawn)) == len(drawn)
 
 
@@ -142,23 +146,18 @@ def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
 def test_plots_draw_the_logs_numbers(
     both: Page, changed: Run, name: str, signal: str, times: str, scale: float
 ) -> None:
-    traces = [t for t in both.figure(f'run-1-{name}')['data'] if t['mode'] == 'lines']
+    drawn = list(lines(both.figure(f'run-1-{name}')).values())
     columns = getattr(changed, signal).T
     columns = {'error_E': columns[:2], 'error_F': columns[2:]}.get(name, columns)
-    assert len(traces) == len(columns)
-    logged = getattr(changed, times).tolist()
-    for trace, values in zip(traces, columns, strict=True):
-        x, y = numbers(trace['x']).tolist(), numbers(trace['y']).tolist()
-        at = dict(zip(logged, (values * scale).tolist(), strict=True))
-        assert y == [at[time] for time in x]
-        assert (x[0], x[-1]) == (logged[0], logged[-1])
-        # Nothing that stands out is lost.
-        assert (min(y), max(y)) == (min(at.values()), max(at.values()))
+    assert len(drawn) == len(columns)
+    for samples, values in zip(drawn, columns, strict=True):
+        np.testing.assert_array_equal(samples['x'], getattr(changed, times))
+        np.testing.assert_array_equal(samples['y'], (values * scale).astype(np.float32))
 
 
 def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
     tracked = tracking(changed)
-    traces = {trace['name']: trace for trace in both.figure('run-1-path')['data']}
+    traces = lines(both.figure('run-1-path'))
     for name, values, first in (
         ('E actual', tracked.actual, 0),
         ('E desired', tracked.desired, 0),
@@ -166,12 +165,9 @@ def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
         ('F desired', tracked.desired, 2),
     ):
         assert values is not None
-        points = {(x, y) for x, y in values[:, first : first + 2].tolist()}
-        trace = traces.pop(name)
-        drawn = list(zip(numbers(trace['x']).tolist(), numbers(trace['y']).tolist(), strict=True))
-        assert set(drawn) <= points
-        assert drawn[0] == tuple(values[0, first : first + 2])
-        assert drawn[-1] == tuple(values[-1, first : first + 2])
+        samples = traces.pop(name)
+        for axis, column in zip('xy', values[:, first : first + 2].T, strict=True):
+            np.testing.assert_array_equal(samples[axis], column.astype(np.float32))
     assert not traces
     layout = both.figure('run-1-path')['layout']
     assert layout['yaxis']['scaleanchor'] == 'x'  # a metre is as long in x as in y
@@ -224,7 +220,7 @@ def test_changes_count_from_the_first_state_of_a_wall_clock() -> None:
     found = page(with_change(run, 5.0, 'controller', k_s1=1.0)).figure('run-1-torque')
     (mark,) = (t for t in found['data'] if t['mode'] != 'lines')
     assert numbers(mark['x']) == pytest.approx([5.0], abs=1e-6)
-    assert numbers(found['data'][0]['x'])[-1] == pytest.approx(20.0, abs=1e-6)
+    assert next(iter(lines(found).values()))['x'][-1] == pytest.approx(20.0, abs=1e-6)
 
 
 def test_origin_is_told(changed: Run) -> None:
@@ -284,11 +280,37 @@ def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture
     assert 'report.html' in capsys.readouterr().out
     found = Page((folder / 'report.html').read_text(encoding='utf-8'))
     assert found.figures() == ['run-1-path', 'run-1-torque']
-    (path,) = found.figure('run-1-path')['data']
-    assert numbers(path['x']).tolist() == told.position[:, 0].tolist()
-    wheel = found.figure('run-1-torque')['data'][0]
-    assert numbers(wheel['y']).tolist() == told.effort[:, 3].tolist()
+    (path,) = lines(found.figure('run-1-path')).values()
+    np.testing.assert_array_equal(path['x'], told.position[:, 0].astype(np.float32))
+    wheel = lines(found.figure('run-1-torque'))['right wheel']
+    np.testing.assert_array_equal(wheel['y'], told.effort[:, 3].astype(np.float32))
     assert len(found.root.all('li')) == 7
+
+
+def test_a_log_whose_topics_were_renamed_says_what_it_needs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, folder = tmp_path / 'base.mcap', tmp_path / 'report'
+    state, command = JointStateCdr(), ArmVelocityCdr()
+    with LogWriter(log) as writer:
+        states = writer.channel('/joint_states', STATE)
+        commands = writer.channel('/arm_controller/commands', ARRAY)
+        twists = writer.channel('/base/cmd_vel', TWIST)
+        for stamp in range(0, 40_000_000, 1_000_000):
+            state.set_stamp(stamp)
+            command.set_stamp(stamp)
+            writer.write(states, stamp, stamp, state.to_bytes())
+            writer.write(commands, stamp, stamp, command.to_bytes())
+            writer.write(twists, stamp, stamp, TwistCdr().to_bytes())
+    assert main(['report', str(log), '--output', str(folder)]) == 0
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if 'Not read' in each]
+    assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
+    assert 'controller/tracking_error' in line
+    assert 'cmd_vel, arm_velocity_commands' in line
+    assert line.endswith('beside /joint_states.')
+    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    (box,) = found.root.all('div', **{'class': 'missing'})
+    assert 'Not read are /arm_controller/commands' in box.text
 
 
 def test_a_node_that_was_started_again_is_told() -> None:
@@ -315,8 +337,9 @@ def test_diverged_run_has_a_page() -> None:
     assert run.tracking_error is not None
     error = run.tracking_error.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
-    found = page(replace(run, tracking_error=error)).figure('run-1-error_E')
-    assert np.isnan(numbers(found['data'][0]['y'])).any()
+    found = lines(page(replace(run, tracking_error=error)).figure('run-1-error_E'))
+    for samples, column in zip(found.values(), error.T[:2], strict=True):
+        np.testing.assert_array_equal(samples['y'], (1e3 * column).astype(np.float32))
 
 
 EVIL = '</script><script>alert(1)</script><!-- "\' & <b>'

@@ -96,6 +96,7 @@ def test_this_machine_gives_the_recorded_bits(digests: dict[str, str]) -> None:
     assert digests == RECORDED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', OTHERS)
 def test_another_cpu_gives_the_same_bits(
     name: str, children: dict[str, dict[str, Any]], digests: dict[str, str]
@@ -105,6 +106,7 @@ def test_another_cpu_gives_the_same_bits(
     assert children[name]['digests'] == digests
 
 
+@pytest.mark.slow
 def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -> None:
     """The machine codes differ in what they multiply with, and none contracts into an FMA."""
     if 'AVX2 and FMA' not in children:
@@ -117,6 +119,7 @@ def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -
     assert vector['fma'] == 0
 
 
+@pytest.mark.slow
 def test_the_interpreter_gives_the_same_bits(children: dict[str, dict[str, Any]]) -> None:
     """Plain Python, which neither reorders nor contracts, computes what LLVM's code does."""
     expected = {n: digest(whole(s)) for n, s in scenarios(INTERPRETED_TICKS).items()}

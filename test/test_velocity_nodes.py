@@ -241,7 +241,7 @@ def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
         run.nodes['controller'].wait()
         for topic in ('cmd_vel', 'arm_velocity_commands'):
             # Each by itself: the two may grow old at different ticks.
-            stopped = f'no command for 0.2 s; what {topic} asked for is zero until one comes'
+            stopped = f'no command on {topic} for 0.2 s; the drives hold until one comes'
             tester.until(lambda line=stopped: run.nodes['plant'].logged('WARN', line), stopped)
         found.stands_still()
         run.start('controller')

@@ -124,6 +124,28 @@ def test_what_it_says_leads_to_the_file_and_the_layout(log: Path) -> None:
         assert urlsplit(served.url).hostname == '127.0.0.1'
 
 
+@pytest.mark.parametrize(
+    ('surroundings', 'way'),
+    [
+        ({'DISPLAY': ':0'}, ''),
+        ({}, f'@{socket.gethostname()}`'),
+        ({'SSH_CONNECTION': '10.0.0.2 5555 10.0.0.7 2222'}, '@10.0.0.7 -p 2222`'),
+    ],
+)
+def test_without_a_desktop_it_names_a_way(
+    log: Path, surroundings: dict[str, str], way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'SSH_CONNECTION'):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in surroundings.items():
+        monkeypatch.setenv(name, value)
+    with viewing(log) as served:
+        port = urlsplit(served.url).port
+        lines = [line for line in served.lines if f'ssh -N -L {port}:127.0.0.1:{port} ' in line]
+        assert len(lines) == bool(way)
+        assert all(way in line and '--port' in line for line in lines)
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_when_it_is_told(log: Path, number: signal.Signals) -> None:
     if signal.getsignal(number) is signal.SIG_IGN:
@@ -251,7 +273,7 @@ def test_what_cannot_be_shown_is_told_in_one_line(log: Path, tmp_path: Path) -> 
             ((str(tmp_path / 'none.mcap'),), ('none.mcap',)),
             ((str(tmp_path),), ('folder',)),
             ((str(text),), ('text.mcap', 'MCAP')),
-            ((str(torn),), ('torn.mcap', 'cut off')),
+            ((str(torn),), ('torn.mcap', 'cut off', f'`masmc recover {torn}`')),
             ((str(short),), ('short.mcap',)),
             ((str(log), '--port', port), (port,)),
             ((str(log), '--port', '70000'), ('70000',)),

@@ -8,6 +8,7 @@ not fit its messages, an index or a chunk that is not right would show here.
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 import struct
 from typing import Any
@@ -17,13 +18,15 @@ import pytest
 
 pytest.importorskip('rosbags')
 
-from node_readers import read_log, SOURCES
+from node_readers import read_log, run_read_log, SOURCES
 from viewed_run import computed_run, decoded, ROOT
 
 from masmc_ros.log.reader import read_run
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.robot.forward_kinematics import task_positions
+
+LAYOUT = ROOT / 'config' / 'foxglove.json'
 
 
 def digests(log: Path) -> dict[str, str]:
@@ -89,30 +92,86 @@ def test_every_message_of_a_recorded_run(tmp_path: Path) -> None:
     assert told['topics']['/rosout']['count'] > 0
 
 
-def test_the_layouts_scripts_find_where_f_is_and_where_it_is_to_be(tmp_path: Path) -> None:
-    log = computed_run(tmp_path)
-    made = read_log(log, ROOT / 'config' / 'foxglove.json')['scripts']
+@pytest.fixture(scope='module')
+def run_and_made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """Return a run of a second, and what the layout's scripts make of it."""
+    log = computed_run(tmp_path_factory.mktemp('scripts'))
+    return log, read_log(log, LAYOUT)['scripts']
+
+
+def test_the_layouts_script_draws_the_paths_of_e_and_f(run_and_made: tuple[Path, Any]) -> None:
+    log, made = run_and_made
     run = read_run(log)
     robot = robot_of(load_scenario(str(ROOT / 'config' / 'paper.yaml'))['plant'])
-    expected = task_positions(robot.geometry, run.position)[:, 2:]
-    actual = np.array([[each['x'], each['y']] for each in made['/masmc/position_f']])
-    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-12)
-    points = [point for each in made['/masmc/reference_f'] for point in each['points']]
-    desired = np.array([[point['x'], point['y']] for point in points])
     assert run.reference is not None
-    assert len(desired) > len(run.times) / 20
-    matched = {tuple(row) for row in run.reference[:, 2:4].tolist()}
-    assert {tuple(row) for row in desired.tolist()} <= matched
-
-
-def test_the_layouts_script_tells_the_gains_in_force(tmp_path: Path) -> None:
-    made = read_log(computed_run(tmp_path), ROOT / 'config' / 'foxglove.json')['scripts']
-    (gains,) = made['/masmc/gains']
-    expected = load_scenario(str(ROOT / 'config' / 'paper.yaml'))['controller']
-    assert gains == {
-        name: list(expected[name]) for name in ('k_s1', 'k_s2', 'sigma', 'gamma')
+    wanted = {
+        'actual': task_positions(robot.geometry, run.position),
+        'desired': run.reference[:, :4],
     }
+    messages = made['/masmc/paths']
+    for point, first in (('e', 0), ('f', 2)):
+        for kind, values in wanted.items():
+            whole = values[:, first : first + 2]
+            name = f'{point}_{kind}'
+            assert all(len(each[name]) == len(each['x']) for each in messages)
+            drawn = np.array(
+                [
+                    (x, y)
+                    for each in messages
+                    for x, y in zip(each['x'], each[name], strict=True)
+                    if y is not None  # NaN in JSON
+                ]
+            )
+            # All of it are points of the path, in order, and none of the path is far from them.
+            distance = np.linalg.norm(drawn[:, None] - whole[None], axis=2)
+            assert distance.min(axis=1).max() < 1e-9
+            assert (np.diff(distance.argmin(axis=1)) >= 0).all()
+            assert distance.min(axis=0).max() < 0.006
+            # Where the line goes on after a gap, it begins where it ended.
+            for each in messages:
+                rows = [i for i, y in enumerate(each[name]) if y is not None]
+                assert rows == list(range(rows[0], rows[0] + len(rows))) if rows else True
+    assert len(messages) > len(run.times)
+
+
+def test_the_layouts_script_tells_the_values_in_force(run_and_made: tuple[Path, Any]) -> None:
+    (told,) = run_and_made[1]['/masmc/controller']
+    expected = load_scenario(str(ROOT / 'config' / 'paper.yaml'))['controller']
+    for name in ('k_s1', 'k_s2', 'sigma', 'gamma'):
+        assert told[name] == list(expected[name])
+    rows = {row['parameter']: row['value'] for row in told['parameters']}
+    assert rows['law'] == expected['law']
+    assert [float(each) for each in rows['k_s1'].split(', ')] == list(expected['k_s1'])
+    assert not any(name.startswith('robot.') for name in rows)
+
+
+@pytest.mark.parametrize('script', ['paths', 'controller'])
+@pytest.mark.parametrize(
+    ('old', 'new', 'fault'),
+    [
+        ('"./types"', '"./types.ts"', "can only end with a '.ts' extension"),
+        ('event.message', 'event.massage', "Property 'massage' does not exist"),
+        ('number[];', 'number[] | undefined;', 'cannot be returned'),
+        ('export const inputs = ["/', 'export const inputs = ["/elsewhere", "/', '/elsewhere'),
+    ],
+)
+def test_scripts_that_the_viewer_refuses_are_found(
+    run_and_made: tuple[Path, Any], tmp_path: Path, script: str, old: str, new: str, fault: str
+) -> None:
+    layout = json.loads(LAYOUT.read_text(encoding='utf-8'))
+    source = layout['userNodes'][script]['sourceCode']
+    assert old in source
+    layout['userNodes'][script]['sourceCode'] = source.replace(old, new, 1)
+    wrong = tmp_path / 'layout.json'
+    wrong.write_text(json.dumps(layout), encoding='utf-8')
+    result = run_read_log(run_and_made[0], wrong)
+    assert result.returncode != 0
+    assert fault in result.stderr
 
 
 def test_nothing_is_installed_into_the_sources() -> None:
-    assert {path.name for path in SOURCES.iterdir()} == {'package.json', 'read_log.mjs'}
+    assert {path.name for path in SOURCES.iterdir()} == {
+        'package.json',
+        'read_log.mjs',
+        'user_scripts.mjs',
+    }

@@ -8,14 +8,13 @@ from contextlib import contextmanager
 import importlib.util
 import os
 from pathlib import Path
-import signal
 import subprocess
 import sys
 import time
-from types import FrameType
 
 from tqdm import tqdm
 
+from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
@@ -50,7 +49,6 @@ def demo(output: str, *, composed: bool) -> int:
     parameters = shared_file('config', 'paper.yaml')
     duration = load_scenario(str(parameters))['plant']['duration']
     logs = []
-    signal.signal(signal.SIGTERM, _end)
     for law in LAWS:
         log = folder / f'{law}.mcap'
         with private_domain() as domain:
@@ -103,7 +101,7 @@ def _processes(
                     stdout=out,
                     stderr=subprocess.STDOUT,
                     stdin=subprocess.DEVNULL,
-                    env={**os.environ, **domain},
+                    env={**os.environ, **domain, **child_environment()},
                     start_new_session=True,
                 )
         yield processes
@@ -147,7 +145,3 @@ def _watch(
                 raise UserError(f'{law}: no end after {_START + _SLOWEST * duration:.0f} s')
             bar.update(min(progress.time(), duration) - bar.n)
         bar.update(duration - bar.n)
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

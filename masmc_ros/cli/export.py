@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from tqdm import tqdm
 
 from masmc_ros.log.reader import read_run
-from masmc_ros.report.export import check_format, write_export
+from masmc_ros.report.export import check_export, write_export
 
 
 def export(logs: Sequence[str], output: str, file_format: str, *, overwrite: bool) -> int:
     """Read logs, write a file for each into a folder, print what is there."""
-    check_format(file_format)
+    check_export(logs, output, file_format, overwrite=overwrite)
     runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
     for path in write_export(runs, output, file_format, overwrite=overwrite):
         print(f'{path}: {path.stat().st_size} bytes')

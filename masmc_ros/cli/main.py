@@ -5,45 +5,112 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
+import errno
 import os
+import signal
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from masmc_ros import __version__
+from masmc_ros.cli.endings import Ended, ended_by_signals
 from masmc_ros.cli.param import add_arguments as add_param_arguments
-from masmc_ros.errors import UserError
+from masmc_ros.errors import suggestion, UserError
+from masmc_ros.optional import explained
+from masmc_ros.share import scenarios
+
+_NOT_TAKEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""What goes wrong where standard output is a file, a device, or a terminal that was closed."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells what is wrong with a command line in one line."""
+    """Tells what is wrong with a command line in one line, and what was meant."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f'{self.prog}: {message}; see {self.prog} --help\n')
+        see = ' See' if message.endswith('?') else '; see'
+        self.exit(2, f'{self.prog}: {message}{see} {self.prog} --help\n')
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            options = [option for action in self._actions for option in action.option_strings]
+            hint = suggestion(unknown[0].partition('=')[0], options)
+            self.error(f"unknown argument '{unknown[0]}'; {hint}")
+        return found, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            hint = suggestion(str(value), map(str, action.choices))
+            raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print; unlike the library, do not keep quiet where that fails."""
+        print(message, end='', file=file or sys.stderr)
+
+
+class _ListScenarios(argparse.Action):
+    """Lists the installed parameter files, and is done."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        for name, path in scenarios().items():
+            print(f'{name}  {path}')
+        parser.exit()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `masmc`; return its exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    name = ' '.join(['masmc', *arguments[:1]])
+    status = 0
+    try:
+        status = _run(name, arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of our output has gone, as in `masmc ... | head`.
+        _let_go_of_output()
+    except OSError as error:
+        # Files have names, and are told of by whoever writes them.
+        if error.filename is not None or error.errno not in _NOT_TAKEN:
+            raise
+        _let_go_of_output()
+        status = status or _tell(f'{name}: cannot write to standard output: {error.strerror}')
+    return status
+
+
+def _run(name: str, arguments: list[str]) -> int:
     if arguments[:1] == ['run'] and arguments[1:2] not in (['-h'], ['--help'], []):
         # All that follows NODE is for the node, ROS arguments above all.
         from masmc_ros.cli.run import run_node
 
         return run_node(arguments[1], arguments[2:])
-    name = 'masmc'
     try:
-        options = _parser().parse_args(arguments)
-        name = f'masmc {options.command}'
-        return _dispatch(options)
+        with ended_by_signals():
+            options = _parser().parse_args(arguments)
+            name = f'masmc {options.command}'
+            return _dispatch(options)
+    except ModuleNotFoundError as missing:
+        return _tell(f'{name}: {explained(missing)}')
     except UserError as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return error.exit_status
-    except KeyboardInterrupt:
-        print(f'{name}: interrupted', file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        # The reader of our output has gone, as in `masmc ... | head`.
+        return _tell(f'{name}: {error}', error.exit_status)
+    except Ended as end:
+        how = 'interrupted' if end.number == signal.SIGINT else f'ended by {end.name}'
+        return _tell(f'{name}: {how}', 128 + end.number)
+    except SystemExit as end:  # argparse has told all there is to say
+        return int(end.code or 0)
+
+
+def _tell(line: str, status: int = 2) -> int:
+    """Print a line where errors go, if that can be, and return the status."""
+    with suppress(OSError):
+        print(line, file=sys.stderr, flush=True)
+    return status
+
+
+def _let_go_of_output() -> None:
+    """Let what standard output does not take go nowhere, when the interpreter ends too."""
+    with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
 
 
 def _dispatch(options: argparse.Namespace) -> int:
@@ -112,7 +179,12 @@ def _parser() -> argparse.ArgumentParser:
         description='Compute the closed loop of a parameter file: the same bits as the nodes. '
         'Or compute the run of a log again, and compare.',
     )
-    simulate.add_argument('file', help='ROS 2 parameter file, or the log of a run')
+    simulate.add_argument(
+        'file', help='ROS 2 parameter file, the name of an installed one, or the log of a run'
+    )
+    simulate.add_argument(
+        '--list', action=_ListScenarios, nargs=0, help='list the installed parameter files'
+    )
     simulate.add_argument(
         '--set',
         action='append',
@@ -127,8 +199,8 @@ def _parser() -> argparse.ArgumentParser:
 
     recover = commands.add_parser(
         'recover',
-        help='complete logs whose recorder was cut off',
-        description='Complete, in their places, logs whose recorder was cut off. What is whole '
+        help='complete logs that were cut off or damaged',
+        description='Complete, in their places, logs that were cut off or damaged. What is whole '
         'stays as it is; a log that is complete is not touched.',
     )
     recover.add_argument('logs', nargs='+', metavar='RUN.mcap', help='log to complete')

@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 import fcntl
 import os
-from pathlib import Path
 import random
-import tempfile
+import socket
 
 from masmc_ros.errors import UserError
+from masmc_ros.user_folder import runtime_folder
 
 _DOMAINS = range(1, 102)
 """Domains whose ports lie below those that the system hands out by itself."""
@@ -26,20 +26,41 @@ def private_domain() -> Iterator[dict[str, str]]:
     used = os.environ.get('ROS_DOMAIN_ID', '0')
     candidates = [domain for domain in _DOMAINS if str(domain) != used]
     random.shuffle(candidates)
+    with locked_domain(candidates) as domain:
+        yield {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+@contextmanager
+def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
+    """Yield the first domain that no other process of this user has locked, and nobody uses.
+
+    Raises UserError where all are taken.
+    """
+    folder = runtime_folder()
     for domain in candidates:
-        path = Path(tempfile.gettempdir()) / f'masmc_ros_domain_{domain}.lock'
+        path = folder / f'domain_{domain}.lock'
         try:
-            lock = path.open('w')
+            lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         except OSError:
-            continue  # another user's
-        with lock:
+            continue  # a link, say
+        try:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 continue
-            yield {
-                'ROS_DOMAIN_ID': str(domain),
-                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            }
-            return
+            if not _is_used(domain):
+                yield domain
+                return
+        finally:
+            os.close(lock)
     raise UserError('no free ROS domain on this machine; end other runs of masmc demo')
+
+
+def _is_used(domain: int) -> bool:
+    """Tell whether somebody, of whatever user, listens where a domain's first node does."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7410 + 250 * domain))
+        except OSError:
+            return True
+    return False

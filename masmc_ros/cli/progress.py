@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import os
 from types import TracebackType
 
@@ -13,8 +14,9 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
+from masmc_ros.errors import InputError
 from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.shared_memory import clear_half_made
+from masmc_ros.nodes.transport import prepare_transport
 
 
 class RunProgress:
@@ -24,7 +26,7 @@ class RunProgress:
         """Join the domain."""
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         self._time = 0.0
-        clear_half_made()
+        prepare_transport()
         self._context = Context()
         rclpy.init(
             context=self._context,
@@ -44,7 +46,8 @@ class RunProgress:
         return self._time
 
     def _on_odometry(self, raw: bytes) -> None:
-        self._time = header_stamp(raw) * 1e-9
+        with suppress(InputError):  # of a stranger's odometry
+            self._time = header_stamp(raw) * 1e-9
 
     def __enter__(self) -> RunProgress:
         """Return itself."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc recover`: completes logs whose recorder was cut off."""
+"""`masmc recover`: completes logs that were cut off or damaged."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import sys
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.gaps import state_gaps
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.recover import recover as recover_file
 
@@ -28,6 +29,8 @@ def recover(logs: Sequence[str]) -> int:
         length = (found.end - found.begin) / NANOSECONDS
         print(
             f'{log}: completed with {found.messages} messages over {length:.3f} s;'
-            f' {found.dropped} bytes at its end were no whole record'
+            f' {found.dropped} bytes of it could not be read'
         )
+        for topic, gaps in state_gaps(Path(log)).items():
+            print(f'{log}: {topic}: {gaps.text()}, by its stamps')
     return status

@@ -5,17 +5,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+import sys
 
 from tqdm import tqdm
 
 from masmc_ros.log.reader import read_run
-from masmc_ros.report.report import write_report
+from masmc_ros.report.missing import unread
+from masmc_ros.report.report import check_report, write_report
 
 
 def report(logs: Sequence[str], output: str) -> int:
     """Read logs, write the report into a folder, print its table and what is there."""
+    check_report(logs, output)
     runs = [read_run(log) for log in tqdm(logs, unit='log', desc='reading', disable=None)]
     files = write_report(runs, output)
+    for run in runs:
+        for line in unread(run):
+            print(f'{run.path}: {line}', file=sys.stderr)
     table = next(file for file in files if file.name == 'table.txt')
     print(table.read_text(encoding='utf-8'))
     print(f'report: {Path(output)}/ ({", ".join(file.name for file in files)})')

@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 import importlib
+from itertools import takewhile
 import os
-import signal
 import sys
 from types import FrameType
 
+from masmc_ros.cli.endings import end_with_parent
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.ending import on_end
+from masmc_ros.optional import explained
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
 
@@ -25,16 +28,24 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
     if name not in NODES:
         print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
         return 2
+    if not {'-h', '--help'}.isdisjoint(takewhile(lambda each: each != '--ros-args', arguments)):
+        from masmc_ros.cli.node_help import node_help
+
+        print(node_help(name), end='')
+        return 0
+    end_with_parent()
     # Imports take a second: a traceback of them is not what SIGINT asks for, and nothing is
     # to be completed yet. A node that has begun takes the signals itself.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _end)
+    on_end(_end)
     try:
         require_rclpy()
+        status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
+    except ModuleNotFoundError as missing:
+        print(f'masmc run: {explained(missing)}', file=sys.stderr)
+        return 2
     except UserError as error:
         print(f'masmc run: {error}', file=sys.stderr)
         return error.exit_status
-    status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
     return status
 
 
@@ -43,7 +54,9 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 
 def _executable(name: str) -> int:
-    return run_node(name, sys.argv[1:])
+    from masmc_ros.cli.main import main
+
+    return main(['run', name, *sys.argv[1:]])
 
 
 plant, trajectory, controller, recorder, live, composed = (

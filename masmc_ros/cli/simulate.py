@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+import math
 from pathlib import Path
+import shutil
 import sys
 from typing import Any, NamedTuple
 
@@ -13,6 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.overlap import check_apart
 from masmc_ros.log.reader import is_log, read_run, Run
 from masmc_ros.log.simulated import SimulationLog
 from masmc_ros.log.writer import check_log_path
@@ -24,6 +27,7 @@ from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
 from masmc_ros.robot import AXES
+from masmc_ros.share import scenario_file
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
@@ -44,22 +48,27 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     The run of a log is computed again, with the changes of gains, resets and activations on
     its way, and compared with what the log says. A file's run is active from its first tick.
     """
+    path = Path(output or '')
+    if output is not None:
+        _check_output(path, file, overwrite=overwrite)
     source = _source(file, settings)
     simulation = Simulation(source.values, source.changes)
     log: AbstractContextManager[Any] = nullcontext()
     if output is not None:
-        check_log_path(Path(output))
-        if Path(output).exists() and not overwrite:
-            raise InputError(f'{output}: is there already; add --overwrite to replace it')
-        log = SimulationLog(Path(output), simulation, source.values, source.files)
+        log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
     again = Recomputed(source.run) if source.run is not None else None
-    errors, torques, active, singular = [], [], [], 0
+    errors: list[Any] = []
+    torques: list[Any] = []
+    active: list[Any] = []
+    singular = 0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
         for stretch in simulation.run():
             if writer is not None:
                 writer.write(stretch)
+                if not errors and ticks > _PROGRESS_FROM:
+                    _tell_size(path, writer.size / len(stretch.torque), ticks)
             if again is not None:
                 again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
@@ -82,11 +91,38 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     return 0
 
 
+def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
+    """Refuse a file that cannot be written or must not be, before anything is read."""
+    check_log_path(path)
+    check_apart([path], [file])
+    if path.exists() and not overwrite:
+        raise InputError(f'{path}: is there already; add --overwrite to replace it')
+
+
+def _tell_size(path: Path, per_tick: float, ticks: int) -> None:
+    """Say how much a long run will write; InputError where the disk has not so much left."""
+    expected = per_tick * ticks
+    free = shutil.disk_usage(path.parent).free
+    text = f'{path}: {ticks} ticks take about {_size_text(expected)}'
+    if expected > free:
+        raise InputError(
+            f'{text}, of which the disk has {_size_text(free)} left; expected a shorter duration,'
+            ' or fewer messages (controller.telemetry_decimation, plant.tf_decimation)'
+        )
+    print(text, file=sys.stderr)
+
+
+def _size_text(size: float) -> str:
+    steps = min(4, int(math.log(max(size, 1.0), 1000)))
+    return f'{size / 1000**steps:.0f} {("B", "kB", "MB", "GB", "TB")[steps]}'
+
+
 def _source(file: str, settings: Sequence[str]) -> _Source:
     if is_log(Path(file)):
         run = read_run(file)
         values, changes = logged_scenario(run, settings)
         return _Source(values, changes, run.attachments, run)
+    file = scenario_file(file)
     values = load_scenario(file, settings)
     for line in strays(file):
         print(line, file=sys.stderr)

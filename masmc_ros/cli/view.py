@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
+import getpass
 import os
 from pathlib import Path
 import shutil
-import signal
+import socket
 import subprocess
 import sys
-from types import FrameType
 from urllib.parse import urlencode
 
-from masmc_ros.cli.file_server import FileServer
+from masmc_ros.cli.file_server import FileServer, HOST
 from masmc_ros.errors import InputError
+from masmc_ros.log.records import check_magic, cut_off, MAGIC
+from masmc_ros.log.recover import is_complete
 from masmc_ros.share import shared_file
 
 _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')
@@ -21,8 +23,6 @@ _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')
 
 _GRACE = 1.5
 """Time in s in which a program that cannot open the file has given up."""
-
-_MAGIC = b'\x89MCAP0\r\n'
 
 
 def view(log: str, port: int) -> int:
@@ -43,10 +43,12 @@ def _serve(path: Path, port: int, layout: Path) -> None:
     with FileServer(path, port) as server:
         query = urlencode({'ds': 'remote-file', 'ds.url': server.url})
         try:
-            signal.signal(signal.SIGTERM, _interrupt)
             print(f'{path} is at {server.url}')
             print(f'open in the browser: https://app.foxglove.dev/?{query}')
             print(f'or in the application: foxglove://open?{query}')
+            way = _way_from_elsewhere(server.server_port)
+            if way:
+                print(way)
             print(_layout_hint(layout))
             print('until Ctrl-C', flush=True)
             server.serve_forever()
@@ -86,18 +88,29 @@ def _check(path: Path) -> None:
         raise InputError(f'{path}: is a folder; name the .mcap file in it')
     try:
         with path.open('rb') as stream:
-            start = stream.read(len(_MAGIC))
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(max(0, size - len(_MAGIC)))
-            end = stream.read()
+            check_magic(path, stream.read(len(MAGIC)))
+        is_whole = is_complete(path)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise InputError(f'{path}: cannot be read: {reason}') from error
-    if start != _MAGIC:
-        raise InputError(f'{path}: is no MCAP file; name a log such as run.mcap')
-    if end != _MAGIC or size == len(_MAGIC):
-        raise InputError(f'{path}: the log ends before its end, its recorder was cut off')
+    if not is_whole:
+        raise InputError(cut_off(path))
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _way_from_elsewhere(port: int) -> str:
+    """Return how a browser on another machine gets to a port of this one; '' with a desktop."""
+    remote = os.environ.get('SSH_CONNECTION', '').split()
+    has_desktop = sys.platform == 'darwin' or bool(
+        os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
+    )
+    if has_desktop and not remote:
+        return ''
+    # Client, its port, server, its port.
+    host = remote[2] if len(remote) == 4 else socket.gethostname()
+    way = f'ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{host}'
+    if len(remote) == 4 and remote[3] != '22':
+        way += f' -p {remote[3]}'
+    return (
+        f'without a browser here: on the machine that has one run `{way}`, then open the same'
+        ' address there; --port keeps it at one port'
+    )

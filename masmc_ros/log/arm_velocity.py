@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from masmc_ros.log.labelled_command import CommandKind, LabelledCdr
 from masmc_ros.log.names import ARM_JOINTS
 
@@ -13,6 +15,6 @@ ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', ARM_JOIN
 class ArmVelocityCdr(LabelledCdr):
     """Rates (2) of arm joints 1 and 2 in rad/s, in `data`."""
 
-    def __init__(self) -> None:
-        """Make a command of zeros that answers the state of time 0."""
-        super().__init__(ARM_VELOCITY)
+    def __init__(self, joints: Sequence[str] = ARM_JOINTS) -> None:
+        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        super().__init__(ARM_VELOCITY.named(joints))

@@ -90,7 +90,14 @@ def part_names(folder: Path) -> list[str]:
             content = yaml.safe_load(path.read_text(encoding='utf-8'))
             names = content['rosbag2_bagfile_information']['relative_file_paths']
             return [str(name) for name in names]
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+        except (
+            OSError,
+            ValueError,
+            yaml.YAMLError,
+            KeyError,
+            TypeError,
+            RecursionError,
+        ) as error:
             raise InputError(
                 f'{path}: is not the metadata of a recording; it takes'
                 ' rosbag2_bagfile_information with relative_file_paths'

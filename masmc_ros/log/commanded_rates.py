@@ -54,9 +54,9 @@ def _decode(topic: Topic, *, is_stamped: bool) -> Series:
             if is_stamped:
                 stamp = header_stamp(raw)
                 twist = getattr(twist, 'twist', twist)
-        except InputError:
-            continue
-        six = twist_numbers(twist)
+            six = [float(number) for number in twist_numbers(twist)]
+        except (InputError, AttributeError, TypeError, ValueError):
+            continue  # not InputError where the log's own definition of the type is another
         if np.isfinite(six).all():
             stamps.append(stamp)
             values.append((six[0], six[5]))

@@ -6,10 +6,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-import struct
 from typing import Any, NamedTuple
 
-from mcap.exceptions import McapError
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +20,13 @@ from masmc_ros.log.labelled_command import (
     LabelledLayout,
     NANOSECOND_DIGITS,
 )
-from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
+from masmc_ros.log.layout import (
+    checked_stamp,
+    ENCAPSULATION,
+    END_OF_TIME,
+    Layout,
+    NANOSECONDS,
+)
 from masmc_ros.log.names import JOINTS
 from masmc_ros.log.reference_window import ReferenceWindow
 from masmc_ros.log.scan import Topic
@@ -31,6 +35,10 @@ from masmc_ros.log.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCd
 Rows = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+
+_STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
+"""Of the seconds and nanoseconds of a stamp."""
 
 
 class Series(NamedTuple):
@@ -83,7 +91,10 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
     # Imported here: only messages that others laid out need it.
     from mcap_ros2.decoder import DecoderFactory
 
-    decoder = DecoderFactory().decoder_for(topic.encoding, topic.schema)
+    try:
+        decoder = DecoderFactory().decoder_for(topic.encoding, topic.schema)
+    except Exception as error:  # whatever the library says of a damaged definition
+        raise _undecodable(topic, error) from error
     if decoder is None:
         raise InputError(
             f"{topic.name}: messages in '{topic.encoding}' with definitions in"
@@ -94,10 +105,14 @@ def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
     def decode(raw: bytes) -> Any:
         try:
             return decoder(raw)
-        except (McapError, struct.error, ValueError) as error:
-            raise InputError(f'{topic.name}: a message cannot be decoded: {error}') from error
+        except Exception as error:  # whatever the library says of bytes of another type
+            raise _undecodable(topic, error) from error
 
     return decode
+
+
+def _undecodable(topic: Topic, error: Exception) -> InputError:
+    return InputError(f'{topic.name}: a message cannot be decoded: {type(error).__name__} {error}')
 
 
 def decode(topic: Topic, how: Topical) -> Series:
@@ -141,12 +156,17 @@ def _decode_singly(
     for index in indices:
         assert make is not None
         try:
-            stamp, numbers = how.single(make(topic.messages[index]), topic.log_times[index])
+            message = make(topic.messages[index])
+            stamp, numbers = how.single(message, topic.log_times[index])
+            stamps[index] = checked_stamp(stamp)
+            values[index] = numbers
         except InputError as error:
             refusal = refusal or error
             continue
-        stamps[index] = stamp
-        values[index] = numbers
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+            # The log's own definition of the type has other fields, or fields of other types.
+            refusal = refusal or _undecodable(topic, error)
+            continue
         usable[index] = True
     return refusal
 
@@ -161,26 +181,35 @@ def _usable(rows: Rows, layout: Layout) -> NDArray[np.bool_] | None:
     return layout.rows_match(rows) if rows.shape[1] == layout.size else None
 
 
+def _are_times(stamps: Stamps) -> NDArray[np.bool_]:
+    """Tell which stamps (n) in ns are times, as `checked_stamp`."""
+    return (stamps >= 0) & (stamps < END_OF_TIME)
+
+
 def _same(_: bytes) -> Hashable:
     return None
 
 
-def joint_states(joints: tuple[str, ...] = JOINTS) -> Topical:
-    """Read joint states: positions, velocities and efforts, 7 of each.
+def joint_states(
+    names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
+) -> Topical:
+    """Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
 
     `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
     of others mean nothing.
     """
-    message = JointStateCdr()
+    message = JointStateCdr(names)
 
     def bulk(rows: Rows) -> Bulk | None:
-        layout, *offsets = joint_state_layout()
+        layout, *offsets = joint_state_layout(names)
         usable = _usable(rows, layout)
         if usable is None:
             return None
-        parts = _numbers(rows, len(ENCAPSULATION), 2, '<i4').astype(np.int64)
+        seconds = _numbers(rows, len(ENCAPSULATION), 1, '<i4')[:, 0].astype(np.int64)
+        nanoseconds = _numbers(rows, len(ENCAPSULATION) + 4, 1, '<u4')[:, 0].astype(np.int64)
+        stamps = seconds * NANOSECONDS + nanoseconds
         numbers = np.hstack([_numbers(rows, offset, len(JOINTS)) for offset in offsets])
-        return Bulk(usable, Series(parts[:, 0] * NANOSECONDS + parts[:, 1], numbers))
+        return Bulk(usable & _are_times(stamps), Series(stamps, numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received, joints, unknown_velocity=np.nan)
@@ -203,7 +232,8 @@ def commands(kind: CommandKind) -> Topical:
         if layout is None or usable is None:
             return None
         plain, stamps = _label_stamps(rows, layout)
-        return Bulk(usable & plain, Series(stamps, _numbers(rows, layout.data, width)))
+        usable &= plain & _are_times(stamps)
+        return Bulk(usable, Series(stamps, _numbers(rows, layout.data, width)))
 
     def single(received: Any, log_time: int) -> tuple[int, Floats]:
         message.load_message(received)
@@ -234,8 +264,11 @@ def telemetry(label: str, count: int) -> Topical:
         if usable is None:
             return None
         numbers = _numbers(rows, layout.data, layout.count)
-        parts = numbers[:, :STAMP_NUMBERS].astype(np.int64)
-        stamps = parts[:, 0] * NANOSECONDS + parts[:, 1]
+        parts = numbers[:, :STAMP_NUMBERS]
+        # False for what is not a number, too.
+        usable &= ((parts >= 0.0) & (parts < _STAMP_LIMITS)).all(axis=1)
+        seconds, nanoseconds = np.where(usable[:, None], parts, 0.0).astype(np.int64).T
+        stamps = seconds * NANOSECONDS + nanoseconds
         return Bulk(usable, Series(stamps, numbers[:, STAMP_NUMBERS:]))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
@@ -255,7 +288,7 @@ def decode_references(topic: Topic) -> list[tuple[int, ReferenceWindow]]:
             if window is None:
                 make = make or message_decoder(topic)
                 window = ReferenceWindow.from_message(make(raw))
-        except InputError:
-            continue
+        except (InputError, AttributeError, TypeError, ValueError, OverflowError):
+            continue  # the latter where the log's own definition of the type is another
         windows.append((log_time, window))
     return windows

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from masmc_ros.log.labelled_command import CommandKind, LabelledCdr
 from masmc_ros.log.names import DRIVEN_JOINTS
 
@@ -13,6 +15,6 @@ EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
 class EffortCdr(LabelledCdr):
     """Torques (4) of right wheel, left wheel, arm joints 1 and 2 in N m, in `data`."""
 
-    def __init__(self) -> None:
-        """Make a command of zeros that answers the state of time 0."""
-        super().__init__(EFFORT)
+    def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
+        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        super().__init__(EFFORT.named(joints))

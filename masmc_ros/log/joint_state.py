@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -26,14 +26,14 @@ class JointStateLayout(NamedTuple):
     effort: int
 
 
-@cache
-def joint_state_layout() -> JointStateLayout:
-    """Return the layout of a joint state with an empty frame and the joints in order."""
+@lru_cache(maxsize=64)
+def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
+    """Return the layout of a joint state with an empty frame and these joints in order."""
     layout = Layout()
     layout.stamp()
     layout.string('')
-    layout.uint32(len(JOINTS))
-    for name in JOINTS:
+    layout.uint32(len(names))
+    for name in names:
         layout.string(name)
     return JointStateLayout(layout, *(layout.sequence(len(JOINTS)) for _ in range(3)))
 
@@ -42,15 +42,17 @@ class JointStateCdr(StampedMessage):
     """A joint state whose arrays are views into the message.
 
     Attributes:
+        names: (7) of the joints.
         position: (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
         velocity: (7) their rates in m/s and rad/s.
         effort: (7) zeros for the base joints, then the four torques in N m.
     """
 
-    def __init__(self) -> None:
-        """Make a state of zeros at time 0."""
-        layout, position, velocity, effort = joint_state_layout()
+    def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
+        """Make a state of zeros at time 0, of joints (7) of these names."""
+        layout, position, velocity, effort = joint_state_layout(names)
         super().__init__(layout)
+        self.names = names
         self.position = self._view(position, len(JOINTS))
         self.velocity = self._view(velocity, len(JOINTS))
         self.effort = self._view(effort, len(JOINTS))
@@ -68,12 +70,13 @@ class JointStateCdr(StampedMessage):
         return all(map(isfinite, position.tolist() + velocity.tolist()))
 
     def check(
-        self, joints: tuple[str, ...] = JOINTS, *, unknown_velocity: float | None = None
+        self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None
     ) -> None:
         """Refuse positions and velocities of `joints` that are not finite, by InputError.
 
         With `unknown_velocity` that takes the place of such velocities instead.
         """
+        joints = joints or self.names
         first = len(JOINTS) - len(joints)
         _check_finite(self.position[first:], joints, 'position')
         velocity = self.velocity[first:]
@@ -85,7 +88,7 @@ class JointStateCdr(StampedMessage):
     def load_message(
         self,
         message: Any,
-        joints: tuple[str, ...] = JOINTS,
+        joints: tuple[str, ...] | None = None,
         *,
         unknown_velocity: float | None = None,
     ) -> None:
@@ -95,8 +98,8 @@ class JointStateCdr(StampedMessage):
 
         Args:
             message: sensor_msgs/JointState as any deserialiser gives it.
-            joints: which joints to take, `JOINTS` or the driven ones, which are its last;
-                what is held of the others stays.
+            joints: which joints to take, all or the driven ones, which are the last of
+                `names`; what is held of the others stays.
             unknown_velocity: what to take for velocities that are absent or not finite; None
                 refuses them.
 
@@ -104,6 +107,7 @@ class JointStateCdr(StampedMessage):
             InputError: for missing or repeated joints, sizes that do not go with the names,
                 numbers that are not finite; nothing is changed then.
         """
+        joints = joints or self.names
         names = list(message.name)
         if names != self._names or joints != self._joints:
             self._order = _order(names, joints)

@@ -9,6 +9,8 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.errors import InputError
+
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian: what every ROS 2 middleware sends on such a machine."""
 
@@ -17,6 +19,17 @@ NANOSECONDS = 1_000_000_000
 
 STAMP = struct.Struct('<iI')
 """builtin_interfaces/Time in CDR: seconds and nanoseconds."""
+
+END_OF_TIME = 2**31 * NANOSECONDS
+"""In ns: the first time that ROS 2's seconds of 32 bits, sign included, cannot say."""
+
+
+def checked_stamp(stamp_ns: int) -> int:
+    """Return a stamp in ns; InputError for one that is no time since time 0."""
+    if not 0 <= stamp_ns < END_OF_TIME:
+        fault = 'is negative' if stamp_ns < 0 else 'is beyond 2**31 s'
+        raise InputError(f'stamp {stamp_ns} ns {fault}')
+    return stamp_ns
 
 
 class Layout:

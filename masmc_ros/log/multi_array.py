@@ -13,6 +13,7 @@ class MultiArrayLayout(Layout):
 
     Attributes:
         labels: where the characters of each label start, in bytes.
+        offset: where the message says how many numbers come before the array, in bytes.
         data: where the numbers start, in bytes.
         count: how many numbers there are.
     """
@@ -35,5 +36,5 @@ class MultiArrayLayout(Layout):
             self.labels.append(self.string(label))
             self.uint32(size)
             self.uint32(stride)
-        self.uint32(data_offset)
+        self.offset = self.uint32(data_offset)
         self.data = self.sequence(self.count)

@@ -18,6 +18,7 @@ __all__ = [
     'ARM_VELOCITY_TOPIC',
     'BASE_FRAME',
     'BASE_JOINTS',
+    'CLOCK_TOPIC',
     'CMD_VEL_TOPIC',
     'COMMAND_TOPIC',
     'DERIVATIVES',
@@ -47,6 +48,7 @@ REFERENCE_TOPIC = 'reference'
 DESCRIPTION_TOPIC = 'robot_description'
 DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
+CLOCK_TOPIC = 'clock'
 
 TELEMETRY = {
     'tracking_error': 4,

@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 import json
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.parameter_record import ParameterRecord, read_record
+from masmc_ros.log.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.log.provenance import CHANGES, PARAMETERS
 from masmc_ros.log.scan import Records
-from masmc_ros.log.text import text_of
 from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic
 
 
@@ -42,8 +42,10 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
         begun: position in the log at which the run began; what was changed before is part of
             its beginning.
 
+    Records that cannot be read are left out, as every node refuses them.
+
     Raises:
-        InputError: for a record that cannot be read.
+        InputError: for metadata that cannot be read.
     """
     start: dict[str, dict[str, Any]] = {}
     changes: list[tuple[int, ParameterRecord]] = []
@@ -54,9 +56,9 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
             continue
         for order, raw in zip(topic.orders, topic.messages, strict=True):
             try:
-                record = read_record(text_of(raw))
-            except (InputError, UnicodeDecodeError, IndexError) as error:
-                raise InputError(f'{topic.name}: {error}') from error
+                record = record_of(raw)
+            except InputError:
+                continue
             if node not in start or order < begun:
                 start[node] = record.parameters
             elif record.is_start:
@@ -71,7 +73,7 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
 
 def _from_metadata(records: Records) -> ParameterHistory:
     start = {
-        _own_name(node): _object(PARAMETERS, text)
+        _own_name(node): _start(text)
         for record in records.metadata.get(PARAMETERS, ())
         for node, text in record.items()
     }
@@ -81,11 +83,11 @@ def _from_metadata(records: Records) -> ParameterHistory:
         for _, text in sorted(record.items()):
             found = _object(CHANGES, text)
             try:
-                node, new = str(found['node']), dict(found['parameters'])
+                node, new = str(found['node']), parameter_values(found)
                 values = in_force.setdefault(_own_name(node), {})
                 values.update(new)
                 tick, stamp = int(found['tick']), int(found['stamp'])
-            except (KeyError, TypeError, ValueError) as error:
+            except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise InputError(
                     f"metadata '{CHANGES}': expected JSON objects of node, tick, stamp and"
                     ' parameters'
@@ -99,11 +101,19 @@ def _own_name(node: str) -> str:
     return node.rpartition('/')[2]
 
 
-def _object(name: str, text: str) -> dict[str, Any]:
+def _start(text: str) -> dict[str, Any]:
     try:
+        return parameter_values({'parameters': _object(PARAMETERS, text)})
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"metadata '{PARAMETERS}': expected values that parameters can have"
+        ) from error
+
+
+def _object(name: str, text: str) -> dict[str, Any]:
+    values = None
+    with suppress(ValueError, RecursionError):
         values = json.loads(text)
-    except json.JSONDecodeError:
-        values = None
     if not isinstance(values, dict):
         raise InputError(f"metadata '{name}': expected JSON objects of names and values")
     return values

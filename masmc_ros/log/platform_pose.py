@@ -9,6 +9,7 @@ import numpy as np
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.decode import message_decoder, Series
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import JOINTS
 from masmc_ros.log.platform_motion import odometry_numbers
 from masmc_ros.log.scan import Topic
@@ -30,8 +31,12 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
         InputError: where it is near none, or cannot be decoded.
     """
     decode = message_decoder(odometry)
-    poses = [odometry_numbers(decode(raw)) for raw in odometry.messages]
-    kept = last_pass(np.array([stamp for stamp, _, _ in poses]))
+    poses = []
+    for raw in odometry.messages:
+        with suppress(InputError, AttributeError, TypeError, ValueError, OverflowError):
+            stamp, pose, twist = odometry_numbers(decode(raw))
+            poses.append((checked_stamp(stamp), pose, twist))
+    kept = last_pass(np.array([stamp for stamp, _, _ in poses], np.int64))
     waiting = [poses[index] for index in reversed(kept.tolist())]
     base, values = BasePose(), states.values.copy()
     posed = np.zeros(len(states.stamps), bool)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,8 @@ from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.platform_pose import with_platform_pose
 from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
-from masmc_ros.log.topics import FLOAT_ARRAY, ODOMETRY, TWIST, TWIST_STAMPED
+from masmc_ros.log.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
+from masmc_ros.robot.names import joint_names, JOINT_NAMES_PARAMETER, NAMES
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +53,9 @@ _TWIST = 2
 """Forward speed and yaw rate."""
 
 _STATE_TYPE = 'sensor_msgs/msg/JointState'
+
+_TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
+"""Of what a run is read from."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,9 @@ class Run:
         parameters: with which every node began.
         changes: of parameters while the robot ran, and events, in the order of the log.
         restarted: nodes that were started again while the robot ran.
+        joint_names: (7) by which the states are read, in the order of `position`.
         topics: number of messages of every topic of the log.
+        elsewhere: topics of types that a run has, under names that it does not have.
         metadata: records of each name, in the order of the log.
         attachments: files by name.
     """
@@ -118,6 +125,8 @@ class Run:
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
+    joint_names: tuple[str, ...] = JOINTS
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def commands_rates(self) -> bool:
@@ -157,9 +166,13 @@ def _run(path: Path, records: Records) -> Run:
 
     def series(name: str, how: Topical) -> Series | None:
         topic = _topic(records, namespace + name, FLOAT_ARRAY)
-        return None if topic is None else decode(topic, how)
+        # A topic on which strangers alone have sent is as one that nobody has sent on.
+        with suppress(InputError):
+            return None if topic is None else decode(topic, how)
+        return None
 
-    every_state, odometry = _states(records, namespace, states_topic)
+    names = _joint_names(records, namespace)
+    every_state, odometry = _states(records, namespace, states_topic, names)
     states = _last_pass(every_state, 3 * len(JOINTS))
     if odometry is not None:
         states = with_platform_pose(states, odometry)
@@ -210,7 +223,39 @@ def _run(path: Path, records: Records) -> Run:
         topics={topic.name: len(topic.messages) for topic in records.topics.values()},
         metadata=records.metadata,
         attachments=records.attachments,
+        joint_names=names,
+        elsewhere=tuple(_elsewhere(records, namespace, *_TYPES)),
     )
+
+
+def _joint_names(records: Records, namespace: str) -> tuple[str, ...]:
+    """Return the names of the joints, as the plant or else the controller was told them."""
+    start = parameter_history(records, namespace, 0).start
+    for node in ('plant', 'controller'):
+        told = start.get(node, {}).get(JOINT_NAMES_PARAMETER)
+        if told is not None:
+            return joint_names({JOINT_NAMES_PARAMETER: NAMES[0].check(told)})
+    return JOINTS
+
+
+def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:
+    """Return the topics of some types that are none of the robot's, and have messages."""
+    ours = {namespace + topic.name for topic in TOPICS}
+    return sorted(
+        topic.name
+        for topic in records.topics.values()
+        if topic.messages
+        and topic.schema is not None
+        and topic.schema.name in type_names
+        and topic.name not in ours
+    )
+
+
+def _hint(topics: list[str], name: str) -> str:
+    """Return what to add to a line about a topic that is missing."""
+    if not topics:
+        return ''
+    return f'; {" and ".join(topics)}, of that type, would have to be called {name}'
 
 
 def _only_states(records: Records) -> Topic:
@@ -223,7 +268,7 @@ def _only_states(records: Records) -> Topic:
     if not found:
         raise InputError(
             f'no {STATE_TOPIC} in it; a run has at least these, recorded with the other topics'
-            ' of the robot'
+            f' of the robot{_hint(_elsewhere(records, "/", _STATE_TYPE), STATE_TOPIC)}'
         )
     if len(found) > 1:
         names = ', '.join(sorted(topic.name for topic in found))
@@ -234,16 +279,18 @@ def _only_states(records: Records) -> Topic:
 
 
 def _states(
-    records: Records, namespace: str, topic: Topic
+    records: Records, namespace: str, topic: Topic, names: tuple[str, ...]
 ) -> tuple[Series, Topic | None]:
     """Read the states, and return odometry too where the base's joints are not among theirs."""
     try:
-        return decode(topic, joint_states()), None
-    except InputError:
+        return decode(topic, joint_states(names)), None
+    except InputError as error:
         odometry = _topic(records, namespace + 'odom', ODOMETRY)
         if odometry is None:
-            raise
-        return decode(topic, joint_states(DRIVEN_JOINTS)), odometry
+            hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
+            raise InputError(f'{error}{hint}') from None
+        driven = names[len(BASE_JOINTS) :]
+        return decode(topic, joint_states(names, driven)), odometry
 
 
 def _topic(records: Records, name: str, *type_names: str) -> Topic | None:

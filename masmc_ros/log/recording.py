@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 import errno
@@ -40,6 +40,9 @@ _REASONS = {errno.ENOSPC: 'the disk is full', errno.EDQUOT: "the user's quota is
 
 LOST = 'lost_messages'
 """Metadata record: how many messages of each topic found no place in the queue."""
+
+NOT_UNDERSTOOD = 'messages_not_understood'
+"""Metadata record: how many messages of each topic are recorded as they came, unread."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,8 @@ class Recording:
         self._queued = self._taken = 0
         self._stop = threading.Event()
         self.lost: dict[str, int] = {}
+        self.not_understood: Mapping[str, int] = {}
+        """How many messages of each topic whoever records could not read."""
         self.trouble: str | None = None
         """What the disk says, None while it takes everything."""
         self.failure: BaseException | None = None
@@ -296,6 +301,9 @@ class Recording:
     def _end_part(self, log: LogWriter) -> None:
         if self.lost:
             log.metadata(LOST, {topic: str(count) for topic, count in self.lost.items()})
+        unclear = dict(self.not_understood)
+        if unclear:
+            log.metadata(NOT_UNDERSTOOD, {topic: str(count) for topic, count in unclear.items()})
         self._closing(log)
         log.finish()
         limit = time.monotonic() + _LAST_TRIES

@@ -5,29 +5,87 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+import heapq
+from io import BytesIO
 import mmap
+from pathlib import Path
+import re
 import struct
+from typing import Any, NamedTuple
 import zlib
 
 import lz4.frame
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Chunk, MessageIndex
+from mcap.records import Attachment, Channel, Chunk, MessageIndex, Metadata, Schema
 import zstandard
+
+from masmc_ros.errors import InputError
+
+Data = mmap.mmap | bytes
+"""A file, or the records of a chunk."""
 
 MAGIC = b'\x89MCAP0\r\n'
 
 RECORD_HEAD = struct.Struct('<BQ')
 """Opcode and length of what follows."""
 
-MESSAGE_HEAD = struct.Struct('<HIQ')
-"""Channel, sequence number and log time at the beginning of a message."""
+PRIVATE = 0x80
+"""Opcodes from here on are anybody's own; readers leave them out."""
 
-_CHUNK_HEAD = struct.Struct('<BQQQQII')
+MESSAGE_HEAD = struct.Struct('<HIQQ')
+"""Channel, sequence number, log time and publish time at the beginning of a message."""
+
+_CHUNK_HEAD = struct.Struct('<QQQII')
+"""First and last log time, size and checksum of the records, length of the compression's name."""
+
+_LENGTH = struct.Struct('<Q')
+
+LARGEST_CHUNK = 2**28
+"""Bytes that a chunk may unpack to whatever its size."""
+
+LARGEST_RATIO = 500
+"""Times its own size that a chunk of more, or a log, may unpack to: runs reach some 50."""
+
+_COMPRESSIONS = (b'', b'zstd', b'lz4')
+
+_WRITTEN_AGAIN = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.MESSAGE,
+    Opcode.ATTACHMENT,
+    Opcode.METADATA,
+)
+"""Records beside chunks that hold something of their own; all others can be made of these."""
+
+_KINDS: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+}
+
+_HEADS = re.compile(
+    b'(?s)(?=[' + re.escape(bytes((*_WRITTEN_AGAIN, Opcode.CHUNK))) + b'].{5}\0\0\0)'
+)
+"""Where a record of these kinds may begin that is shorter than 2**40 bytes."""
 
 
-def records(
-    data: mmap.mmap | bytes, position: int = len(MAGIC)
-) -> Iterator[tuple[int, int, int]]:
+def check_magic(path: Path, start: bytes) -> None:
+    """Raise InputError where a file, by its first bytes, was never going to be a log."""
+    if not MAGIC.startswith(start[: len(MAGIC)]):
+        raise InputError(f'{path}: is not an MCAP file; name a log such as run.mcap')
+
+
+def cut_off(path: Path) -> str:
+    """Return what to say of a log without its end."""
+    return (
+        f'{path}: the log ends before its end, its recorder was cut off;'
+        f' `masmc recover {path}` makes a complete one of it'
+    )
+
+
+def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, int]]:
     """Yield opcode, start and end of the records that are there as a whole."""
     while position + RECORD_HEAD.size <= len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, position)
@@ -38,47 +96,210 @@ def records(
         position = end
 
 
+def all_records(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield the records of a chunk; ValueError where it does not end with the last one."""
+    end = 0
+    for opcode, start, end in records(content, 0):
+        yield opcode, start, end
+    if end != len(content):
+        raise ValueError(f'a record at byte {end} of a chunk goes beyond its end')
+
+
+def unpacked_size(data: Data, start: int) -> int:
+    """Return how many bytes the chunk at a place says that its records are."""
+    place = start + RECORD_HEAD.size
+    if place + _CHUNK_HEAD.size > len(data):
+        return 0
+    _, _, size, _, name_size = _CHUNK_HEAD.unpack_from(data, place)
+    return int(size) if name_size else 0
+
+
 def decompressed(chunk: Chunk) -> bytes:
-    """Return the records of a chunk; raises where they are damaged."""
-    if chunk.compression == 'zstd':
-        content = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+    """Return the records of a chunk; raises where they are damaged.
+
+    It never takes more memory than the chunk says, nor more than one can mean.
+    """
+    size, packed = chunk.uncompressed_size, chunk.data
+    if chunk.compression == '':
+        content = packed
+    elif size > max(LARGEST_CHUNK, LARGEST_RATIO * len(packed)):
+        raise ValueError(f'a chunk of {len(packed)} bytes that unpacks to {size} bytes')
+    elif chunk.compression == 'zstd':
+        told = zstandard.get_frame_parameters(packed).content_size
+        if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError(f'a chunk of {size} bytes that unpacks to {told} bytes')
+        content = zstandard.decompress(packed, max_output_size=size)
     elif chunk.compression == 'lz4':
-        content = lz4.frame.decompress(chunk.data)
+        frame = lz4.frame.LZ4FrameDecompressor()
+        content = frame.decompress(packed, max_length=size + 1)
+        if not frame.eof:
+            raise ValueError(f'a chunk of {size} bytes that unpacks to others')
     else:
-        content = chunk.data
+        raise ValueError(f"compression '{chunk.compression}' is unknown")
+    if chunk.compression and len(content) != size:
+        raise ValueError(f'a chunk of {size} bytes that unpacks to others')
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
-        raise ValueError('checksum')
+        raise ValueError('checksum of a chunk')
     return content
+
+
+class FoundChunk(NamedTuple):
+    """A chunk that can be read: it, its records, and where it ends in the file."""
+
+    chunk: Chunk
+    content: bytes
+    end: int
+
+
+def chunk_at(data: Data, start: int) -> FoundChunk | None:
+    """Return the chunk that begins at a place, None where there is none that can be read.
+
+    Opcode and length before it need not be right: its own sizes and checksum tell.
+    """
+    place = start + RECORD_HEAD.size
+    if place + _CHUNK_HEAD.size > len(data):
+        return None
+    first, last, size, crc, name_size = _CHUNK_HEAD.unpack_from(data, place)
+    place += _CHUNK_HEAD.size
+    if name_size > max(map(len, _COMPRESSIONS)) or place + name_size + 8 > len(data):
+        return None
+    name = bytes(data[place : place + name_size])
+    place += name_size
+    (length,) = _LENGTH.unpack_from(data, place)
+    place += _LENGTH.size
+    if name not in _COMPRESSIONS or place + length > len(data):
+        return None
+    end = place + length
+    is_told = RECORD_HEAD.unpack_from(data, start) == (
+        Opcode.CHUNK,
+        end - start - RECORD_HEAD.size,
+    )
+    if not (crc or is_told):
+        return None
+    chunk = Chunk(name.decode(), data[place:end], last, first, crc, size)
+    try:
+        content = decompressed(chunk)
+        for opcode, _, _ in all_records(content):
+            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                return None
+    except Exception:  # whatever a library says of bytes that were never written so
+        return None
+    return FoundChunk(chunk, content, end) if content else None
+
+
+def is_sound(data: Data, opcode: int, start: int, end: int) -> bool:
+    """Tell whether a record other than a chunk, of a kind that is known, is what it says."""
+    body = data[start + RECORD_HEAD.size : end]
+    if opcode == Opcode.MESSAGE:
+        return len(body) >= MESSAGE_HEAD.size
+    kind = _KINDS.get(opcode)
+    if kind is None:
+        return False
+    try:
+        again = _written(kind.read(stream_of(body)))
+    except Exception:  # as in `chunk_at`
+        return False
+    if opcode == Opcode.ATTACHMENT:
+        crc = int.from_bytes(body[-4:], 'little')
+        return again[:-4] == body[:-4] and crc in (0, zlib.crc32(body[:-4]))
+    return again == body
+
+
+def next_sound(data: Data, position: int, *, has_chunks: bool) -> int | None:
+    """Return where the next record begins that can be read; None where there is none.
+
+    In a log that `has_chunks`, single messages are none: they may be those of a damaged one.
+    """
+    for start in heapq.merge(
+        (match.start() for match in _HEADS.finditer(data, position)),
+        _named_chunks(data, position, b'zstd'),
+        _named_chunks(data, position, b'lz4'),
+    ):
+        opcode, length = RECORD_HEAD.unpack_from(data, start)
+        end = start + RECORD_HEAD.size + length
+        if opcode in _WRITTEN_AGAIN:
+            if end > len(data) or (has_chunks and opcode == Opcode.MESSAGE):
+                continue
+            if is_sound(data, opcode, start, end) and _goes_on(data, end):
+                return start
+        elif chunk_at(data, start) is not None:
+            return start
+    return None
+
+
+def _named_chunks(data: Data, position: int, name: bytes) -> Iterator[int]:
+    """Yield where chunks of a compression may begin whose opcode and length may be wrong."""
+    sign = len(name).to_bytes(4, 'little') + name
+    before = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
+    found = data.find(sign, position + before)
+    while found >= 0:
+        yield found - before
+        found = data.find(sign, found + 1)
+
+
+def _goes_on(data: Data, position: int) -> bool:
+    """Tell whether a known kind of record, or the end, may stand at a place."""
+    if position + RECORD_HEAD.size > len(data):
+        return position == len(data)
+    opcode, length = RECORD_HEAD.unpack_from(data, position)
+    return 0 < opcode <= Opcode.DATA_END and length <= len(data)
+
+
+def _written(record: Any) -> bytes:
+    """Return a record as it is written, without its head."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()[RECORD_HEAD.size :]
 
 
 def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
     """Return a chunk of the messages that can be had of one that was cut off."""
-    if len(rest) < _CHUNK_HEAD.size or rest[0] != Opcode.CHUNK:
+    head = RECORD_HEAD.size + _CHUNK_HEAD.size
+    if len(rest) < head or rest[0] != Opcode.CHUNK:
         return None
-    _, _, _, _, _, _, name_size = _CHUNK_HEAD.unpack_from(rest)
-    start = _CHUNK_HEAD.size + name_size
-    compression = rest[_CHUNK_HEAD.size : start].decode('ascii', errors='replace')
+    _, _, _, _, name_size = _CHUNK_HEAD.unpack_from(rest, RECORD_HEAD.size)
+    start = head + name_size
+    compression = rest[head:start].decode('ascii', errors='replace')
     data = rest[start + 8 :]
     try:
         if compression == 'zstd':
-            content = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            most = max(LARGEST_CHUNK, LARGEST_RATIO * len(data))
+            with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+                content = _read_all(reader, most)
         elif compression == 'lz4':
-            content = lz4.frame.LZ4FrameDecompressor().decompress(data)
+            most = max(LARGEST_CHUNK, LARGEST_RATIO * len(data))
+            content = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
         else:
             content = data
-    except (zstandard.ZstdError, RuntimeError):
+    except (zstandard.ZstdError, RuntimeError, EOFError):
         return None
     whole = 0
-    for opcode, _, end in records(content, 0):
+    for opcode, start, end in records(content, 0):
         if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
             break
+        if opcode == Opcode.MESSAGE and end - start < RECORD_HEAD.size + MESSAGE_HEAD.size:
+            break
         whole = end
-    content = content[:whole]
+    chunk = new_chunk(content[:whole])
+    return None if chunk is None else (chunk, content[:whole])
+
+
+def _read_all(reader: zstandard.ZstdDecompressionReader, most: int) -> bytes:
+    """Return what there is of a frame that was cut off, at most so many bytes."""
+    parts, size = [], 0
+    while size < most and (part := reader.read(2**20)):
+        parts.append(part)
+        size += len(part)
+    return b''.join(parts)
+
+
+def new_chunk(content: bytes) -> Chunk | None:
+    """Return a chunk of records; None where there is no message among them."""
     indexes, counts = index_messages(content)
     if not counts:
         return None
     times = [time for index in indexes for time, _ in index.records]
-    chunk = Chunk(
+    return Chunk(
         compression='zstd',
         data=zstandard.compress(content),
         message_start_time=min(times),
@@ -86,7 +307,6 @@ def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
         uncompressed_crc=zlib.crc32(content),
         uncompressed_size=len(content),
     )
-    return chunk, content
 
 
 def index_messages(content: bytes) -> tuple[list[MessageIndex], Counter[int]]:
@@ -94,8 +314,13 @@ def index_messages(content: bytes) -> tuple[list[MessageIndex], Counter[int]]:
     indexes: dict[int, MessageIndex] = {}
     for opcode, start, _ in records(content, 0):
         if opcode == Opcode.MESSAGE:
-            channel, _, time = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
+            channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
             index = indexes.setdefault(channel, MessageIndex(channel, []))
             index.records.append((time, start))
     counts = Counter({channel: len(index.records) for channel, index in indexes.items()})
     return list(indexes.values()), counts
+
+
+def stream_of(data: bytes) -> ReadDataStream:
+    """Return bytes as the library reads records from."""
+    return ReadDataStream(BytesIO(data))

@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Completes logs whose recorder was cut off: what is whole stays, the indexes are made anew."""
+"""Completes logs that were cut off or damaged: what is whole stays, indexes are made anew."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 import fcntl
+from io import BytesIO
 import mmap
 import os
 from pathlib import Path
+import shutil
 from typing import IO, NamedTuple
 
-from mcap.opcode import Opcode
-
 from masmc_ros.errors import InputError
-from masmc_ros.log.records import MAGIC, records
+from masmc_ros.log.records import check_magic, MAGIC
 from masmc_ros.log.salvage import Salvage
+from masmc_ros.log.summary import read_summary
+
+_BLOCK = 2**20
+"""Bytes that are copied at a time."""
 
 
 class Recovered(NamedTuple):
@@ -24,7 +28,7 @@ class Recovered(NamedTuple):
         messages: how many.
         begin: log time of the first, ns.
         end: log time of the last, ns.
-        dropped: bytes at the end of the file that were no whole record.
+        dropped: bytes of the file in which nothing could be read.
     """
 
     messages: int
@@ -70,13 +74,16 @@ def recover(path: Path) -> Recovered | None:
     """Complete a log in its place.
 
     Whole chunks stay where they are, byte for byte. Of a chunk that was cut off, the messages
-    that can be decompressed are kept. A recovery that is itself cut off can be repeated.
+    that can be decompressed are kept. Where more can be read behind what is damaged, the log
+    is written anew beside its place and takes it over as a whole: damaged chunks are left out,
+    all others kept in their order. A recovery that is itself cut off can be repeated.
 
     Args:
-        path: a log that a recorder left without its end.
+        path: a log that a recorder left without its end, or that was damaged.
 
     Returns:
-        What is in it; None for a log that is complete already, which is left as it is.
+        What is in it; None for a log that is complete already, which is left as it is: every
+        record was read, and every checksum and index is right.
 
     Raises:
         InputError: for a file that is missing, no MCAP file, being recorded, or not writable.
@@ -100,21 +107,21 @@ def recover(path: Path) -> Recovered | None:
 def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
-    if not MAGIC.startswith(stream.read(len(MAGIC))):
-        raise InputError(f'{path}: is not an MCAP file')
-    contents = Salvage()
+    check_magic(path, stream.read(len(MAGIC)))
+    data: mmap.mmap | bytes = b''
     if size:
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            if _is_whole(data):
-                return None
-            contents.take(data)
-    end, tail = contents.end, contents.tail()
-    # The whole records before it are not touched: cut off here, it can be recovered again.
-    written = 0
-    while written < len(tail):
-        written += os.pwrite(stream.fileno(), tail[written:], end + written)
-    os.ftruncate(stream.fileno(), end + len(tail))
-    os.fsync(stream.fileno())
+        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    try:
+        contents = Salvage(data)
+        if _is_whole(data, contents):
+            return None
+        if contents.is_damaged:
+            _write_anew(path, data, contents)
+        else:
+            _complete(stream, contents)
+    finally:
+        if isinstance(data, mmap.mmap):
+            data.close()
     statistics = contents.statistics
     return Recovered(
         statistics.message_count,
@@ -124,11 +131,38 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     )
 
 
-def _is_whole(data: mmap.mmap) -> bool:
-    """Tell whether the records of a file go on to its footer and end."""
-    if len(data) < 2 * len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+def _is_whole(data: mmap.mmap | bytes, contents: Salvage) -> bool:
+    """Tell whether a file is complete, its end saying what is in it."""
+    if contents.data_end is None or contents.is_damaged:
         return False
-    return any(
-        opcode == Opcode.FOOTER and end + len(MAGIC) == len(data)
-        for opcode, _, end in records(data)
-    )
+    summary = read_summary(data, contents.data_end)
+    return summary is not None and contents.agrees_with(summary)
+
+
+def _complete(stream: IO[bytes], contents: Salvage) -> None:
+    """Write the end of a file behind the part of it that is whole."""
+    written = BytesIO()
+    contents.write_tail(written)
+    tail, end, done = written.getbuffer(), contents.end, 0
+    # The whole records before it are not touched: cut off here, it can be recovered again.
+    while done < len(tail):
+        done += os.pwrite(stream.fileno(), tail[done:], end + done)
+    os.ftruncate(stream.fileno(), end + len(tail))
+    os.fsync(stream.fileno())
+
+
+def _write_anew(path: Path, data: mmap.mmap | bytes, contents: Salvage) -> None:
+    """Write what there is into another file, and let that take the place of the damaged one."""
+    beside = path.with_name(f'{path.name}.part')
+    try:
+        with beside.open('wb') as stream:
+            for start in range(0, contents.end, _BLOCK):
+                stream.write(data[start : min(start + _BLOCK, contents.end)])
+            contents.write_tail(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        shutil.copymode(path, beside)
+        os.replace(beside, path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise

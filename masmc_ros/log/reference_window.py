@@ -136,6 +136,10 @@ def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
         raise InputError(
             f'reference: sample period {period:g} s; it takes 1e-9 to {_LONGEST_PERIOD:g} s'
         )
+    if (len(samples) - 1) * period >= _SECONDS:
+        raise InputError(
+            f'reference: {len(samples)} samples {period:g} s apart go on beyond 2**31 s'
+        )
     return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
 
 

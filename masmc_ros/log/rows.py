@@ -12,6 +12,7 @@ from masmc_ros.log.effort import EFFORT
 from masmc_ros.log.joint_state import joint_state_layout
 from masmc_ros.log.labelled_command import CommandKind, NANOSECOND_DIGITS
 from masmc_ros.log.layout import ENCAPSULATION, Layout, NANOSECONDS
+from masmc_ros.log.names import JOINTS
 from masmc_ros.log.platform_motion import (
     odometry_layout,
     time_layout,
@@ -53,7 +54,11 @@ def _fill_stamps(rows: Rows, stamps: Stamps, offset: int = len(ENCAPSULATION)) -
 
 
 def joint_state_rows(
-    stamps: Stamps, positions: ArrayLike, velocities: ArrayLike, efforts: ArrayLike
+    stamps: Stamps,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    efforts: ArrayLike,
+    names: tuple[str, ...] = JOINTS,
 ) -> Rows:
     """Return joint states as (N, size).
 
@@ -62,8 +67,9 @@ def joint_state_rows(
         positions: (N, 7) in m and rad.
         velocities: (N, 7) in m/s and rad/s.
         efforts: (N, 7) zeros for the base joints, then torques in N m.
+        names: (7) of the joints.
     """
-    layout, position, velocity, effort = joint_state_layout()
+    layout, position, velocity, effort = joint_state_layout(names)
     rows = _rows(layout, len(stamps))
     _fill_stamps(rows, stamps)
     _fill(rows, position, positions)
@@ -72,20 +78,27 @@ def joint_state_rows(
     return rows
 
 
-def effort_rows(stamps: Stamps, torques: ArrayLike) -> list[CommandRows]:
+def effort_rows(
+    stamps: Stamps, torques: ArrayLike, is_void: ArrayLike = False
+) -> list[CommandRows]:
     """Return commands of torques (N, 4) in N m; see `command_rows`."""
-    return command_rows(EFFORT, stamps, torques)
+    return command_rows(EFFORT, stamps, torques, is_void)
 
 
-def command_rows(kind: CommandKind, stamps: Stamps, numbers: ArrayLike) -> list[CommandRows]:
+def command_rows(
+    kind: CommandKind, stamps: Stamps, numbers: ArrayLike, is_void: ArrayLike = False
+) -> list[CommandRows]:
     """Return commands, one group for each number of digits of the seconds.
 
     Args:
         kind: what they are.
         stamps: (N) of the states that they answer, in ns, not negative.
         numbers: (N, n), one for each joint of the kind.
+        is_void: (N) or for all, whether they command nothing.
     """
     numbers = np.asarray(numbers)
+    voids = np.broadcast_to(np.asarray(is_void, bool), len(numbers))
+    paddings = np.array([np.frombuffer(each, np.uint8) for each in kind.paddings])
     seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
     lengths = np.char.str_len(seconds.astype(str))
     groups = []
@@ -99,6 +112,7 @@ def command_rows(kind: CommandKind, stamps: Stamps, numbers: ArrayLike) -> list[
         rows[:, start + length + 1 : layout.digits.stop] = _digits(
             nanoseconds[indices], NANOSECOND_DIGITS
         )
+        rows[:, layout.padding] = paddings[voids[indices].astype(int)]
         _fill(rows, layout.data, numbers[indices])
         groups.append(CommandRows(indices, rows))
     return groups

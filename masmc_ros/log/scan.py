@@ -3,26 +3,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
+import mmap
 import os
 from pathlib import Path
-import struct
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream, StreamReader
-from zstandard import ZstdError
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.records import MAGIC
+from masmc_ros.log.records import (
+    check_magic,
+    cut_off,
+    Data,
+    decompressed,
+    LARGEST_CHUNK,
+    LARGEST_RATIO,
+    MAGIC,
+    MESSAGE_HEAD,
+    RECORD_HEAD,
+    records,
+    stream_of,
+    unpacked_size,
+)
 
-_RECORD = struct.Struct('<BQ')
-_MESSAGE = struct.Struct('<HIQQ')
+_MEMORY = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // 2
+"""Bytes that a log may take at most: half of what the machine has."""
 
 
 @dataclass
@@ -80,79 +87,117 @@ def scan(path: Path) -> Records:
     return records
 
 
-def _scan_file(path: Path, records: Records) -> None:
+def _scan_file(path: Path, found: Records) -> None:
     """Add what a file holds."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f'{path}: is not a file; name a .mcap file')
     try:
         with path.open('rb') as stream:
-            _Collector(records).collect(StreamReader(stream, emit_chunks=True).records)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be read: {error.strerror}') from error
-    except InvalidMagic as error:
-        raise InputError(f'{path}: is not a complete MCAP file{_hint(path)}') from error
-    except (EndOfFile, struct.error) as error:
+            if not os.fstat(stream.fileno()).st_size:
+                raise InputError(f'{path}: is empty; name a log such as run.mcap')
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                _scan_data(path, data, found)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise InputError(f'{path}: cannot be read: {reason}') from error
+
+
+def _scan_data(path: Path, data: Data, found: Records) -> None:
+    check_magic(path, data[: len(MAGIC)])
+    hint = f'`masmc recover {path}` makes a complete one of it'
+    _check_size(path, data)
+    collector, end, is_over = _Collector(found), len(MAGIC), False
+    for opcode, start, end in records(data):
+        try:
+            collector.take(opcode, data[start + RECORD_HEAD.size : end])
+        # Whatever a library says of bytes that were never written so.
+        except Exception as error:
+            reason = f'channel {error} is not declared' if type(error) is KeyError else error
+            raise InputError(
+                f'{path}: the log is damaged: {reason}, at byte {start}; {hint}'
+            ) from error
+        is_over = opcode == Opcode.FOOTER
+        if is_over:
+            break
+    if is_over and data[end:] == MAGIC:
+        return
+    if MAGIC.startswith(data[end:]) if is_over else data[-len(MAGIC) :] != MAGIC:
+        raise InputError(cut_off(path))
+    raise InputError(f'{path}: the log is damaged: no record can be read at byte {end}; {hint}')
+
+
+def _check_size(path: Path, data: Data) -> None:
+    """Refuse a log that unpacks to what no run can mean, or to more than there is memory."""
+    size = sum(
+        unpacked_size(data, start)
+        for opcode, start, _ in records(data)
+        if opcode == Opcode.CHUNK
+    )
+    if size > max(LARGEST_CHUNK, LARGEST_RATIO * len(data)):
         raise InputError(
-            f'{path}: the log ends before its end, its recorder was cut off{_hint(path)}'
-        ) from error
-    except (McapError, CRCValidationError, ZstdError, ValueError, KeyError) as error:
-        raise InputError(f'{path}: the log is damaged: {error}') from error
-
-
-def _hint(path: Path) -> str:
-    """Say how a file that was cut off becomes a log."""
-    with path.open('rb') as stream:
-        begins = stream.read(len(MAGIC))
-    return f'; `masmc recover {path}` makes a complete one of it' if begins == MAGIC else ''
+            f'{path}: its {len(data)} bytes say that they unpack to {size} bytes; expected at'
+            f' most {LARGEST_RATIO} times as many'
+        )
+    if size > _MEMORY:
+        raise InputError(
+            f'{path}: unpacks to {size} bytes, and half the memory of this machine is {_MEMORY}'
+            ' bytes; expected a shorter run, or one part of it'
+        )
 
 
 class _Collector:
     """Sorts records by topic."""
 
-    def __init__(self, records: Records) -> None:
-        self._records = records
+    def __init__(self, found: Records) -> None:
+        self._records = found
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, Topic] = {}
-        self._number = sum(len(topic.messages) for topic in records.topics.values())
+        self._number = sum(len(topic.messages) for topic in found.topics.values())
         # A later part begins with messages that are still valid: these are there already.
         self._repeated = {
-            topic.name: topic.messages[-1] for topic in records.topics.values() if topic.messages
+            topic.name: topic.messages[-1] for topic in found.topics.values() if topic.messages
         }
 
-    def collect(self, records: Iterator[McapRecord]) -> None:
-        for record in records:
-            if isinstance(record, Chunk):
-                stream, size = get_chunk_data_stream(record, validate_crc=True)
-                self._split(stream.read(size))
-            elif isinstance(record, Message):
-                self._add(record.channel_id, record.log_time, record.data)
-            elif isinstance(record, Schema):
-                self._schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._open(record)
-            elif isinstance(record, Metadata):
-                self._records.metadata.setdefault(record.name, []).append(record.metadata)
-            elif isinstance(record, Attachment):
-                self._records.attachments[record.name] = record.data
+    def take(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.CHUNK:
+            self._split(decompressed(Chunk.read(stream_of(body))))
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(stream_of(body))
+            self._records.metadata.setdefault(metadata.name, []).append(metadata.metadata)
+        elif opcode == Opcode.ATTACHMENT:
+            attachment = Attachment.read(stream_of(body))
+            self._records.attachments[attachment.name] = attachment.data
+        else:
+            self._take_part(opcode, body)
+
+    def _take_part(self, opcode: int, body: bytes) -> None:
+        """Take a record that may stand in a chunk."""
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(body)
+            self._add(channel, log_time, body[MESSAGE_HEAD.size :])
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream_of(body))
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            self._open(Channel.read(stream_of(body)))
 
     def _split(self, chunk: bytes) -> None:
         """Take the records out of a chunk.
 
         The library makes an object of each message, which takes five times as long.
         """
-        position = 0
-        while position < len(chunk):
-            opcode, length = _RECORD.unpack_from(chunk, position)
-            start = position + _RECORD.size
+        position, size = 0, len(chunk)
+        while position < size:
+            opcode, length = RECORD_HEAD.unpack_from(chunk, position)
+            start = position + RECORD_HEAD.size
             position = start + length
+            if position > size:
+                raise ValueError('a record goes beyond the end of its chunk')
             if opcode == Opcode.MESSAGE:
-                channel, _, log_time, _ = _MESSAGE.unpack_from(chunk, start)
-                self._add(channel, log_time, chunk[start + _MESSAGE.size : position])
-            elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(_stream(chunk[start:position]))
-                self._schemas[schema.id] = schema
-            elif opcode == Opcode.CHANNEL:
-                self._open(Channel.read(_stream(chunk[start:position])))
+                channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(chunk, start)
+                self._add(channel, log_time, chunk[start + MESSAGE_HEAD.size : position])
+            else:
+                self._take_part(opcode, chunk[start:position])
 
     def _open(self, channel: Channel) -> None:
         # A topic of several channels is one topic, and the summary repeats the channels.
@@ -169,7 +214,3 @@ class _Collector:
         self._number += 1
         topic.log_times.append(log_time)
         topic.messages.append(data)
-
-
-def _stream(data: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(data))

@@ -16,6 +16,7 @@ from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
@@ -43,6 +44,7 @@ from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.robot.description import robot_description
 from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.names import joint_names
 from masmc_ros.robot.platform_motion import platform_motion
 
 Values = Mapping[str, Any]
@@ -68,6 +70,7 @@ class SimulationLog:
         recorder, plant = values['recorder'], values['plant']
         robot = robot_of(plant)
         self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._joints = joint_names(plant)
         self._files = {
             **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
         }
@@ -79,6 +82,7 @@ class SimulationLog:
         self._is_stamped: bool = controller['enable_stamped_cmd_vel']
         self._command_prefix = check_frame_prefix(controller['frame_prefix'])
         types = {topic.name: topic.type_name for topic in TOPICS}
+        latched = {topic.name for topic in TOPICS if topic.is_latched}
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
         rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
@@ -87,7 +91,9 @@ class SimulationLog:
             del types[name]
         self._channels = {
             name: self._writer.channel(
-                f'/{name.lstrip("/")}', type_name, Qos(durability='transient_local')
+                f'/{name.lstrip("/")}',
+                type_name,
+                Qos(durability='transient_local' if name in latched else 'volatile'),
             )
             for name, type_name in types.items()
         }
@@ -137,6 +143,11 @@ class SimulationLog:
             ]
         )
 
+    @property
+    def size(self) -> int:
+        """Bytes written so far, as in `LogWriter`."""
+        return self._writer.size
+
     def _change(self, change: Change) -> None:
         """Write a change of the controller at its first tick."""
         before = self._changes[-1].parameters if self._changes else self._values['controller']
@@ -164,12 +175,14 @@ class SimulationLog:
     def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
         effort = np.zeros((len(stamps), 7))
         effort[:, 3:] = stretch.applied
-        data = rows.joint_state_rows(stamps, stretch.position, stretch.velocity, effort)
+        data = rows.joint_state_rows(
+            stamps, stretch.position, stretch.velocity, effort, self._joints
+        )
         return self._rows(STATE_TOPIC, stamps, data)
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in rows.effort_rows(stamps, stretch.torque):
+            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
             return
         twists = np.zeros((len(stamps), 6))
@@ -211,7 +224,7 @@ class SimulationLog:
         decimation = self._values['plant']['clock_decimation']
         if decimation:
             chosen = self._decimated(ticks, decimation)
-            yield self._rows('/clock', stamps[chosen], rows.time_rows(stamps[chosen]))
+            yield self._rows(CLOCK_TOPIC, stamps[chosen], rows.time_rows(stamps[chosen]))
 
     def _transforms(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]

@@ -9,11 +9,12 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.arm_velocity import ArmVelocityCdr
 from masmc_ros.log.effort import EffortCdr
 from masmc_ros.log.labelled_command import LabelledCdr
-from masmc_ros.log.layout import ENCAPSULATION, NANOSECONDS, STAMP
+from masmc_ros.log.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.log.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.log.telemetry import TelemetryCdr
 
 StampReader = Callable[[bytes], int | None]
+"""Returns a stamp in ns, None for a message without; InputError for one that is no time."""
 
 TRANSFORMS_TYPE = 'tf2_msgs/msg/TFMessage'
 
@@ -30,20 +31,16 @@ _STAMPED = (
 def header_stamp(raw: bytes) -> int:
     """Return the stamp in ns of a message that begins with a header or a time.
 
-    Raises InputError where the message is too short for one.
+    Raises InputError where the message is too short for one, and for one that is no time.
     """
-    if len(raw) < len(ENCAPSULATION) + STAMP.size:
-        raise InputError(f'a message of {len(raw)} bytes has no stamp')
-    seconds, nanoseconds = STAMP.unpack_from(raw, len(ENCAPSULATION))
-    return int(seconds * NANOSECONDS + nanoseconds)
+    return _stamp_at(raw, len(ENCAPSULATION))
 
 
 def transforms_stamp(raw: bytes) -> int | None:
     """Return the stamp in ns of a TFMessage's first transform; None where it has none."""
-    if len(raw) < len(ENCAPSULATION) + 4 + STAMP.size:
-        return None
-    seconds, nanoseconds = STAMP.unpack_from(raw, len(ENCAPSULATION) + 4)
-    return int(seconds * NANOSECONDS + nanoseconds)
+    start = len(ENCAPSULATION) + 4
+    # What stands behind a count of 0 only fills the message up.
+    return _stamp_at(raw, start) if any(raw[len(ENCAPSULATION) : start]) else None
 
 
 def stamp_reader(topic: str, type_name: str) -> StampReader:
@@ -53,7 +50,7 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     telemetry that of the state that it belongs to.
     """
     if type_name in _STAMPED:
-        return _header_stamp_or_none
+        return header_stamp
     if type_name == TRANSFORMS_TYPE:
         return transforms_stamp
     if topic == COMMAND_TOPIC:
@@ -67,13 +64,11 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     return lambda _: None
 
 
-def _header_stamp_or_none(raw: bytes) -> int | None:
-    """Return the stamp in ns, None for one that no log can hold."""
-    try:
-        stamp = header_stamp(raw)
-    except InputError:
-        return None
-    return stamp if stamp >= 0 else None
+def _stamp_at(raw: bytes, start: int) -> int:
+    if len(raw) < start + STAMP.size:
+        raise InputError(f'a message of {len(raw)} bytes has no stamp')
+    seconds, nanoseconds = STAMP.unpack_from(raw, start)
+    return checked_stamp(seconds * NANOSECONDS + nanoseconds)
 
 
 def _command_reader(command: LabelledCdr) -> StampReader:

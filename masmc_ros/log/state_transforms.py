@@ -11,6 +11,7 @@ from masmc_ros.log.transforms import TransformsCdr
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.robot.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.names import joint_names
 
 
 class StateTransforms:
@@ -24,7 +25,7 @@ class StateTransforms:
         self._decimation: int = values['tf_decimation']
         self._timing = Timing.from_values(values)
         self._origins = frame_origins(robot_of(values).geometry)
-        self._state = JointStateCdr()
+        self._state = JointStateCdr(joint_names(values))
         self._message = TransformsCdr(check_frame_prefix(values['frame_prefix']))
 
     def of_state(self, raw: bytes) -> bytes | None:

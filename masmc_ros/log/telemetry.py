@@ -8,7 +8,7 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.layout import Message, NANOSECONDS
+from masmc_ros.log.layout import END_OF_TIME, Message, NANOSECONDS
 from masmc_ros.log.multi_array import MultiArrayLayout
 
 STAMP_NUMBERS = 2
@@ -45,9 +45,8 @@ class TelemetryCdr(Message):
 
     @property
     def stamp_ns(self) -> int:
-        """The stamp in ns."""
-        seconds, nanoseconds = _STAMP_PAIR.unpack_from(self._wire, self._stamp_offset)
-        return int(seconds) * NANOSECONDS + int(nanoseconds)
+        """The stamp in ns; InputError where a sender wrote numbers that are no time."""
+        return _stamp(*_STAMP_PAIR.unpack_from(self._wire, self._stamp_offset))
 
     def load_message(self, message: Any) -> None:
         """Take over a telemetry message whatever its labels.
@@ -57,7 +56,7 @@ class TelemetryCdr(Message):
 
         Raises:
             InputError: for another number of values, or without the two numbers of the stamp
-                before them; nothing is changed then.
+                before them, or where these are no time; nothing is changed then.
         """
         count = len(self.values)
         offset = message.layout.data_offset
@@ -66,4 +65,13 @@ class TelemetryCdr(Message):
                 f'{self._label}: {len(message.data)} numbers, data_offset {offset};'
                 f' it takes seconds, nanoseconds and {count} values, data_offset {STAMP_NUMBERS}'
             )
-        self._stamped_values[:] = message.data
+        numbers = [float(each) for each in message.data]
+        _stamp(*numbers[:STAMP_NUMBERS])
+        self._stamped_values[:] = numbers
+
+
+def _stamp(seconds: float, nanoseconds: float) -> int:
+    # False for what is not a number.
+    if not (0.0 <= seconds < END_OF_TIME / NANOSECONDS and 0.0 <= nanoseconds < NANOSECONDS):
+        raise InputError(f'stamp [{seconds:g}, {nanoseconds:g}] s and ns is no time')
+    return int(seconds) * NANOSECONDS + int(nanoseconds)

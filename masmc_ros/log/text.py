@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.errors import InputError
 from masmc_ros.log.layout import ENCAPSULATION
 
 
@@ -13,7 +14,12 @@ def string_message(text: str) -> bytes:
 
 
 def text_of(raw: bytes) -> str:
-    """Return the text of a serialised std_msgs/String."""
+    """Return the text of a serialised std_msgs/String; InputError where it is none."""
     start = len(ENCAPSULATION) + 4
     size = int.from_bytes(raw[start - 4 : start], 'little')
-    return raw[start : start + size - 1].decode()
+    if len(raw) < start + size:
+        raise InputError(f'{len(raw)} bytes that are no text')
+    try:
+        return raw[start : start + max(0, size - 1)].decode()
+    except UnicodeDecodeError:
+        raise InputError(f'a text of {size} bytes that is not UTF-8') from None

@@ -41,20 +41,28 @@ class _Stretch(NamedTuple):
     samples: Floats
     period: int
 
+    def covers(self, stamp: int) -> bool:
+        """Tell whether a window has a stamp between its samples, or next to one."""
+        first, last = int(self.stamps[0]), int(self.stamps[-1])
+        return bool(self.period) and first - self.period < stamp < last + self.period
+
     def part(self, start: int, end: int) -> _Stretch:
         return _Stretch(self.stamps[start:end], self.samples[start:end], self.period)
 
 
 def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
-    """Lay windows over one another in the order of arrival; return what remains of each."""
+    """Lay windows over one another in the order of arrival; return what remains of each.
+
+    As the controller does, a set-point beside a trajectory is left out.
+    """
     stretches: list[_Stretch] = []
     for arrival, window in windows:
+        stamps = window.stamps()
         if window.stamp_ns is None:
+            if any(each.covers(arrival) for each in stretches):
+                continue
             stamps = np.array([arrival])
-            end = _END_OF_TIME
-        else:
-            stamps = window.stamps()
-            end = int(stamps[-1])
+        end = int(stamps[-1])
         beyond = []
         while stretches and stretches[-1].stamps[-1] >= stamps[0]:
             old = stretches.pop()

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from masmc_ros.log.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     DESCRIPTION_TOPIC,
@@ -50,8 +51,20 @@ TRANSFORMS = Topic(
     '/tf',
     'tf2_msgs/msg/TFMessage',
     'plant →',
-    'all frames of the robot from `odom` on, in one message per tick',
+    'all frames of the robot from `odom` on, in one message per tick; in a namespace without '
+    'a `frame_prefix`, `tf` there',
 )
+
+
+def transforms_topic(namespace: str, frame_prefix: str) -> str:
+    """Return where a robot sends its transforms.
+
+    Robots share /tf where prefixes tell their frames apart. Where nothing but the namespace
+    does, each has a topic of its own.
+    """
+    is_shared = frame_prefix or namespace == '/'
+    return TRANSFORMS.name if is_shared else TRANSFORMS.name.lstrip('/')
+
 
 TOPICS = (
     Topic(
@@ -64,7 +77,8 @@ TOPICS = (
         COMMAND_TOPIC,
         FLOAT_ARRAY,
         'controller → plant',
-        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered',
+        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered; with '
+        '`data_offset` 4 nothing is commanded',
     ),
     Topic(
         CMD_VEL_TOPIC,
@@ -87,7 +101,7 @@ TOPICS = (
         FLOAT_ARRAY,
         'trajectory → controller',
         'windows of samples × (position, velocity, acceleration) × task axis, sent ahead; '
-        '4, 8 or 12 bare numbers are a set-point',
+        '4, 8 or 12 bare numbers are a set-point, taken where no trajectory runs',
     ),
     Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
@@ -103,6 +117,7 @@ TOPICS = (
                 'raw_torque': 'what the law asked for (4) in N·m, before the limits of '
                 '`effort_commands`, after [sec, nanosec]',
             }[label],
+            is_latched=False,
         )
         for label in TELEMETRY
     ),
@@ -124,11 +139,16 @@ TOPICS = (
         '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
         holds=True,
     ),
-    Topic('/clock', 'rosgraph_msgs/msg/Clock', 'plant →', 'simulated time, decimated'),
+    Topic(
+        CLOCK_TOPIC,
+        'rosgraph_msgs/msg/Clock',
+        'plant →',
+        'simulated time, decimated: `/clock`, or that of the namespace',
+    ),
     Topic(
         '/diagnostics',
         'diagnostic_msgs/msg/DiagnosticArray',
-        'plant, controller →',
+        'plant, controller, recorder →',
         'health and figures of each node, once a second',
     ),
     Topic(

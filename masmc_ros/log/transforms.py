@@ -13,8 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.layout import Layout, Message, NANOSECONDS
+from masmc_ros.log.layout import ENCAPSULATION, Layout, Message, NANOSECONDS, STAMP
 from masmc_ros.robot.names import FRAMES
+
+_COUNT = 4
+"""Bytes of a count, and of the length in front of a string."""
 
 TRANSFORM = 7
 """Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
@@ -59,3 +62,29 @@ class TransformsCdr(Message):
         self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
         self._memory[self._numbers] = transforms
         return self.to_bytes()
+
+
+def first_frames(raw: bytes) -> tuple[str, str]:
+    """Return parent and child of a TFMessage's first transform; '' where it has none."""
+    parent, end = _string(raw, len(ENCAPSULATION) + _COUNT + STAMP.size)
+    child, _ = _string(raw, end)
+    return parent, child
+
+
+def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
+    """Tell whether a TFMessage speaks of a robot whose frames have this prefix.
+
+    It does so where parent or child is the robot's own: `map` to `left/odom` is of `left/`.
+    A robot without a prefix has the frames without one.
+    """
+    if frame_prefix:
+        return any(name.startswith(frame_prefix) for name in first_frames(raw))
+    return any('/' not in name for name in first_frames(raw))
+
+
+def _string(raw: bytes, start: int) -> tuple[str, int]:
+    """Return the string of a message at a place, and the end of it."""
+    start += (len(ENCAPSULATION) - start) % _COUNT
+    length = int.from_bytes(raw[start : start + _COUNT], 'little')
+    end = start + _COUNT + length
+    return raw[start + _COUNT : end - 1].decode('utf-8', 'replace'), end

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import cast, IO, NamedTuple
+from typing import BinaryIO, cast, IO, NamedTuple
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -19,12 +19,16 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.definitions import Definition, definition
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.sink import RecordSink
+from masmc_ros.whole_file import WholeFile
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of messages that are compressed together."""
 
 LIVE_CHUNK_SIZE = 512 * 1024
 """Of a live recording, whose chunks end with each flush anyway: fewer to keep an index of."""
+
+_TIMES = 2**64
+"""Times in ns that a log can hold are below this."""
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -72,15 +76,19 @@ class LogWriter:
                 f"compression '{compression}' is unknown: {suggestion(compression, COMPRESSIONS)}"
             )
         self.path = Path(path)
-        self._live = live
-        self._written = self.path if live else self.path.with_name(f'{self.path.name}.part')
         check_log_path(self.path)
+        self._file: WholeFile | None = None
+        self._stream: RecordSink | BinaryIO
         try:
-            self._stream = RecordSink(self._written) if live else self._written.open('wb')
+            if live:
+                self._stream = RecordSink(self.path)
+            else:
+                self._file = WholeFile(self.path)
+                self._stream = self._file.stream
         except BlockingIOError as error:
             raise InputError(f'{path}: another recorder writes it; name another file') from error
         except OSError as error:
-            raise InputError(f'{self._written}: cannot be written: {error.strerror}') from error
+            raise _not_written(self.path, error) from error
         self._writer = Writer(
             cast(IO[bytes], self._stream),
             chunk_size=LIVE_CHUNK_SIZE if live else CHUNK_SIZE,
@@ -122,7 +130,12 @@ class LogWriter:
         )
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
-        """Write one message, its times in ns, as CDR with its encapsulation header."""
+        """Write one message, its times in ns, as CDR with its encapsulation header.
+
+        Raises ValueError for a time that no log can hold, before anything of it is written.
+        """
+        if not (0 <= log_time_ns < _TIMES and 0 <= publish_time_ns < _TIMES):
+            raise ValueError(f'log time {log_time_ns}, publish time {publish_time_ns} ns')
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
 
     def write_rows(self, sources: Sequence[ChannelRows]) -> None:
@@ -194,17 +207,19 @@ class LogWriter:
         self._writer.finish()
 
     def close(self) -> None:
-        """Complete the file and give it its name."""
+        """Complete the file and give it its name; InputError where a disk takes no more."""
         if self._stream.closed:
             return
         try:
             self.finish()
             self.commit(whole=False, durable=True)
-            self.close_file()
-            if not self._live:
-                os.replace(self._written, self.path)
-        except BaseException:
+            if self._file is None:
+                self.close_file()
+            else:
+                self._file.finish()
+        except BaseException as error:
             self.discard()
+            self._refuse(error)
             raise
 
     def close_file(self) -> None:
@@ -213,9 +228,10 @@ class LogWriter:
 
     def discard(self) -> None:
         """Close the file as it is; nothing is left of a computed run."""
-        self._stream.close()
-        if not self._live:
-            self._written.unlink(missing_ok=True)
+        if self._file is None:
+            self._stream.close()
+        else:
+            self._file.discard()
 
     def __enter__(self) -> LogWriter:
         """Return itself."""
@@ -228,10 +244,20 @@ class LogWriter:
         trace: TracebackType | None,
     ) -> None:
         """Complete the file, or leave nothing of a computed run that failed."""
-        if kind is None or self._live:
+        if kind is None or self._file is None:
             self.close()
         else:
             self.discard()
+            self._refuse(error)
+
+    def _refuse(self, error: BaseException | None) -> None:
+        """Raise InputError where the disk did not take a computed run."""
+        if self._file is not None and isinstance(error, OSError):
+            raise _not_written(self.path, error) from error
+
+
+def _not_written(path: Path, error: OSError) -> InputError:
+    return InputError(f'{path}: cannot be written: {error.strerror or error}')
 
 
 def check_log_path(path: Path) -> None:

@@ -94,6 +94,16 @@ class Controller:
         self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
 
+    def rates(self, velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the driven joints' rates (4, rad/s) before a tick of these velocities (7).
+
+        Those measured, or the last tick's estimate, with which the estimator begins at zero.
+        """
+        if self.settings['velocity_source'][0] != ESTIMATED:
+            return velocity[-AXES:]
+        memory = self.memory[0]
+        return np.array(memory['rates']) if memory['follows'] else np.zeros(AXES)
+
     def skip(self, periods: int) -> None:
         """Note that so many ticks were left out, with the last torque held meanwhile.
 

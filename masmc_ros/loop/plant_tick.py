@@ -54,6 +54,7 @@ def hold_command(plant: Any, memory: Any, tick: int, command: Any, applied: Any)
             command[i], driven[i], plant['limit'][i], plant['rate_limit'][i], plant['period']
         )
         driven[i] = applied[i]
+        memory['wound'][i] = 0.0
     return advance_true_state(plant, memory, tick, applied)
 
 
@@ -103,6 +104,32 @@ def plant_tick(
     """
     model, state = plant[0], memory[0]
     finite = hold_command(model, state, tick, command, applied)
+    observe(model, state, delayed, tick + 1, position, velocity)
+    return finite and is_measured(position, velocity)
+
+
+@kernel
+def plant_hold(
+    plant: Any,
+    memory: Any,
+    delayed: Any,
+    tick: int,
+    position: Any,
+    velocity: Any,
+    applied: Any,
+) -> bool:
+    """Advance the plant by one control period in which nobody commands: its drives hold.
+
+    They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
+    where torques are commanded, none of them is applied meanwhile: what the drives make to hold
+    is their own.
+    """
+    model, state = plant[0], memory[0]
+    finite = hold_rates(model, state, tick, (0.0, 0.0, 0.0, 0.0), applied)
+    if model['command_interface'] != VELOCITY:
+        for i in range(AXES):
+            applied[i] = 0.0
+            state['driven'][i] = 0.0
     observe(model, state, delayed, tick + 1, position, velocity)
     return finite and is_measured(position, velocity)
 

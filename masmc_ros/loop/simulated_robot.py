@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 import math
 from typing import Any
 
@@ -14,11 +15,13 @@ from masmc_ros.control.command_interface import (
     COMMAND_INTERFACE,
     COMMAND_INTERFACES,
     ENABLE_STAMPED_CMD_VEL,
+    VELOCITY,
 )
 from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.errors import InputError
 from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
-from masmc_ros.loop.plant_tick import plant_start, plant_tick
+from masmc_ros.loop.plant_tick import plant_hold, plant_start, plant_tick
+from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.loop.velocity_loop import joint_inertias
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES
@@ -97,7 +100,8 @@ PLANT = (
     Parameter(
         'velocity_loop.bandwidth',
         (100.0, 100.0, 100.0, 100.0),
-        "Bandwidth of the drives' velocity loops, with commanded rates",
+        "Bandwidth of the drives' velocity loops, which follow commanded rates, and hold the "
+        'joints where nothing is commanded',
         unit='rad/s',
         length=4,
         broadcast=True,
@@ -137,13 +141,20 @@ PLANT = (
 """The plant's declarations."""
 
 
+_BANDWIDTH_STEP = 0.1
+"""Most that the bandwidth of drives that hold is, times the step of integration.
+
+A joint that feels a quarter of its own inertia, as in a stretched arm, is stable up to 0.25.
+"""
+
+
 class SimulatedRobot:
     """The plant's state and how it moves.
 
     `position` (7), `velocity` (7) are what is measured at the tick, in the order of
     joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
-    `applied` (4) is the torque over the interval just ended, in N m: that held, or with
-    commanded rates the mean of what the drives made of them.
+    `applied` (4) is the torque over the interval just ended, in N m: that commanded, within the
+    motors' limits, or with commanded rates the mean of what the drives made of them.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
@@ -185,23 +196,19 @@ class SimulatedRobot:
                 'expected finite numbers, and angles that have a sine'
             )
 
-    def advance(self, command: NDArray[np.float64]) -> None:
-        """Hold a command (4) for one control period.
+    def advance(self, command: NDArray[np.float64] | None) -> None:
+        """Hold a command (4) for one control period; with None the drives hold the joints.
 
         Torques in N m, or with `command_interface` velocity the platform's forward speed in
         m/s, its yaw rate and the arm joints' rates in rad/s. Raises InputError where the state
         is no longer finite.
         """
-        finite = plant_tick(
-            self.plant,
-            self.memory,
-            self.delayed,
-            self.tick,
-            command,
-            self.position,
-            self.velocity,
-            self.applied,
-        )
+        before = self.plant, self.memory, self.delayed, self.tick
+        after = self.position, self.velocity, self.applied
+        if command is None:
+            finite = plant_hold(*before, *after)
+        else:
+            finite = plant_tick(*before, command, *after)
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)
@@ -216,13 +223,20 @@ def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDAr
     plant['limit'] = values['torque_limit']
     plant['rate_limit'] = values['torque_rate_limit']
     plant['period'] = period
-    plant['steps'] = max(1, round(period / values['integrator_step']))
+    step = values['integrator_step']
+    steps = Decimal(period) / Decimal(step)
+    check_count(steps, MOST_TICKS, 'integrator_step', step, 'steps in a control period')
+    plant['steps'] = max(1, round(period / step))
     plant['resolution'] = values['encoder_resolution']
     plant['noise'] = values['velocity_noise']
     plant['delay'] = round(values['measurement_delay'] / period)
     plant['seed'] = values['seed']
     plant['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
     plant['bandwidth'] = values['velocity_loop.bandwidth']
+    if values['command_interface'] != COMMAND_INTERFACES[VELOCITY]:
+        # Whoever commands torques integrates as the robot needs it; drives that hold follow.
+        most = _BANDWIDTH_STEP * plant['steps'] / period
+        plant['bandwidth'] = np.minimum(plant['bandwidth'], most)
     _, _, arm_1, arm_2 = values['initial_joints']
     plant['inertia'] = joint_inertias(robot.geometry, robot.theta, arm_1, arm_2)
     plant['is_exact'] = not any(plant[name].any() for name in ('resolution', 'noise', 'delay'))

@@ -23,6 +23,7 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
+from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.parameters import ROBOT, Robot
@@ -47,6 +48,7 @@ class Simulation:
         self._start = control
         self._changes = tuple(changes)
         self._is_active = True
+        self._approach: Approach | None = None
         check_agreement(plant, control)
         robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
@@ -67,6 +69,7 @@ class Simulation:
         self.controller.change(self._start)
         self.controller.reset()
         self._is_active = self._start['active_on_start']
+        self._approach = None
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
@@ -88,13 +91,18 @@ class Simulation:
             compiles = self._is_active and self.controller.is_compiled
             advance = self._compiled if compiles else self._interpreted
             samples = reference[start - first : stop - first]
-            parts.append(advance(start, samples, final=final and stop == end))
+            followed = self._followed(start, samples)
+            parts.append(advance(start, samples, followed, final=final and stop == end))
         return parts[0] if not changes else joined(parts, changes)
 
     def _make(self, change: Change) -> None:
         if change.values:
             self.controller.change(change.values)
         if change.event == ACTIVATED:
+            if not self._is_active:
+                speed = self._start['approach_speed']
+                self._approach = Approach(self.controller.geometry, speed)
+                self._approach.begin()
             self.controller.reset()
         elif change.event == ADAPTATION_RESET:
             self.controller.forget()
@@ -102,6 +110,24 @@ class Simulation:
             self.controller.rest()
         if change.event in (ACTIVATED, RESUMED, DEACTIVATED):
             self._is_active = change.event != DEACTIVATED
+
+    def _followed(self, first: int, reference: Array) -> Array:
+        """Return what the controller follows from a tick on (n, 12), the reference being given.
+
+        After an activation it goes from where the robot then is to the reference.
+        """
+        approach = self._approach
+        if approach is None or not (self._is_active and approach.is_on):
+            return reference
+        followed = reference.copy()
+        rates = self.controller.rates(self.plant.velocity)
+        for k in range(len(reference)):
+            stamp = self.timing.stamp(first + k)
+            # Position and rates count at the first tick of an approach, which is here the first.
+            followed[k] = approach.follow(stamp, self.plant.position, rates, reference[k])
+            if not approach.is_on:
+                break
+        return followed
 
     def _check_finite(self, stretch: Stretch) -> None:
         finite = np.isfinite(stretch.torque).all(axis=1)
@@ -112,7 +138,9 @@ class Simulation:
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
-    def _compiled(self, first: int, reference: Array, *, final: bool) -> Stretch:
+    def _compiled(
+        self, first: int, reference: Array, followed: Array, *, final: bool
+    ) -> Stretch:
         n = len(reference)
         plant, controller = self.plant, self.controller
         position, velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
@@ -133,7 +161,7 @@ class Simulation:
             controller.memory,
             first,
             final,
-            reference,
+            followed,
             true_position,
             true_velocity,
             position,
@@ -168,7 +196,9 @@ class Simulation:
             singular,
         )
 
-    def _interpreted(self, first: int, reference: Array, *, final: bool) -> Stretch:
+    def _interpreted(
+        self, first: int, reference: Array, followed: Array, *, final: bool
+    ) -> Stretch:
         """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
         n = len(reference)
         plant, controller, is_active = self.plant, self.controller, self._is_active
@@ -187,7 +217,7 @@ class Simulation:
         singular = 0
         for k in range(n):
             if is_active:
-                singular += controller.tick(plant.position, plant.velocity, reference[k])
+                singular += controller.tick(plant.position, plant.velocity, followed[k])
                 rows['raw_torque'][k] = controller.raw_torque
                 rows['torque'][k] = controller.torque
                 rows['error'][k] = controller.error
@@ -201,8 +231,8 @@ class Simulation:
             rows['true_velocity'][k] = plant.true_velocity
             rows['applied'][k] = plant.applied
             if not (final and k == n - 1):
-                plant.advance(rows['torque'][k])
-        # Rates that are commanded are compiled; at rest they are as zero as torques.
+                plant.advance(rows['torque'][k] if is_active else None)
+        # Rates that are commanded are compiled; at rest they are zero, and so are torques.
         rates = np.zeros((n if controller.commands_rates else 0, AXES))
         return Stretch(
             first=first,

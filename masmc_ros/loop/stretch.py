@@ -48,7 +48,7 @@ class Stretch:
     torque: Array
     """(n, 4) command computed at the tick."""
     active: NDArray[np.bool_]
-    """(n) whether a torque was computed; where not, zero is commanded, error and surface are
+    """(n) whether a torque was computed; where not, nothing is commanded, error and surface are
     not known, and the estimate is that of the next activation."""
     rates: Array
     """(n, 4) commanded at the tick in place of a torque: forward speed in m/s, yaw rate and

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 
 TIMING = (
@@ -30,6 +32,23 @@ than this the robot's time falls behind instead.
 """
 
 
+MOST_TICKS = 100_000
+"""Ticks in a second, and steps of integration in a tick, beyond which nobody can mean them."""
+
+_LONGEST = 2**31
+"""Stamps of ROS 2 end before so many s."""
+
+
+def check_count(count: Decimal, most: int, name: str, value: float, what: str) -> None:
+    """Refuse a parameter's value by InputError where it makes more of something than can be."""
+    if count > most:
+        raise InputError(f'{name} = {value!r}: {_text(count)} {what}; expected at most {most}')
+
+
+def _text(count: Decimal) -> str:
+    return f'{float(count):.6g}' if count < Decimal('1e300') else f'{count:.1e}'
+
+
 @dataclass(frozen=True)
 class Timing:
     """Period of the control grid in s, and the number of the last tick (None: endless)."""
@@ -39,8 +58,15 @@ class Timing:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Timing:
-        """Make the grid from checked parameter values."""
+        """Make the grid from checked parameter values; InputError for ticks beyond count."""
         period, duration = values['control_period'], values['duration']
+        each = 1 / Decimal(period)
+        check_count(each, MOST_TICKS, 'control_period', period, 'ticks in a second')
+        if duration >= _LONGEST:
+            raise InputError(
+                f'duration = {duration!r}: {_text(Decimal(duration) * each)} ticks; expected less'
+                f' than {_LONGEST} s, where stamps end, or 0 for an endless run'
+            )
         return cls(period, max(1, round(duration / period)) if duration > 0.0 else None)
 
     def time(self, tick: int) -> float:

@@ -16,16 +16,18 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
-from masmc_ros.errors import UserError
+from masmc_ros.errors import InputError, UserError
 from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.nodes.command_line import CommandLine
+from masmc_ros.nodes.latched import Latched
 from masmc_ros.nodes.parameters import declared
-from masmc_ros.nodes.qos import publisher_qos
-from masmc_ros.nodes.ros_parameters import RosParameters
+from masmc_ros.nodes.qos import DEEP, publisher_qos
+from masmc_ros.nodes.ros_parameters import ParameterNode, RosParameters
 
 _DELIVERY = 5.0
 _PATIENCE = 3.0
 _REMINDER = 5.0
+_RETRY = 0.02
 
 
 class Recorded(NamedTuple):
@@ -53,7 +55,13 @@ class SuiteNode:
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
         """Create the node and declare its parameters; InputError where one is not right."""
-        self.node = Node(self.name, context=context)
+        self.node: Node = ParameterNode(self.name, context=context)
+        given = self.node.get_name()
+        if given != self.name:
+            raise InputError(
+                f'__node:={given}: topics, files and other nodes know this one as {self.name}; '
+                f'put it into a namespace instead, as in -r __ns:=/{given}'
+            )
         self.finished = False
         self.parameters = RosParameters(
             self.node, declared(self.name), command_line=command_line, check=check
@@ -61,24 +69,43 @@ class SuiteNode:
         self.values = self.parameters.values
         self.log = self.node.get_logger()
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._publishers: list[Publisher] = []
+        self._publishers: list[Publisher | Latched] = []
+        self._latched: list[Latched] = []
         self._waiting: str | None = None
         self._waiting_since = 0.0
         self._reminded = 0.0
         self.failure: UserError | None = None
 
-    def publisher(self, message_type: Any, topic: str, depth: int | None = None) -> Publisher:
-        """Create a publisher whose messages are delivered before the node ends."""
-        qos = publisher_qos() if depth is None else publisher_qos(depth)
+    def publisher(
+        self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
+    ) -> Publisher:
+        """Create a publisher whose messages are delivered before the node ends.
+
+        With `past`, who joins late is given what it has sent, as far as `depth` goes.
+        """
+        qos = publisher_qos(depth, past=past)
         publisher = self.node.create_publisher(message_type, topic, qos)
         self._publishers.append(publisher)
         return publisher
 
+    def stream(self, message_type: Any, topic: str) -> Publisher:
+        """Create a publisher of what comes tick by tick, of which nobody needs the past."""
+        return self.publisher(message_type, topic, past=False)
+
+    def latched(self, message_type: Any, topic: str) -> Latched:
+        """Create a publisher of what holds until the next message."""
+        qos = publisher_qos(1)
+        latched = Latched(self.node.create_publisher(message_type, topic, qos))
+        self._publishers.append(latched)
+        self._latched.append(latched)
+        return latched
+
     def connect(self) -> None:
         """Publish the parameters in force, and watch what the node waits for."""
-        self._record = self.publisher(String, '~/parameters')
+        self._record = self.latched(String, '~/parameters')
         self.record_parameters(0, 0)
         self.node.create_timer(1.0, self._remind, clock=self.steady)
+        self.node.create_timer(_RETRY, self._send_waiting, clock=self.steady)
 
     def record_parameters(self, tick: int, stamp: int, change: Recorded | None = None) -> None:
         """Publish the parameters, and the first tick that is computed with them.
@@ -121,6 +148,10 @@ class SuiteNode:
             self.finished = True
             # The other nodes of the process end with this one, as on a signal from outside.
             signal.raise_signal(signal.SIGTERM)
+
+    def _send_waiting(self) -> None:
+        for latched in self._latched:
+            latched.send_waiting()
 
     def _remind(self) -> None:
         now = time.monotonic()

@@ -17,6 +17,7 @@ from masmc_ros.log.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.refusals import Refusals
+from masmc_ros.robot.names import ARM_JOINTS, DRIVEN_JOINTS, joint_names
 
 Array = NDArray[np.float64]
 
@@ -34,10 +35,13 @@ class CommandInput:
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
         self._refusals = refusals
+        names = joint_names(values)
         self.parts = (
-            rate_parts(values['frame_prefix'], is_stamped=self._is_stamped)
+            rate_parts(
+                names[-len(ARM_JOINTS) :], values['frame_prefix'], is_stamped=self._is_stamped
+            )
             if self.interface == 'velocity'
-            else torque_parts()
+            else torque_parts(names[-len(DRIVEN_JOINTS) :])
         )
 
     def subscribe(
@@ -68,34 +72,37 @@ class CommandInput:
             self._refusals.add(part.topic, error)
             return
         if self._is_current(part, taken.stamp):
-            part.numbers, part.time = taken.numbers.copy(), time.monotonic()
+            part.take(taken, time.monotonic())
             self._arrived()
 
     @property
     def is_complete(self) -> bool:
-        """Whether a command of every topic is at hand."""
+        """Whether a message of every topic is at hand."""
         # Once a tick: a loop takes a third of what `all` and a generator do.
         for part in self.parts:  # noqa: SIM110
-            if part.numbers is None:
+            if not part.is_here:
                 return False
         return True
 
-    def take(self) -> Array:
-        """Return the command at hand (4), zeros where a part is missing, and be done with it."""
+    def take(self) -> Array | None:
+        """Return the command at hand, as `held` does, and be done with it."""
         command = self.held()
         self.clear()
         return command
 
-    def held(self) -> Array:
-        """Return the command in force (4), zeros where a part is missing."""
+    def held(self) -> Array | None:
+        """Return the command in force (4), None where nothing is commanded.
+
+        Of rates, a part that is missing is zero.
+        """
         if len(self.parts) == 1:
-            return self.parts[0].held()
+            return self.parts[0].numbers
         return np.concatenate([part.held() for part in self.parts])
 
     def clear(self) -> None:
         """Forget what is at hand."""
         for part in self.parts:
-            part.numbers = None
+            part.clear()
 
     def touch(self) -> None:
         """Let the command in force be as good as new."""
@@ -106,7 +113,7 @@ class CommandInput:
         """Forget what has been in force for too long, in s; return the topics of that."""
         old = [p for p in self.parts if p.numbers is not None and now - p.time > timeout]
         for part in old:
-            part.numbers = None
+            part.clear()
         return [part.topic for part in old]
 
     def age(self, now: float) -> float:
@@ -115,7 +122,7 @@ class CommandInput:
 
     def missing(self) -> str:
         """Return the topics of which no command is at hand."""
-        return ' and '.join(part.topic for part in self.parts if part.numbers is None)
+        return ' and '.join(part.topic for part in self.parts if not part.is_here)
 
     def are_sent_by(self, node: Node, name: str) -> bool:
         """Tell whether a node of this namespace sends on all topics, of the types taken."""

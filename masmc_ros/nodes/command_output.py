@@ -38,8 +38,8 @@ class CommandOutput(Protocol):
     def send(self, stamp: int) -> None:
         """Send what the controller has computed, as the answer to the state of a stamp in ns."""
 
-    def send_zero(self, stamp: int) -> None:
-        """Send zeros as the answer to a state."""
+    def send_none(self, stamp: int) -> None:
+        """Send as the answer to a state that nothing is commanded: zeros."""
 
     def repeat(self) -> None:
         """Send once more what was sent last."""
@@ -54,7 +54,8 @@ class TorqueOutput:
     def __init__(self, controller: Controller) -> None:
         """Take the controller, which from now on computes into the message."""
         self.publishers: list[Publisher] = []
-        self._effort, self._zero = EffortCdr(), EffortCdr()
+        self._effort, self._none = EffortCdr(), EffortCdr()
+        self._none.is_void = True
         self._answered = b''
         controller.torque = self._effort.data
 
@@ -70,9 +71,9 @@ class TorqueOutput:
         """Send the torques as the answer to the state of a stamp in ns."""
         self._send(self._effort, stamp)
 
-    def send_zero(self, stamp: int) -> None:
-        """Send no torque as the answer to a state."""
-        self._send(self._zero, stamp)
+    def send_none(self, stamp: int) -> None:
+        """Send no torque as the answer to a state: drives that can hold do so."""
+        self._send(self._none, stamp)
 
     def repeat(self) -> None:
         """Send once more what was sent last."""
@@ -119,7 +120,7 @@ class RateOutput:
         """Send the rates as the answer to the state of a stamp in ns."""
         self._send(self._command, stamp)
 
-    def send_zero(self, stamp: int) -> None:
+    def send_none(self, stamp: int) -> None:
         """Send zero rates as the answer to a state."""
         self._send(self._none, stamp)
 

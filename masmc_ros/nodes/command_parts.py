@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, TwistCdr, TwistStampedCdr
 from masmc_ros.log.labelled_command import LabelledCdr
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.log.platform_motion import twist_numbers
 from masmc_ros.log.stamps import header_stamp
@@ -29,7 +30,8 @@ _COMPONENTS = tuple(f'{part}.{c}' for part in ('linear', 'angular') for c in 'xy
 class Taken(NamedTuple):
     """A message that can be used."""
 
-    numbers: Array
+    numbers: Array | None
+    """None where it says that nothing is commanded."""
     stamp: int | None
     """Of the state that it answers, in ns; None where it names none."""
 
@@ -41,6 +43,7 @@ class Part:
         topic: relative to the robot.
         type_name: of its messages.
         names_state: whether its messages say which state they answer.
+        is_here: whether a message is at hand, be it that nothing is commanded.
         numbers: of the last command that is in force, None where there is none.
         time: by the monotonic clock, when that came.
     """
@@ -59,26 +62,37 @@ class Part:
         self.topic, self.type_name, self.message_type = topic, type_name, message_type
         self.names_state = names_state
         self.read = read
+        self.is_here = False
         self.numbers: Array | None = None
         self.time = -math.inf
         self._zeros = np.zeros(width)
+
+    def take(self, taken: Taken, now: float) -> None:
+        """Let a message be in force from a time of the monotonic clock on."""
+        self.is_here, self.time = True, now
+        self.numbers = None if taken.numbers is None else taken.numbers.copy()
+
+    def clear(self) -> None:
+        """Forget what is at hand."""
+        self.is_here, self.numbers = False, None
 
     def held(self) -> Array:
         """Return the command in force, zeros where there is none."""
         return self._zeros if self.numbers is None else self.numbers
 
 
-def torque_parts() -> list[Part]:
-    """Return the one part of a command of torques, which is all of it."""
-    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, 4, _labelled(EffortCdr()))]
+def torque_parts(joints: tuple[str, ...]) -> list[Part]:
+    """Return the one part of a command of torques on the driven joints, which is all of it."""
+    read = _labelled(EffortCdr(joints))
+    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, 4, read)]
 
 
-def rate_parts(frame_prefix: str, *, is_stamped: bool) -> list[Part]:
+def rate_parts(arm_joints: tuple[str, ...], frame_prefix: str, *, is_stamped: bool) -> list[Part]:
     """Return the parts of commanded rates: the platform's twist, then the arm's joints.
 
     With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
     """
-    arm = _labelled(ArmVelocityCdr())
+    arm = _labelled(ArmVelocityCdr(arm_joints))
     if is_stamped:
         read = _stamped_twist(frame_prefix)
         platform = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, 2, read)
@@ -94,7 +108,7 @@ def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
         elif not command.is_finite():
             count = len(command.data)
             raise InputError(f'{command.data.tolist()}, expected {count} finite numbers')
-        return Taken(command.data, command.stamp_ns)
+        return Taken(None if command.is_void else command.data, command.stamp_ns)
 
     return read
 
@@ -114,7 +128,7 @@ def _stamped_twist(frame_prefix: str) -> Callable[[bytes], Taken]:
 
     def read(raw: bytes) -> Taken:
         if ours.load(raw):
-            return Taken(_motion(ours), ours.stamp_ns)
+            return Taken(_motion(ours), checked_stamp(ours.stamp_ns))
         message = deserialized(raw, TwistStamped)
         return Taken(_motion(message.twist), header_stamp(raw))
 

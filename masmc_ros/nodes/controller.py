@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-import json
 import sys
 import time
 from typing import Any
@@ -18,6 +17,7 @@ from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPE
 from masmc_ros.control.laws import registry
 from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.log.parameter_record import record_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
@@ -37,7 +37,6 @@ from masmc_ros.nodes.controller_health import ControllerHealth
 from masmc_ros.nodes.controller_telemetry import ControllerTelemetry
 from masmc_ros.nodes.diagnostics import publish_health
 from masmc_ros.nodes.layer_watch import LayerWatch
-from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.reference_input import ReferenceInput
 from masmc_ros.nodes.refusals import Refusals
@@ -46,6 +45,7 @@ from masmc_ros.nodes.state_input import StateInput
 from masmc_ros.nodes.supervision import Supervision
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
+from masmc_ros.robot.names import BASE_JOINTS, joint_names
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -76,7 +76,8 @@ class ControllerNode(SuiteNode):
         self._layer = LayerWatch(self._controller, self.log)
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        self._health = ControllerHealth(self._timing.period, self.node.get_clock())
+        joints = joint_names(values)[len(BASE_JOINTS) :]
+        self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True
         self._was_silent = False
@@ -95,12 +96,12 @@ class ControllerNode(SuiteNode):
         super().connect()
         self._output.connect(self.publisher)
         self._telemetry = ControllerTelemetry(
-            self._controller, self.values['telemetry_decimation'], self.publisher
+            self._controller, self.values['telemetry_decimation'], self.stream
         )
         self._supervision = Supervision(
             self.node,
             self._supervisor,
-            self.publisher(String, 'controller/state', 10),
+            self.latched(String, 'controller/state'),
             reset=self._reset_adaptation,
             stopped=self._on_stopped,
         )
@@ -109,7 +110,7 @@ class ControllerNode(SuiteNode):
         self.node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
             self.node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             lambda: self._health.report(
                 self.node, self._output, self._supervisor, self._controller, self._refusals
@@ -118,7 +119,9 @@ class ControllerNode(SuiteNode):
         subscribe_with_past(
             self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
-        self._reference = ReferenceInput(self.node, self._refusals, self._on_reference)
+        self._reference = ReferenceInput(
+            self.node, self._refusals, lambda: self._order.last, self._on_reference
+        )
         self._input = StateInput(
             self.node, self.values, self._refusals, self._accepts, self._on_state
         )
@@ -129,10 +132,11 @@ class ControllerNode(SuiteNode):
         position, velocity, reference = np.ones(7), np.zeros(7), np.zeros(12)
         self._controller.tick(position, velocity, reference)
         self._controller.reset()
+        approach = Approach(self._controller.geometry, 1.0)
         for stamp in range(2):
-            self._approach.begin()
-            self._approach.follow(stamp, position, reference.copy())
-        self._approach.begin()
+            approach.begin()
+            approach.watch(stamp, reference.copy())
+            approach.follow(stamp, position, np.zeros(4), reference)
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
@@ -165,11 +169,11 @@ class ControllerNode(SuiteNode):
         Never the other way: what anybody sends must not switch off the timeouts.
         """
         try:
-            told = json.loads(deserialized(raw, String).data)['parameters']
-            pacing = told.get('pacing')
-        except (InputError, ValueError, TypeError, KeyError, AttributeError):
-            self._refusals.add('plant/parameters', 'no record of parameters')
+            told = record_of(raw).parameters
+        except InputError as error:
+            self._refusals.add('plant/parameters', error)
             return
+        pacing = told.get('pacing')
         if pacing == 'realtime' and not self._is_realtime:
             self._set_pacing(is_realtime=True)
         elif pacing == 'lockstep' and self._is_realtime:
@@ -198,10 +202,10 @@ class ControllerNode(SuiteNode):
         self._was_silent = is_silent
 
     def _on_stopped(self) -> None:
-        """Send zeros at once; in lock-step as the answer to the state that waits for one."""
+        """Command nothing at once; in lock-step as the answer to the state that waits for one."""
         last = self._order.last
         if self._is_realtime and last is not None:
-            self._send_zero(last)
+            self._send_none(last)
         elif self._pending is not None:
             self._answer(self._pending)
 
@@ -217,7 +221,9 @@ class ControllerNode(SuiteNode):
         order = self._order.judge(stamp)
         # A single stamp far ahead may be wrong, and the next one tells; but for the run's last
         # state, which comes so to a controller that was held up at the end, there is no next.
-        self._may_finish = order is not Order.AHEAD or self._is_last(stamp)
+        # In lock-step every state comes, the last one too.
+        is_near = self._is_realtime and order is not Order.AHEAD
+        self._may_finish = is_near or self._is_last(stamp)
         if order is Order.NEXT:
             return True
         if order is Order.LATE:
@@ -264,7 +270,8 @@ class ControllerNode(SuiteNode):
                 self.wait('the trajectory (reference)')
                 if self._is_realtime and self._computed is not None:
                     # A robot that was moved before must not go on with its last torque.
-                    self._send_zero(stamp)
+                    self._send_none(stamp)
+                    self._approach.begin()
                 return
             self._compute(stamp, reference)
             if self.failure is not None:
@@ -275,7 +282,7 @@ class ControllerNode(SuiteNode):
             self._output.send(stamp)
             self._health.computed(self._controller)
         else:
-            self._send_zero(stamp)
+            self._send_none(stamp)
         self._health.answered()
         tick = round(stamp / (1e9 * self._timing.period))
         if self._supervisor.is_active:
@@ -313,11 +320,16 @@ class ControllerNode(SuiteNode):
     def _compute(self, stamp: int, reference: Any) -> None:
         """Compute the command; in real time, what cannot be computed is a fault."""
         controller, state = self._controller, self._input.state
+        is_first = self._computed is None
         if self._activations != self._supervisor.activations:
             self._activations = self._supervisor.activations
             controller.reset()
-            self._approach.begin()
+            # In lock-step the beginning of a run is what was asked for.
+            if self._is_realtime or self._computes is False:
+                self._approach.begin()
             self._note(ACTIVATED)
+        elif is_first and self._is_realtime:
+            self._approach.begin()
         elif not self._computes:
             self._note(RESUMED)
         elif self._is_realtime and self._computed is not None:
@@ -327,7 +339,10 @@ class ControllerNode(SuiteNode):
             self._layer.held(max(left_out, 0) + 1, state.position)
         self._computes, self._computed = True, stamp
         if self._is_realtime:
-            reference = self._approach.follow(stamp, state.position, reference)
+            self._approach.watch(stamp, reference)
+        if self._approach.is_on:
+            rates = controller.rates(state.velocity)
+            reference = self._approach.follow(stamp, state.position, rates, reference)
         try:
             singular = controller.tick(state.position, state.velocity, reference)
             if not self._output.is_finite():
@@ -345,12 +360,12 @@ class ControllerNode(SuiteNode):
             self._was_singular = singular
             self._say_singular(stamp, singular)
 
-    def _send_zero(self, stamp: int) -> None:
+    def _send_none(self, stamp: int) -> None:
         self._controller.rest()
         if self._computes is not False:
             self._computes = False
             self._note(DEACTIVATED)
-        self._output.send_zero(stamp)
+        self._output.send_none(stamp)
 
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 import time
 
@@ -34,13 +35,13 @@ class ControllerHealth:
         gaps: states that were missing for longer than the timeout.
     """
 
-    def __init__(self, period: float, clock: Clock) -> None:
-        """Take the control period in s and the node's clock."""
+    def __init__(self, period: float, clock: Clock, joints: Sequence[str]) -> None:
+        """Take the control period in s, the node's clock and the driven joints' names."""
         self._ticks = TickTimes(period)
         self._clock = clock
         # Asked once a report: the node's clock takes longer to read than a tick to compute.
         self._is_simulated = _is_simulated(clock)
-        self._saturation = Saturation()
+        self._saturation = Saturation(joints)
         self._ages: list[float] = []
         self._arrival = math.inf
         self._stamp = 0

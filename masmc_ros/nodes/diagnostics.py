@@ -9,7 +9,8 @@ from typing import NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
 from rclpy.node import Node
-from rclpy.publisher import Publisher
+
+from masmc_ros.nodes.latched import Latched
 
 PERIOD = 1.0
 """Time in s between two reports."""
@@ -36,7 +37,7 @@ def senders(node: Node, topic: str) -> list[str]:
 
 
 def publish_health(
-    node: Node, publisher: Publisher, clock: Clock, health: Callable[[], Health]
+    node: Node, publisher: Latched, clock: Clock, health: Callable[[], Health]
 ) -> None:
     """Publish a node's health once a second by a clock that never stands still."""
     name = node.get_fully_qualified_name()

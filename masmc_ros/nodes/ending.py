@@ -1,18 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bound on the time in which the middleware lets go of a process."""
+"""What tells a node to end, and a bound on the time in which the middleware lets go of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
+import signal
 import sys
 import threading
+from types import FrameType
 
 from masmc_ros.nodes.exit_timer import exit_after
 
 _PATIENCE = 5.0
 """Time in s after which the process ends without the middleware's consent."""
+
+
+def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
+    """Call a handler when the process is told to end, by a terminal that is closed as well.
+
+    Under `nohup` it is not.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from rclpy.context import Context
 from masmc_ros.errors import InputError
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     STATE_TOPIC,
@@ -35,8 +36,11 @@ from masmc_ros.nodes.live_parameters import LiveParameters
 from masmc_ros.nodes.live_samples import Samples
 from masmc_ros.nodes.live_server import LiveServer
 from masmc_ros.nodes.messages import message_class
+from masmc_ros.nodes.parameters import declared
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
+from masmc_ros.params.declaration import check_all
 
 SAMPLED = frozenset(
     {
@@ -46,7 +50,7 @@ SAMPLED = frozenset(
         ARM_VELOCITY_TOPIC,
         'odom',
         'base_twist',
-        '/clock',
+        CLOCK_TOPIC,
         *(telemetry_topic(label) for label in TELEMETRY),
     }
 )
@@ -77,6 +81,7 @@ class LiveNode(SuiteNode):
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None
         self._latest = 0
+        self._refusals = Refusals(self.log, 'is shown as it came')
         self._is_served = False
         self._awaited: list[Topic] = []
 
@@ -140,7 +145,10 @@ class LiveNode(SuiteNode):
         # A plain function: rclpy looks at a callback's signature to see what it takes.
         def take(raw: Any) -> None:
             if handle is not None:
-                handle(raw)
+                try:
+                    handle(raw)
+                except InputError as error:
+                    self._refusals.add(resolved, error)
             self._send(resolved, raw)
 
         if topic.is_latched:
@@ -152,8 +160,11 @@ class LiveNode(SuiteNode):
     def _on_parameters(self, name: str, raw: bytes) -> None:
         values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
         if name == 'plant' and 'tf_decimation' in values:
+            known = declared(name)
+            told = {p.name: values[p.name] for p in known if p.name in values}
+            checked = check_all(known, told, integers_for_doubles=True)
             # All that is there at its start; every state that is shown is to move the frames.
-            self._transforms = StateTransforms({**values, 'tf_decimation': 1})
+            self._transforms = StateTransforms({**checked, 'tf_decimation': 1})
 
     def _turn(self) -> None:
         """Show what is new, and do what viewers ask for."""
@@ -168,16 +179,25 @@ class LiveNode(SuiteNode):
 
     def _on_state(self, raw: bytes) -> None:
         """Take the time, and move the frames with it."""
-        stamp = self._stamps[self._states](raw)
-        if stamp is not None:
-            self._latest = stamp
-            self.wait(None)
+        stamp = self._stamp(self._states, raw)
+        if stamp is None:
+            return
+        self._latest = stamp
+        self.wait(None)
         transforms = None if self._transforms is None else self._transforms.of_state(raw)
         if transforms is not None:
             self._server.send(TRANSFORMS.name, transforms, self._latest)
 
+    def _stamp(self, topic: str, raw: bytes) -> int | None:
+        """Return the stamp in ns of a message, None where it has none that can be read."""
+        try:
+            return self._stamps[topic](raw)
+        except InputError as error:
+            self._refusals.add(topic, error)
+            return None
+
     def _send(self, topic: str, raw: bytes) -> None:
-        stamp = self._stamps[topic](raw)
+        stamp = self._stamp(topic, raw)
         self._server.send(topic, raw, self._latest if stamp is None else stamp)
 
 

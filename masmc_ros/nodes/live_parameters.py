@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-import json
 import time
 from typing import Any, NamedTuple
 
@@ -13,11 +12,12 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.serialization import deserialize_message
 
-from masmc_ros.log.text import text_of
+from masmc_ros.errors import InputError
+from masmc_ros.log.parameter_record import record_of
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.nodes.live_server import Change, LiveServer, plain
+from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.question import Question
 
 _PATIENCE = 3.0
@@ -43,8 +43,11 @@ class LiveParameters:
         self._pending: list[_Pending] = []
 
     def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
-        """Take a message of a node's topic `~/parameters`; return the values that it tells."""
-        values: Mapping[str, Any] = json.loads(text_of(raw))['parameters']
+        """Take a message of a node's topic `~/parameters`; return the values that it tells.
+
+        Raises InputError for one that is no record of parameters.
+        """
+        values = record_of(raw).parameters
         shown = self._server.in_force
         # A node knows one number for all axes as an array too; it stays what it was set to.
         self._show(
@@ -54,12 +57,16 @@ class LiveParameters:
         return values
 
     def on_event(self, raw: bytes) -> None:
-        """Take a message of /parameter_events."""
-        event = deserialize_message(raw, ParameterEvent)
-        if event.node in self._clients:
-            changed = (*event.new_parameters, *event.changed_parameters)
+        """Take a message of /parameter_events; InputError for one that cannot be read."""
+        event = deserialized(raw, ParameterEvent)
+        if event.node not in self._clients:
+            return
+        changed = (*event.new_parameters, *event.changed_parameters)
+        try:
             values = {each.name: parameter_value_to_python(each.value) for each in changed}
-            self._show(event.node, values)
+        except RuntimeError as error:
+            raise InputError(str(error)) from error
+        self._show(event.node, values)
 
     def request(self, change: Change) -> None:
         """Ask the nodes for a change; the client is answered when all have answered."""

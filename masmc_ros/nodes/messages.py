@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import importlib
+import re
 from typing import Any
 
 from rclpy.serialization import deserialize_message
 
 from masmc_ros.errors import InputError
+
+_TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 
 
 def message_class(type_name: str) -> Any:
@@ -16,6 +19,8 @@ def message_class(type_name: str) -> Any:
 
     Raises InputError where the type is not installed.
     """
+    if _TYPE_NAME.fullmatch(type_name) is None:
+        raise InputError(f"'{type_name}' is no message type")
     package, _, name = type_name.split('/')
     try:
         return getattr(importlib.import_module(f'{package}.msg'), name)

@@ -22,7 +22,7 @@ from rclpy.task import Future
 
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.nodes.question import Question
-from masmc_ros.nodes.shared_memory import clear_half_made
+from masmc_ros.nodes.transport import prepare_transport
 
 _SERVICE = '/list_parameters'
 _SPIN = 0.05
@@ -36,7 +36,7 @@ class ParameterSession:
     def __init__(self, patience: float) -> None:
         """Join the graph; `patience` is the longest time in s that anything may take."""
         self._patience = patience
-        clear_half_made()
+        prepare_transport()
         self._context = Context()
         self._clients: dict[str, AsyncParameterClient] = {}
         self._context.init([])

@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+from difflib import get_close_matches
+from functools import cache
+from typing import Any
+
+from masmc_ros.errors import InputError, suggestion
 from masmc_ros.loop import controller_parameters
 from masmc_ros.loop.simulated_robot import PLANT
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
 from masmc_ros.robot.frames import PREFIX
+from masmc_ros.robot.names import NAMES
 from masmc_ros.robot.parameters import ROBOT
 
 PACING = ('lockstep', 'realtime')
@@ -26,6 +33,7 @@ SHARED = (
     *PREFIX,
     _PACING,
     *ROBOT,
+    *NAMES,
 )
 """Parameters that a file may give to all nodes at once, needed there or not."""
 
@@ -41,7 +49,7 @@ _PLANT_NODE = (
     Parameter(
         'command_timeout',
         0.1,
-        'With realtime pacing, a command older than this is replaced by zeros',
+        'With realtime pacing, a command older than this is none: the drives hold',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
@@ -62,6 +70,12 @@ _PLANT_NODE = (
     ),
     Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
 )
+
+_LATEST_START = 2e9
+"""Time in s: stamps end some years later."""
+
+_MOST = 1e9
+"""Size in MB or time in s that no recording reaches."""
 
 _TRAJECTORY_NODE = (
     Parameter(
@@ -88,6 +102,7 @@ _TRAJECTORY_NODE = (
         'Stamp at which the trajectory begins; negative: the stamp of the first state after '
         'the controller has become active',
         unit='s',
+        maximum=_LATEST_START,
     ),
 )
 
@@ -132,8 +147,8 @@ _CONTROLLER_NODE = (
     Parameter(
         'approach_speed',
         0.25,
-        'In real time, speed per task axis at which the controller goes to a reference that '
-        'it is away from; 0 jumps',
+        'Speed per task axis at which the controller goes to a reference that it is away from, '
+        'in real time and when it is enabled; 0 jumps',
         unit='m/s',
         minimum=0.0,
     ),
@@ -159,6 +174,7 @@ _RECORDER_NODE = (
         'Size at which a new part of the recording begins, in a folder; 0 is one file',
         unit='MB',
         minimum=0.0,
+        maximum=_MOST,
     ),
     Parameter(
         'max_duration',
@@ -166,6 +182,7 @@ _RECORDER_NODE = (
         'Time on the log at which a new part of the recording begins; 0 is one file',
         unit='s',
         minimum=0.0,
+        maximum=_MOST,
     ),
     Parameter(
         'queue_size',
@@ -173,6 +190,7 @@ _RECORDER_NODE = (
         'Messages that wait for a slow or full disk; what comes on top is counted and lost',
         unit='MB',
         minimum=1.0,
+        maximum=_MOST,
     ),
 )
 
@@ -192,7 +210,10 @@ _LIVE_NODE = (
 )
 
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')
-_FROM_RCL_PREFIX = 'qos_overrides.'
+_QOS_OVERRIDES = 'qos_overrides.'
+
+_SLIP = 0.85
+"""Likeness to a known name from which on another one is a slip, not somebody else's."""
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
@@ -211,7 +232,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
         )
     if node == 'live':
         return _LIVE_NODE
-    return (*TIMING, *_RECORDER_NODE)
+    return (*TIMING, *PREFIX, *_RECORDER_NODE)
 
 
 def accepted(node: str) -> frozenset[str]:
@@ -219,6 +240,44 @@ def accepted(node: str) -> frozenset[str]:
     return frozenset(p.name for p in SHARED) - {p.name for p in declared(node)}
 
 
-def is_from_rcl(name: str) -> bool:
-    """Tell whether every ROS 2 node has a parameter of this name by itself."""
-    return name in _FROM_RCL or name.startswith(_FROM_RCL_PREFIX)
+def drop_foreign(
+    node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
+) -> list[str]:
+    """Take out of what a node is given what is not for it, and return what is for nobody here.
+
+    `shared` are the names that stand under wildcards such as `/**`, which nodes of other
+    packages read too. `where` is as in `check_all`. What the node is to refuse stays.
+
+    Raises:
+        InputError: for a name under a wildcard that is a slip of a known one, and for
+            quality of service, which cannot be overridden.
+    """
+    own = {parameter.name for parameter in declared(node)}
+    foreign = []
+    for name in [name for name in given if name not in own]:
+        place = where if isinstance(where, str) else where.get(name, '')
+        if name in _FROM_RCL or (name in shared and name in _known()):
+            del given[name]
+        elif name in shared:
+            if get_close_matches(name, _known(), n=1, cutoff=_SLIP):
+                hint = suggestion(name, _known())
+                raise InputError(f"{place}unknown parameter '{name}'; {hint}")
+            del given[name]
+            foreign.append(name)
+        elif name.startswith(_QOS_OVERRIDES):
+            raise InputError(
+                f'{place}{name}: the quality of service of these nodes is fixed, lest runs lose '
+                'messages or stand still; remove it'
+            )
+    return foreign
+
+
+def foreign_text(names: Collection[str]) -> str:
+    """Tell of names under wildcards that none of the nodes knows."""
+    return f'{", ".join(names)}: no parameter of this package, without effect on its nodes'
+
+
+@cache
+def _known() -> tuple[str, ...]:
+    """Return the names of the parameters of all nodes."""
+    return tuple(dict.fromkeys(p.name for node in NODES for p in declared(node)))

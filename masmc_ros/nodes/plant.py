@@ -49,7 +49,8 @@ class PlantNode(SuiteNode):
         self._lockstep = self.values['pacing'] == 'lockstep'
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
-        self._robot.advance(np.zeros(4))
+        for command in (np.zeros(4), None):
+            self._robot.advance(command)
         self._output = StateOutput(self._robot, self._timing, self.values)
         self._started = self._paused = self._runs = False
         self._single_steps = 0
@@ -79,7 +80,7 @@ class PlantNode(SuiteNode):
         self._gate = node.create_timer(0.02, self._start_when_ready, clock=self.steady)
         publish_health(
             node,
-            self.publisher(DiagnosticArray, '/diagnostics', 10),
+            self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
             self._report_health,
         )
@@ -174,7 +175,7 @@ class PlantNode(SuiteNode):
             self._single_steps -= 1
         self._advance(self._input.take())
 
-    def _advance(self, command: np.ndarray) -> None:
+    def _advance(self, command: np.ndarray | None) -> None:
         if self._robot.tick == self._timing.last:
             self.finished = True
             self._say_pace()
@@ -275,8 +276,8 @@ class PlantNode(SuiteNode):
             self._sent = now
             self._output.send_again()
 
-    def _held_command(self, now: float) -> np.ndarray:
-        """Return the last command, zeros where it is too old.
+    def _held_command(self, now: float) -> np.ndarray | None:
+        """Return the last command, None where nothing is commanded or that is too old.
 
         A command does not grow old while the robot's time stands still.
         """
@@ -285,7 +286,7 @@ class PlantNode(SuiteNode):
         for topic in [] if self._paused else self._input.drop_old(now, timeout):
             if self._silences.is_due(topic):
                 self.log.warning(
-                    f'no command for {timeout:g} s; what {topic} asked for is zero until one comes'
+                    f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
                 )
         return self._input.held()
 

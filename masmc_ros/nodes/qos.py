@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quality of service: reliable throughout, publishers and loggers deep, control shallow.
 
-Publishers are transient-local, so that a node that joins late or again takes up where the
-run is. A subscription asks for that only where it wants the past.
+States, commands and the reference are transient-local, so that a node that joins late or
+again takes up where the run is; a subscription asks for that only where it wants the past.
+What holds until the next message is latched (`latched.py`), telemetry is volatile.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 DEEP = 1000
 
 
-def publisher_qos(depth: int = DEEP) -> QoSProfile:
-    """Return the profile of publishers: reliable, transient-local."""
+def publisher_qos(depth: int = DEEP, *, past: bool = True) -> QoSProfile:
+    """Return the profile of publishers: reliable; with `past`, transient-local."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if past else DurabilityPolicy.VOLATILE,
     )
 
 

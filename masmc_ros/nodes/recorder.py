@@ -4,21 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-import struct
 import sys
 from threading import Thread
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.definitions import Definition
+from masmc_ros.log.gaps import MISSING
 from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
@@ -30,7 +30,7 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.parameter_record import ParameterRecord, read_record
+from masmc_ros.log.parameter_record import ParameterRecord, record_of
 from masmc_ros.log.provenance import write_origin, write_parameters
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.recording import clear_recording, Options, Recording
@@ -43,17 +43,22 @@ from masmc_ros.log.topics import (
     SYSTEM_TOPICS,
     TOPICS,
     TRANSFORMS,
+    transforms_topic,
 )
+from masmc_ros.log.transforms import first_frames, is_of_robot
 from masmc_ros.log.writer import LogWriter
 from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
 from masmc_ros.nodes.coverage import Coverage
+from masmc_ros.nodes.diagnostics import publish_health
 from masmc_ros.nodes.extra_topics import ExtraTopics
 from masmc_ros.nodes.listening import take_rest
 from masmc_ros.nodes.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.raw_types import raw_class
+from masmc_ros.nodes.recorder_health import RecorderHealth
+from masmc_ros.nodes.refusals import Refusals
 from masmc_ros.nodes.runtime import run
 
 _PROGRESS = 100
@@ -66,6 +71,9 @@ _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
 
 _MEGABYTE = 1_000_000
+
+_QUEUE = 10 * DEEP
+"""Messages of a topic that wait for a recorder that is held up; memory only while they do."""
 
 _CORE = (
     ((STATE_TOPIC,),),
@@ -80,7 +88,7 @@ Of each line all topics of one of its entries: torques are commanded, or rates.
 
 _TELEMETRY = tuple(map(telemetry_topic, TELEMETRY))
 
-_WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, 'odom', '/clock', CMD_VEL_TOPIC)
+_WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, TRANSFORMS.name.lstrip('/'), 'odom', CMD_VEL_TOPIC)
 """Topics that come with the ticks, or every few of them, beside states and commands."""
 
 
@@ -99,14 +107,21 @@ class RecorderNode(SuiteNode):
             self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
         )
         self._recording = self._open(log_path(Path(self.values['output'])))
+        self._not_understood = Refusals(self.log, 'is recorded as it came')
+        self._recording.not_understood = self._not_understood.counts
+        self._health = RecorderHealth(self._recording)
+        self._note_state = self._health.watch(self.node.resolve_topic_name(STATE_TOPIC)).add
         self._latest: int | None = None
         self._early: list[tuple[int, bytes]] = []
+        self._early_size = 0
         self._coverage = Coverage()
         self._reported = -1
         self._unreported = 0
         self._is_ready = False
         self._last_arrival = time.monotonic()
         self._parameters: dict[str, Any] = {}
+        self._heard_of: set[str] = set()
+        self._frame_prefix: str = self.values['frame_prefix']
         self._description: str | None = None
         self._changes: list[ParameterRecord] = []
         self._told_trouble: str | None = None
@@ -117,17 +132,29 @@ class RecorderNode(SuiteNode):
         """Subscribe to everything, and say so once the senders are found."""
         super().connect()
         self._progress = self.publisher(Time, 'recorder/progress', 1)
-        for topic in (*TOPICS, *SYSTEM_TOPICS):
+        told = {parameters_topic(node) for node in PARAMETER_NODES}
+        # A node finds our subscriptions in their order: one from which parameters have come
+        # has found all of them, and no telemetry of it goes by.
+        for topic in sorted((*TOPICS, *SYSTEM_TOPICS), key=lambda each: each.name in told):
             if topic.turns_up:
                 continue
+            name = topic.name
+            if topic is TRANSFORMS:
+                name = transforms_topic(self.node.get_namespace(), self._frame_prefix)
             try:
                 self._record_topic(
-                    topic.name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
+                    name, topic.type_name, is_latched=topic.is_latched, holds=topic.holds
                 )
             except InputError as error:
-                self.log.warning(f'{topic.name} is not recorded: {error}')
+                self.log.warning(f'{name} is not recorded: {error}')
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
+        publish_health(
+            self.node,
+            self.latched(DiagnosticArray, '/diagnostics'),
+            self.steady,
+            lambda: self._health.report(self.counts),
+        )
         self.log.info(f'recording into {self._recording.path}')
         self._recover_earlier()
         self.wait(f'the senders of {_core_text()}')
@@ -137,12 +164,15 @@ class RecorderNode(SuiteNode):
         super().close(spin)
         take_rest(spin, lambda: self._last_arrival)
         self._release_early(self._latest or 0)
+        self._health.look()
         self._recording.close()
         self._watch_disk()
         lost = sum(self._recording.lost.values())
         messages = sum(self.counts.values()) - lost
         told = f', {lost} lost' if lost else ''
         self.log.info(f'{messages} messages in {self._recording.path}{told}')
+        for topic, text in self._health.missing().items():
+            self.log.warning(f'{topic}: {text}, by its stamps')
 
     def _open(self, path: Path) -> Recording:
         """Start the recording; InputError where its place is taken or cannot be written."""
@@ -169,12 +199,14 @@ class RecorderNode(SuiteNode):
 
     def _write_closing(self, log: LogWriter) -> None:
         write_parameters(log, dict(self._parameters), tuple(self._changes))
+        missing = self._health.missing()
+        if missing:
+            log.metadata(MISSING, missing)
         if self._description is not None:
             log.attach('robot.urdf', 'application/xml', self._description.encode())
 
     def _on_description(self, raw: bytes, stamp: int | None) -> None:
-        with suppress(UnicodeDecodeError):
-            self._description = text_of(raw)
+        self._description = text_of(raw)
 
     def _recover_earlier(self) -> None:
         """Complete, beside the recording, what an earlier one in this folder left."""
@@ -256,15 +288,22 @@ class RecorderNode(SuiteNode):
             stamp_reader(topic, type_name),
             handlers.get(topic),
         )
-        # A plain function: rclpy looks at a callback's signature to see what it takes.
+        # Plain functions: rclpy looks at a callback's signature to see what it takes.
 
         def take(raw: Any) -> None:
             callback(raw)
 
+        def take_own(raw: Any) -> None:
+            if self._is_own(raw):
+                callback(raw)
+
+        if topic == TRANSFORMS.name:
+            take = take_own
+
         if is_latched and not best_effort:
-            subscribe_with_past(self.node, message_type, topic, take, DEEP)
+            subscribe_with_past(self.node, message_type, topic, take, _QUEUE)
         else:
-            qos = subscription_qos(depth=DEEP, past=is_latched, best_effort=best_effort)
+            qos = subscription_qos(depth=_QUEUE, past=is_latched, best_effort=best_effort)
             self.node.create_subscription(message_type, topic, take, qos, raw=True)
 
     def _on_message(
@@ -277,21 +316,35 @@ class RecorderNode(SuiteNode):
     ) -> None:
         self._last_arrival = time.monotonic()
         self.counts[topic] += 1
-        stamp = stamp_of(raw)
-        if handler is not None:
-            handler(raw, stamp)
+        stamp = None
+        try:
+            stamp = stamp_of(raw)
+            if handler is not None:
+                handler(raw, stamp)
+        except Exception as error:  # whatever a stranger sends must not end the recording
+            self._not_understood.add(topic, error)
         time_ns = self._latest if stamp is None else stamp
         if time_ns is None:
-            self._early.append((channel, raw))
+            self._keep_early(channel, raw)
         else:
             self._recording.write(channel, time_ns, raw)
 
+    def _keep_early(self, channel: int, raw: bytes) -> None:
+        """Keep a message until there is a time, but no more than a queue may hold."""
+        self._early.append((channel, raw))
+        self._early_size += len(raw)
+        if self._early_size > self.values['queue_size'] * _MEGABYTE:
+            self._latest = 0
+            self._release_early(0)
+
     def _on_state(self, raw: bytes, stamp: int | None) -> None:
-        if stamp is not None and self._latest is None:
+        if stamp is None:
+            return
+        if self._latest is None:
             self._release_early(stamp)
         self._latest = stamp
-        if stamp is not None:
-            self._coverage.add_state(stamp)
+        self._coverage.add_state(stamp)
+        self._note_state(stamp)
 
     def _on_command(self, raw: bytes, stamp: int | None) -> None:
         """Note which states are answered."""
@@ -304,32 +357,55 @@ class RecorderNode(SuiteNode):
         if self._last is not None and stamp >= self._last:
             self.wait(None)
 
+    def _is_own(self, raw: bytes) -> bool:
+        """Tell whether transforms on /tf, which robots share, are of this one."""
+        is_own = is_of_robot(raw, self._frame_prefix)
+        if not is_own:
+            parent, child = first_frames(raw)
+            self.log.info(
+                f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are left out',
+                once=True,
+            )
+        return is_own
+
     def _on_tick(self, topic: str, raw: bytes, stamp: int | None) -> None:
         if stamp is not None:
             self._coverage.add(topic, stamp)
 
     def _on_controller_state(self, raw: bytes, stamp: int | None) -> None:
         """Expect no telemetry of a controller that does not compute."""
-        with suppress(UnicodeDecodeError, struct.error):
-            if text_of(raw) != ACTIVE:
-                self._coverage.forget(_TELEMETRY)
+        if text_of(raw) != ACTIVE:
+            self._coverage.forget(_TELEMETRY)
 
     def _on_parameters(self, node: str, raw: bytes, stamp: int | None) -> None:
-        try:
-            record = read_record(text_of(raw))
-        except (InputError, UnicodeDecodeError, struct.error) as error:
-            self.log.error(f'{parameters_topic(node)}: {error}', once=True)
-            return
+        self._heard_of.add(node)
+        record = record_of(raw)
         if node in self._parameters:
             self._changes.append(record)
         else:
             self._parameters[node] = record.parameters
+        if node == 'plant':
+            self._go_by_prefix(record.parameters.get('frame_prefix'))
+
+    def _go_by_prefix(self, prefix: Any) -> None:
+        """Take the plant's word for the names of its frames."""
+        if not isinstance(prefix, str) or prefix == self._frame_prefix:
+            return
+        namespace = self.node.get_namespace()
+        topics = [transforms_topic(namespace, each) for each in (prefix, self._frame_prefix)]
+        if topics[0] != topics[1]:
+            self.log.warning(
+                f'the plant sends its frames on {topics[0]} (frame_prefix {prefix!r}), and what '
+                f'is recorded is {topics[1]}; give the recorder the same frame_prefix'
+            )
+        self._frame_prefix = prefix
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
         for channel, raw in self._early:
             self._recording.write(channel, stamp, raw)
         self._early.clear()
+        self._early_size = 0
 
     def _report_progress(self) -> None:
         """Report up to where everything has come, unless that is told already."""
@@ -348,11 +424,15 @@ class RecorderNode(SuiteNode):
         resolved = self.node.resolve_topic_name(topic)
         return resolved in self.counts and self.node.count_publishers(resolved) > 0
 
+    def _has_told(self, node: str) -> bool:
+        """Tell whether a node, if it is there and tells them, has told its parameters."""
+        return node in self._heard_of or not self._is_sent(parameters_topic(node))
+
     def _look_around(self) -> None:
         """Tell the plant when all senders are found; end when they have gone."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        if not self._is_ready and all(here):
+        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._report(self._coverage.reached())

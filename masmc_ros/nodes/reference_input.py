@@ -24,9 +24,19 @@ class ReferenceInput:
         windows: what was sent so far.
     """
 
-    def __init__(self, node: Node, refusals: Refusals, on_more: Callable[[], None]) -> None:
-        """Take every message that is right; `on_more` is called after each."""
-        self.windows = ReferenceWindows()
+    def __init__(
+        self,
+        node: Node,
+        refusals: Refusals,
+        now: Callable[[], int | None],
+        on_more: Callable[[], None],
+    ) -> None:
+        """Take every message that is right; `on_more` is called after each.
+
+        `now` is the stamp of the latest state in ns, None before the first.
+        """
+        self.windows = ReferenceWindows(node.get_logger().warning)
+        self._now = now
         self._refusals = refusals
         self._on_more = on_more
         subscribe_with_past(node, Float64MultiArray, REFERENCE_TOPIC, self._take, depth=100)
@@ -38,7 +48,7 @@ class ReferenceInput:
                 window = ReferenceWindow.from_message(deserialized(raw, Float64MultiArray))
             samples = window.samples.reshape(-1, 12)
             if window.stamp_ns is None:
-                self.windows.set_point(samples[0])
+                self.windows.set_point(samples[0], self._now())
             else:
                 self.windows.add(window.stamp_ns, window.period, samples)
         except InputError as error:

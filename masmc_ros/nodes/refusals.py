@@ -10,15 +10,16 @@ from masmc_ros.nodes.throttle import Throttle
 
 
 class Refusals:
-    """Counts what is refused and says why.
+    """Counts what is refused, or otherwise not understood, and says why.
 
     Attributes:
         counts: refused messages by topic.
     """
 
-    def __init__(self, log: Any) -> None:
-        """Take the node's logger."""
+    def __init__(self, log: Any, what: str = 'refused') -> None:
+        """Take the node's logger, and what happens to such a message."""
         self._log = log
+        self._what = what
         self._throttle = Throttle(period=1.0)
         self.counts: Counter[str] = Counter()
 
@@ -26,4 +27,4 @@ class Refusals:
         """Count a message of a topic, and log the reason unless one was logged just now."""
         self.counts[topic] += 1
         if self._throttle.is_due(topic):
-            self._log.error(f'{topic} refused: {reason}')
+            self._log.error(f'{topic} {self._what}: {reason}')

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from masmc_ros.errors import InputError
 from masmc_ros.log.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
 from masmc_ros.log.text import string_message
-from masmc_ros.log.topics import TRANSFORMS
+from masmc_ros.log.topics import TRANSFORMS, transforms_topic
 from masmc_ros.log.traced_paths import ActualPath
 from masmc_ros.log.transforms import TransformsCdr
 from masmc_ros.loop.simulation import robot_of
@@ -37,6 +37,7 @@ class RobotDisplay:
         self._timing = Timing.from_values(values)
         self._decimation: int = values['tf_decimation']
         self._description = string_message(robot_description(values, prefix))
+        self._prefix = prefix
         self._origins = frame_origins(robot.geometry)
         self._message = TransformsCdr(prefix)
         self._path = ActualPath(self._timing, robot, prefix)
@@ -52,9 +53,10 @@ class RobotDisplay:
             except InputError as error:
                 node.log.warning(f'no {TRANSFORMS.name}: {error}')
             else:
-                self._transforms = node.publisher(kind, TRANSFORMS.name)
-        self._paths = node.publisher(Path, ACTUAL_PATH_TOPIC, 1)
-        description = node.publisher(String, DESCRIPTION_TOPIC, 1)
+                topic = transforms_topic(node.node.get_namespace(), self._prefix)
+                self._transforms = node.publisher(kind, topic)
+        self._paths = node.latched(Path, ACTUAL_PATH_TOPIC)
+        description = node.latched(String, DESCRIPTION_TOPIC)
         description.publish(self._description)
 
     def show(self, tick: int, position: NDArray[np.float64]) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import sys
 from typing import Any
 
@@ -13,13 +13,15 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 import rclpy.parameter
 
-from masmc_ros.errors import InputError
+from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.command_line import CommandLine
-from masmc_ros.nodes.parameters import accepted, is_from_rcl
+from masmc_ros.nodes.parameters import accepted, drop_foreign, foreign_text
 from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.file import read
 
 _LARGEST = sys.float_info.max
 
@@ -54,6 +56,29 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
     return result
 
 
+class ParameterNode(Node):
+    """A node to which a parameter may be set to what it is, a read-only one too.
+
+    So `ros2 param load` takes what `ros2 param dump` has written.
+    """
+
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy.parameter.Parameter]
+    ) -> SetParametersResult:
+        """Set what is new."""
+        new = [each for each in parameter_list if not self._is_in_force(each)]
+        if parameter_list and not new:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(new)
+
+    def _is_in_force(self, wanted: rclpy.parameter.Parameter) -> bool:
+        if not self.has_parameter(wanted.name):
+            return False
+        present = self.get_parameter(wanted.name)
+        is_same_type: bool = present.type_ == wanted.type_
+        return is_same_type and _plain(present.value) == _plain(wanted.value)
+
+
 class RosParameters:
     """The parameters of one node: values in force, and changes while running."""
 
@@ -75,10 +100,14 @@ class RosParameters:
         self._check = check
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
         name = node.get_name()
-        given = {**_given(node), **command_line.for_node(name)}
-        given = {n: v for n, v in given.items() if not is_from_rcl(n)}
+        settings = command_line.for_node(name)
+        given = {**_given(node), **settings}
         for shared in accepted(name) & given.keys():
             del given[shared]
+        # What a file gives to all nodes may be for others; the command line is for this one.
+        shared_names = _shared(node, command_line) - settings.keys()
+        if foreign := drop_foreign(name, given, shared_names, f'{name}: '):
+            node.get_logger().warning(foreign_text(foreign))
         self.values = check_all(declarations, given, where=f'{name}: ')
         check(self.values)
         for parameter in declarations:
@@ -99,6 +128,9 @@ class RosParameters:
 
     def _coerce(self, changes: list[Any]) -> list[Any]:
         """Turn integers into doubles where a double is declared; touch nothing else."""
+        for change in changes:
+            if not self._node.has_parameter(change.name):
+                raise _UnknownParameter(change.name, self._declarations)
         return [
             rclpy.parameter.Parameter(c.name, value=_doubles(self._declarations.get(c.name), c))
             if c.name in self._declarations and c.value is not None
@@ -122,7 +154,7 @@ class RosParameters:
                 self._node.describe_parameter(change.name).type = in_force.type_.value
 
     def _commit(self, changes: list[Any]) -> None:
-        new = self._checked(changes)
+        new = {n: v for n, v in self._checked(changes).items() if v != self.values[n]}
         if new:
             self.values.update(new)
             for listener in self._listeners:
@@ -136,11 +168,30 @@ class RosParameters:
         }
 
 
+class _UnknownParameter(ParameterNotDeclaredException):
+    """What rclpy's services tell whoever sets a parameter that a node does not have."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(name)
+        self._text = f"unknown parameter '{name}'; {suggestion(name, known)}"
+
+    def __str__(self) -> str:
+        return self._text
+
+
 def _given(node: Node) -> dict[str, Any]:
     """Return what files and command line give this node, as rcl resolved it."""
     # rclpy has no public way to see overrides that nobody declares, and passes them silently.
     overrides = node._parameter_overrides
     return {name: _plain(parameter.value) for name, parameter in overrides.items()}
+
+
+def _shared(node: Node, command_line: CommandLine) -> set[str]:
+    """Return the names that parameter files give to this node by wildcards alone."""
+    where = node.get_name(), node.get_namespace()
+    files = [read(path) for path in command_line.files]
+    named = {n for file in files for n in file.for_node(*where).keys() - file.shared(*where)}
+    return {name for file in files for name in file.shared(*where)} - named
 
 
 def _plain(value: Any) -> Any:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a process of this package starts, spins and ends.
 
-A process ends with status 0 when its run is over and on SIGINT and SIGTERM, with status 2
-and one line on bad input.
+A process ends with status 0 when its run is over and on SIGINT, SIGTERM and SIGHUP, with
+status 2 and one line on bad input.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import gc
-import signal
 import sys
 from types import FrameType
 from typing import Protocol
@@ -23,8 +22,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.command_line import parse
-from masmc_ros.nodes.ending import bounded_ending
-from masmc_ros.nodes.shared_memory import clear_half_made
+from masmc_ros.nodes.ending import bounded_ending, on_end
+from masmc_ros.nodes.transport import prepare_transport
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""
@@ -66,7 +65,7 @@ def _told(error: UserError) -> int:
 def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = _StopSignals()
-    clear_half_made()
+    prepare_transport()
     context = Context()
     # What is wrong with the arguments is told once, below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
@@ -119,8 +118,7 @@ class _StopSignals:
 
     def __init__(self) -> None:
         self.requested = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._request)
+        on_end(self._request)
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         self.requested = True

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from masmc_ros.loop.controller import Controller
@@ -13,8 +15,9 @@ from masmc_ros.robot.names import DRIVEN_JOINTS
 class Saturation:
     """Counts ticks from report to report."""
 
-    def __init__(self) -> None:
-        """Start with none."""
+    def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
+        """Start with none, of joints (4) of these names."""
+        self._joints = joints
         self._ticks = self._cut = 0
         self._of_joints = np.zeros(AXES, np.int64)
 
@@ -34,7 +37,7 @@ class Saturation:
         ticks = max(self._ticks, 1)
         joints = [
             f'{joint} {count / ticks:.0%}'
-            for joint, count in zip(DRIVEN_JOINTS, self._of_joints.tolist(), strict=True)
+            for joint, count in zip(self._joints, self._of_joints.tolist(), strict=True)
             if count
         ]
         report = {

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,22 @@ from masmc_ros.log.reader import Run
 from masmc_ros.log.topics import PARAMETER_NODES
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.stretch import Change
-from masmc_ros.nodes.parameters import accepted, declared, is_from_rcl, NODES, SHARED
+from masmc_ros.loop.timing import Timing
+from masmc_ros.nodes.parameters import (
+    accepted,
+    declared,
+    drop_foreign,
+    foreign_text,
+    NODES,
+    SHARED,
+)
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 
 Values = dict[str, Any]
+
+_MOST_MISSING = 1000
+"""Ticks to a state in a log that lacks most of them."""
 
 _UNSTATED_DURATION = 20.0
 """Length in s of an offline run of which nothing says how long it is; nodes are then endless."""
@@ -38,17 +50,19 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     extra = _settings(settings)
     scenario = {}
     for node in NODES:
-        given = {n: v for n, v in file.for_node(node).items() if not is_from_rcl(n)}
-        places = file.places(node)
+        given, places = file.for_node(node), file.places(node)
         for name in accepted(node) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.
             _check_shared(name, given.pop(name), places[name])
+        drop_foreign(node, given, file.shared(node), places)
         values = check_all(declared(node), given, places)
         names = {parameter.name: parameter for parameter in declared(node)}
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
         if 'duration' in names and not {'duration'} & (given.keys() | extra[node].keys()):
             values['duration'] = _UNSTATED_DURATION
+        if 'control_period' in values:
+            _check_timing(values, path, node)
         scenario[node] = values
     _check_beginning(scenario, path)
     return scenario
@@ -92,6 +106,7 @@ def logged_scenario(
             given[name] = names[name].check(value, integers_for_doubles=True)
         scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
     _check_beginning(scenario, run.path)
+    _check_length(run, Timing.from_values(scenario['plant']))
     if run.reference is not None and np.isnan(run.reference[0]).any():
         begun = ~np.isnan(run.reference).any(axis=1)
         when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
@@ -100,6 +115,14 @@ def logged_scenario(
             ' state on can be computed again'
         )
     return scenario, _controller_changes(run, without=extra['controller'])
+
+
+def _check_timing(values: Values, path: str, node: str) -> None:
+    """Refuse times with which there is no run, as the node does."""
+    try:
+        Timing.from_values(values)
+    except InputError as error:
+        raise InputError(f'{path}: {node}: {error}') from None
 
 
 def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
@@ -137,12 +160,28 @@ def _length(run: Run) -> float:
     return float(run.times[-1])
 
 
+def _check_length(run: Run, timing: Timing) -> None:
+    """Refuse a log whose time has not begun at 0, or that has next to no states."""
+    if (timing.last or 0) > _MOST_MISSING * len(run.times):
+        raise InputError(
+            f'{run.path}: its {len(run.times)} states end at t = {run.times[-1]:g} s, after'
+            f' {timing.last} ticks; only a run whose time begins at 0 can be computed again'
+        )
+
+
 def strays(path: str) -> list[str]:
-    """Return one line for each block of the file that is for none of this package's nodes."""
-    return [
+    """Return one line for each block of a file, and one for all names, that no node here knows."""
+    file = read(path)
+    blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
-        for block in read(path).unmatched(NODES)
+        for block in file.unmatched(NODES)
     ]
+    foreign = {
+        name: None
+        for node in NODES
+        for name in drop_foreign(node, file.for_node(node), file.shared(node), file.places(node))
+    }
+    return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 
 def _check_shared(name: str, value: Any, place: str) -> None:
@@ -173,9 +212,23 @@ def _settings(settings: Iterable[str]) -> dict[str, Values]:
                 )
             sorted_[node][parameter] = value
         else:
-            known = [*shared, *(f'{n}.{p.name}' for n in NODES for p in declared(n))]
-            hint = suggestion(name, known)
-            if not hint.startswith('did'):
-                hint = f'write NODE.parameter with a node of {", ".join(NODES)}'
-            raise InputError(f"--set {setting}: unknown parameter '{name}'; {hint}")
+            raise InputError(f"--set {setting}: unknown parameter '{name}'; {_meant(name)}")
     return sorted_
+
+
+def _meant(name: str) -> str:
+    """Tell which parameter an unknown name may mean: one without its node above all."""
+    shared = {parameter.name for parameter in SHARED}
+    full: dict[str, list[str]] = {}
+    for node in NODES:
+        for parameter in declared(node):
+            if parameter.name not in shared:
+                full.setdefault(parameter.name, []).append(f'{node}.{parameter.name}')
+    if name in full:
+        return f'write NODE.parameter, here {" or ".join(full[name])}'
+    near = get_close_matches(name, [*shared, *(each for names in full.values() for each in names)])
+    for short in get_close_matches(name, full):
+        near += full[short]
+    if near:
+        return f'did you mean {" or ".join(near[:3])}?'
+    return f'write NODE.parameter with a node of {", ".join(NODES)}'

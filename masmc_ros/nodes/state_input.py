@@ -13,12 +13,14 @@ from sensor_msgs.msg import JointState
 from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import JointStateCdr
-from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS
+from masmc_ros.log.layout import checked_stamp
+from masmc_ros.log.names import BASE_JOINTS
 from masmc_ros.log.platform_motion import odometry_numbers
 from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.nodes.messages import deserialized
 from masmc_ros.nodes.qos import subscribe_with_past
 from masmc_ros.nodes.refusals import Refusals
+from masmc_ros.robot.names import joint_names
 
 
 class StateInput:
@@ -42,13 +44,13 @@ class StateInput:
         stamp, after which `state` stays until the next one.
         """
         self._values = values
-        self.state = JointStateCdr()
-        self._spare = JointStateCdr()
+        names = joint_names(values)
+        self.state, self._spare = JointStateCdr(names), JointStateCdr(names)
         self._refusals = refusals
         self._accepts = accepts
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
-        self._joints = JOINTS if self._base is None else DRIVEN_JOINTS
+        self._joints = names if self._base is None else names[len(BASE_JOINTS) :]
         self._is_waiting = False
         self._lacking: str | None = None
         if self._base is not None:
@@ -70,9 +72,7 @@ class StateInput:
                 else:
                     message = deserialized(raw, JointState)
                     state.load_message(message, self._joints, unknown_velocity=unknown)
-            stamp = state.stamp_ns
-            if stamp < 0:
-                raise InputError(f'joint state: stamp {stamp} ns is negative')
+            stamp = checked_stamp(state.stamp_ns)
         except InputError as error:
             self._is_waiting = False
             self._refusals.add('joint_states', error)
@@ -106,7 +106,8 @@ class StateInput:
         if base is None:
             return
         try:
-            base.update(*odometry_numbers(deserialized(raw, Odometry)))
+            stamp, pose, twist = odometry_numbers(deserialized(raw, Odometry))
+            base.update(checked_stamp(stamp), pose, twist)
         except InputError as error:
             self._refusals.add('odom', error)
             return

@@ -11,15 +11,18 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from masmc_ros.log.cdr import JointStateCdr, OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.log.names import CLOCK_TOPIC
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
+from masmc_ros.nodes.qos import DEEP
 from masmc_ros.nodes.robot_display import RobotDisplay
+from masmc_ros.robot.names import joint_names
 from masmc_ros.robot.platform_motion import platform_motion
 
 
 class StateOutput:
-    """Publishes joint_states, odom, base_twist, /clock and what shows the robot.
+    """Publishes joint_states, odom, base_twist, clock and what shows the robot.
 
     Attributes:
         stamp: of the last state, in ns; -1 before the first.
@@ -30,8 +33,9 @@ class StateOutput:
         self._robot, self._timing = robot, timing
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
+        self._is_lockstep: bool = values['pacing'] == 'lockstep'
         self._display = RobotDisplay(values)
-        self._state = JointStateCdr()
+        self._state = JointStateCdr(joint_names(values))
         self._odometry = OdometryCdr(values['frame_prefix'])
         self._twist = TwistCdr()
         self._time = TimeCdr()
@@ -44,9 +48,16 @@ class StateOutput:
     def connect(self, node: SuiteNode) -> None:
         """Create the topics."""
         self._states = node.publisher(JointState, 'joint_states')
-        self._odom = node.publisher(Odometry, 'odom')
-        self._base_twist = node.publisher(Twist, 'base_twist')
-        self._clock = node.publisher(Clock, '/clock')
+        # As much of the past as that of the states: who joins late need not see more.
+        depth = max(1, DEEP // self._odom_decimation)
+        self._odom = node.publisher(Odometry, 'odom', depth)
+        self._base_twist = node.publisher(Twist, 'base_twist', depth)
+        # By the wall clock, time does not wait for who misses it.
+        self._clock = (
+            node.latched(Clock, CLOCK_TOPIC)
+            if self._is_lockstep
+            else node.publisher(Clock, CLOCK_TOPIC, 1)
+        )
         self._display.connect(node)
 
     @property

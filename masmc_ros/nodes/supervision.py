@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.loop.supervisor import FAULT, Supervisor
+from masmc_ros.nodes.latched import Latched
 
 
 class Supervision:
@@ -21,7 +21,7 @@ class Supervision:
         self,
         node: Node,
         supervisor: Supervisor,
-        publisher: Publisher,
+        publisher: Latched,
         *,
         reset: Callable[[], None],
         stopped: Callable[[], None],

@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.cdr import ReferenceWindow
+from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import DESIRED_PATH_TOPIC
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.traced_paths import DesiredPath
@@ -31,6 +32,9 @@ from masmc_ros.robot.frames import check_frame_prefix
 _CHECKED_AHEAD = 60.0
 """How much of an endless path is checked at the start, in s."""
 
+_MOST_CHECKED = 2_000_000
+"""Ticks of a path that are checked at the start; those of a longer one as they are sent."""
+
 
 class TrajectoryNode(SuiteNode):
     """Keeps the reference topic filled up to the horizon ahead of the robot's time."""
@@ -48,6 +52,8 @@ class TrajectoryNode(SuiteNode):
         self._path = DesiredPath(self._timing, robot, prefix)
         self._window = max(2, round(self.values['window'] / period))
         self._horizon = max(self._window, round(self.values['horizon'] / period))
+        ticks_ahead = max(self._horizon + self._window, self._timing.last or 0)
+        self._ahead_ns = self._timing.stamp(ticks_ahead)
         self._next = 0
         start = self.values['start_time']
         self._origin = round(1e9 * start) if start >= 0.0 else None
@@ -64,7 +70,7 @@ class TrajectoryNode(SuiteNode):
         # A late controller needs the windows around the present, not the whole past.
         depth = 4 + 2 * (self._horizon // self._window)
         self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
-        self._paths = self.publisher(Path, DESIRED_PATH_TOPIC, 1)
+        self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
         if self._origin is None:
             subscribe_with_past(
                 self.node, String, 'controller/state', self._on_controller_state, depth=10
@@ -81,8 +87,9 @@ class TrajectoryNode(SuiteNode):
         last = self._timing.last
         if last is None:
             last = round(_CHECKED_AHEAD / self._timing.period)
-        for first in range(0, last + 1, self._window):
-            self._trajectory.sample(first, min(self._window, last + 1 - first))
+        count = min(last + 1, _MOST_CHECKED)
+        for first in range(0, count, self._window):
+            self._trajectory.sample(first, min(self._window, count - first))
 
     def _on_controller_state(self, raw: bytes) -> None:
         """Note that the controller has become active: time 0 is the next state's stamp."""
@@ -97,8 +104,8 @@ class TrajectoryNode(SuiteNode):
         """Send what comes within the horizon of a message's stamp."""
         try:
             stamp = header_stamp(raw)
-            if stamp < 0:
-                raise InputError(f'stamp {stamp} ns is negative')
+            # What is sent ahead of it needs stamps too.
+            checked_stamp(stamp + self._ahead_ns)
         except InputError as error:
             self._refusals.add('odom or joint_states', error)
             return
@@ -130,7 +137,8 @@ class TrajectoryNode(SuiteNode):
             return
         # A single stamp far ahead may be wrong, and the next one tells; but after the run's
         # last state, which comes so to who was held up at the end, there is no next.
-        is_sure = before is None or tick - before <= self._horizon or tick == self._timing.last
+        is_near = before is not None and tick - before <= self._horizon
+        is_sure = is_near or tick == self._timing.last
         if tick >= self._timing.last and is_sure:
             self.finished = True
 

@@ -97,7 +97,7 @@ class DefinitionRequest:
             )
         try:
             text = definition_text(response.type_description)
-        except KeyError as error:
+        except (KeyError, ValueError, IndexError) as error:
             raise InputError(
                 f'{self._request.type_name} has a field that no log can describe'
             ) from error

@@ -6,10 +6,12 @@ from __future__ import annotations
 import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+import re
 from typing import Any, Literal, TypeGuard
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.params.bounds import Bounds
+from masmc_ros.params.scalar import typed
 from masmc_ros.params.text import yaml_text
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
@@ -19,6 +21,7 @@ Values = dict[str, Any]
 Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
 
 _LONGEST_QUOTE = 120
+_ARRAY = re.compile(r'\s*\[([^][]*)\]\s*')
 _NOUNS: dict[str, str] = {
     'bool': 'true or false',
     'integer': 'an integer',
@@ -48,6 +51,8 @@ class Parameter:
         choices: the values that a string (or each entry) may have, or a function that
             returns them; none means any.
         read_only: False if it may be changed while the node runs.
+        rule: what else holds of a value of the right type, length and range; None for nothing.
+        rule_text: what is right, where `rule` is there: 'the names of 4 joints'.
         kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
             from the default, the empty tuple being one of strings, where it is not given.
     """
@@ -64,6 +69,8 @@ class Parameter:
     exclusive_maximum: bool = False
     choices: tuple[str, ...] | Callable[[], Sequence[str]] = ()
     read_only: bool = True
+    rule: Callable[[Any], bool] | None = None
+    rule_text: str = ''
     kind: Kind = ''
 
     def __post_init__(self) -> None:
@@ -96,6 +103,8 @@ class Parameter:
     @property
     def expected(self) -> str:
         """What is right, as in 'a number or 4 numbers, each >= 0'."""
+        if self.rule is not None:
+            return self.rule_text
         choices = ', '.join(self.known_choices())
         limits = self.range_text or (f'one of {choices}' if choices else '')
         noun = _NOUNS[self.kind]
@@ -136,9 +145,11 @@ class Parameter:
         choices: tuple[str, ...],
     ) -> Value:
         coerced = self._coerced(value)
-        if coerced is None or not self._in_bounds(coerced, choices):
+        fits = coerced is not None and self._in_bounds(coerced, choices)
+        if coerced is None or not fits or not (self.rule is None or self.rule(coerced)):
             raise InputError(
                 f'{self._quoted(value)}: expected {self.expected}{_near(value, choices)}'
+                f'{self._mixed(value)}'
             )
         if not integers_for_doubles and _has_integer(value, self.kind):
             raise InputError(
@@ -146,6 +157,20 @@ class Parameter:
                 f'point; write {yaml_text(coerced)}'
             )
         return coerced
+
+    def _mixed(self, value: object) -> str:
+        """Tell of an array that has become a string, as `ros2` makes it where types differ."""
+        array = _ARRAY.fullmatch(value) if isinstance(value, str) else None
+        if array is None or self.kind != 'doubles':
+            return ''
+        entries = [typed(entry.strip()) for entry in array[1].split(',')]
+        numbers = tuple(n for entry in entries if (n := _number(entry)) is not None)
+        if len(numbers) < len(entries):
+            return ''
+        reason = 'ROS 2 takes an array of several types for a string: write each with a point'
+        if self.length not in (None, len(numbers)):
+            return f'; it has {len(numbers)}, and {reason}, as in {yaml_text(numbers[0])}'
+        return f'; {reason}, {yaml_text(numbers)}'
 
     def _quoted(self, value: object) -> str:
         text = yaml_text(value)
@@ -213,7 +238,10 @@ def check_all(
     for name, value in values.items():
         place = where if isinstance(where, str) else where.get(name, '')
         if name not in declared:
-            raise InputError(f"{place}unknown parameter '{name}'; {suggestion(name, declared)}")
+            # Some write the node's name with a dot, as on the command line of `masmc simulate`.
+            short = name.partition('.')[2]
+            hint = f'did you mean {short}?' if short in declared else suggestion(name, declared)
+            raise InputError(f"{place}unknown parameter '{name}'; {hint}")
         try:
             checked[name] = declared[name].check(value, integers_for_doubles=integers_for_doubles)
         except InputError as error:

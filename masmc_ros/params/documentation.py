@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of parameters for the documentation."""
+"""Parameters as tables for the documentation, and as a list for the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+import textwrap
 
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
@@ -26,6 +27,20 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
         _escaped(parameter.expected),
         'read-only' if parameter.read_only else 'live',
     )
+
+
+def plain_list(parameters: Iterable[Parameter], width: int) -> Iterator[str]:
+    """Yield the lines of a list for a terminal: each parameter with all that there is to say."""
+    for parameter in parameters:
+        unit = f' {parameter.unit}' if parameter.unit else ''
+        default = f'default {_default(parameter)}{unit}'
+        facts = [default, parameter.expected, *([] if parameter.read_only else ['live'])]
+        yield f'  {parameter.name}'
+        for text in (parameter.description, '; '.join(facts)):
+            yield from textwrap.wrap(
+                text, width, initial_indent=' ' * 6, subsequent_indent=' ' * 8,
+                break_on_hyphens=False,
+            )
 
 
 def _default(parameter: Parameter) -> str:

@@ -29,6 +29,11 @@ class Block:
     line: int
     values: dict[str, tuple[FileValue, int]]
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether its key is a wildcard, so that nodes of other packages read it too."""
+        return node_name.is_wildcard(self.pattern)
+
     def is_for(self, name: str, namespace: str = '/') -> bool:
         """Tell whether a node takes its parameters from here."""
         return node_name.matches(self.pattern, node_name.qualified(name, namespace))
@@ -56,6 +61,12 @@ class ParameterFile:
             parameter: f'{self.path}:{line}: '
             for parameter, (_, line) in self._merged(name, namespace)
         }
+
+    def shared(self, name: str, namespace: str = '/') -> set[str]:
+        """Names that reach a node by wildcards alone, so that they may be for others."""
+        blocks = [block for block in self.blocks if block.is_for(name, namespace)]
+        own = {each for block in blocks if not block.is_shared for each in block.values}
+        return {each for block in blocks if block.is_shared for each in block.values} - own
 
     def unmatched(self, names: Iterable[str], namespace: str = '/') -> tuple[Block, ...]:
         """Blocks that are for none of these nodes."""

@@ -46,6 +46,11 @@ def _token_complaint(token: str, limit: int) -> str:
     return ''
 
 
+def is_wildcard(pattern: str) -> bool:
+    """Tell whether a pattern is for nodes of any name, as `/**` and `/left/*` are."""
+    return pattern.rpartition('/')[2] in _WILDCARDS
+
+
 def qualified(name: str, namespace: str = '/') -> str:
     """Join a namespace ('/', '/left' or 'left') and a node name to '/left/name'."""
     return '/'.join(('', *filter(None, namespace.split('/')), name))

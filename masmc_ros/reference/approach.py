@@ -2,10 +2,10 @@
 """How the robot gets from where it is to the reference without a jump.
 
 A controller that starts far from its reference would answer the distance at once, with all
-its gains. What it follows instead begins where the robot is, at rest, and joins the
-reference smoothly: the distance between the two is a polynomial of degree five in time that
-ends at zero with its first and second derivatives. A robot that moves is braked: to go on
-with its velocity could lead beyond the arm's reach.
+its gains. What it follows instead begins where the robot is and joins the reference
+smoothly: the distance between the two is a polynomial of degree five in time that ends at zero
+with its first and second derivatives. A robot that moves is braked from its velocity in half a
+second: to go on with that for longer could lead beyond the arm's reach.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.compiled import kernel
+from masmc_ros.control.limits import clipped
 from masmc_ros.reference.hermite import quintic
-from masmc_ros.robot.geometry import Geometry, posture
-from masmc_ros.robot.kinematics import task_position
+from masmc_ros.robot.geometry import Geometry, posture, quasi_velocity
+from masmc_ros.robot.kinematics import task_position, task_velocity
 
 SHORTEST = 0.5
-"""Least time in s that an approach takes."""
+"""Least time in s that an approach takes, and in which a robot that moves is braked."""
 
 _PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
@@ -33,8 +34,13 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def _distance(geometry: Any, position: Any, reference: Any, out: Any) -> None:
-    """Write the reference (12) minus a robot at rest."""
+def _distance(
+    geometry: Any, position: Any, rates: Any, reference: Any, speed: float, out: Any, motion: Any
+) -> None:
+    """Write the reference (12) minus the robot at rest, and how the robot moves (4, m/s).
+
+    On no axis is that more than `speed`.
+    """
     lengths = Geometry(geometry[0], geometry[1], geometry[2], geometry[3], geometry[4])
     bend = posture(position[2], position[5], position[6])
     x = task_position(lengths, bend, position[0], position[1])
@@ -44,17 +50,30 @@ def _distance(geometry: Any, position: Any, reference: Any, out: Any) -> None:
     out[3] = reference[3] - x[3]
     for i in range(4, 12):
         out[i] = reference[i]
+    v = quasi_velocity(lengths, rates[0], rates[1], rates[2], rates[3])
+    x_dot = task_velocity(lengths, bend, v[0], v[1], v[2], v[3])
+    motion[0] = clipped(x_dot[0], speed)
+    motion[1] = clipped(x_dot[1], speed)
+    motion[2] = clipped(x_dot[2], speed)
+    motion[3] = clipped(x_dot[3], speed)
 
 
 @kernel
-def _less(reference: Any, distance: Any, duration: float, part: float, out: Any) -> None:
+def _less(
+    reference: Any, distance: Any, motion: Any, duration: float, part: float, out: Any
+) -> None:
+    """Write the reference (12) less what of the distance is left, plus what of the motion is."""
+    braked = min(part * duration / SHORTEST, 1.0)
     for i in range(4):
         position, velocity, acceleration = quintic(
             (distance[i], distance[4 + i], distance[8 + i]), (0.0, 0.0, 0.0), duration, part
         )
-        out[i] = reference[i] - position
-        out[4 + i] = reference[4 + i] - velocity
-        out[8 + i] = reference[8 + i] - acceleration
+        way, speed, change = quintic(
+            (0.0, motion[i], 0.0), (0.0, 0.0, 0.0), SHORTEST, braked
+        )
+        out[i] = reference[i] - (position - way)
+        out[4 + i] = reference[4 + i] - (velocity - speed)
+        out[8 + i] = reference[8 + i] - (acceleration - change)
 
 
 @kernel
@@ -71,18 +90,18 @@ def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bo
 class Approach:
     """Joins the reference from wherever the robot is, at a bounded speed.
 
-    A new approach begins when one is asked for, and when the reference steps: by more than
-    0.05 s of `speed` in position, or by more than `speed` in velocity.
+    A new approach begins when one is asked for, and, where the reference is watched, when it
+    steps: by more than 0.05 s of `speed` in position, or by more than `speed` in velocity.
 
     Attributes:
-        is_on: whether what is followed is still on its way to the reference.
+        is_on: whether what is followed is still on its way to the reference, or will be.
     """
 
     def __init__(self, geometry: Array, speed: float) -> None:
         """Take the robot's lengths (5) and the largest speed per task axis in m/s; 0 jumps."""
         self._geometry = geometry
         self._speed = speed
-        self._distance = np.zeros(12)
+        self._distance, self._motion = np.zeros(12), np.zeros(4)
         self._out = np.zeros(12)
         self._before: Array | None = None
         self._stamp = 0
@@ -93,24 +112,35 @@ class Approach:
 
     def begin(self) -> None:
         """Start from wherever the robot is at the next tick."""
-        self._is_due = True
+        self._is_due = self.is_on = self._speed > 0.0
 
-    def follow(self, stamp: int, position: Array, reference: Array) -> Array:
-        """Return what to follow (12) at a stamp in ns; the reference itself once joined.
-
-        `position` (7) in the order of joint_states, `reference` (12).
-        """
-        if self._speed == 0.0:
-            return reference
+    def watch(self, stamp: int, reference: Array) -> None:
+        """Begin where the reference (12) steps; to be called with every one, stamps in ns."""
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
+        self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:
             limit = self._speed * _CONTINUOUS
-            self._is_due |= bool(_steps(before, reference, elapsed, limit, self._speed))
-        self._before, self._stamp = reference, stamp
+            if _steps(before, reference, elapsed, limit, self._speed):
+                self.begin()
+
+    def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
+        """Return what to follow (12) at a stamp in ns; the reference itself once joined.
+
+        `position` (7) in the order of joint_states, `rates` (4) of the driven joints in rad/s,
+        `reference` (12).
+        """
         if self._is_due:
-            self._is_due, self.is_on = False, True
+            self._is_due = False
             self._begun = stamp
-            _distance(self._geometry, position, reference, self._distance)
+            _distance(
+                self._geometry,
+                position,
+                rates,
+                reference,
+                self._speed,
+                self._distance,
+                self._motion,
+            )
             farthest = float(np.abs(self._distance[:4]).max())
             self._duration = max(SHORTEST, _PEAK * farthest / self._speed)
         if not self.is_on:
@@ -119,5 +149,5 @@ class Approach:
         if not 0.0 <= part < 1.0:
             self.is_on = False
             return reference
-        _less(reference, self._distance, self._duration, part, self._out)
+        _less(reference, self._distance, self._motion, self._duration, part, self._out)
         return self._out

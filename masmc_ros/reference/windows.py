@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference as the controller receives it: windows of samples sent ahead of time."""
+"""The reference as the controller receives it: windows of samples sent ahead of time.
+
+It has one owner at a time. Windows, once they cover the present, are a trajectory that runs: a
+set-point is refused until they have ended. A set-point that holds is replaced by windows that
+begin to cover the present.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +57,10 @@ class Window:
         )
         return out
 
+    def covers(self, stamp: int, beyond: float = _ON_GRID_NS) -> bool:
+        """Tell whether a stamp lies between start and end, or `beyond` them by less, in ns."""
+        return self.start - beyond <= stamp <= self.end + beyond
+
 
 @kernel
 def _between(first: Any, second: Any, period: float, part: float, out: Any) -> None:
@@ -69,8 +79,9 @@ def _between(first: Any, second: Any, period: float, part: float, out: Any) -> N
 class ReferenceWindows:
     """Windows received so far; newer ones replace older where they overlap."""
 
-    def __init__(self) -> None:
-        """Start without a reference."""
+    def __init__(self, told: Callable[[str], object] = lambda _: None) -> None:
+        """Start without a reference; `told` takes a line about who has lost it."""
+        self._told = told
         self._windows: list[Window] = []
         self._recent: Window | None = None
         self._set_point: Array | None = None
@@ -86,7 +97,6 @@ class ReferenceWindows:
             raise InputError(f'reference: samples of shape {samples.shape}, expected (n, 12)')
         if not (np.isfinite(period) and period > 0.0):
             raise InputError(f'reference: sample period {period}, expected more than 0 s')
-        self._set_point = None
         self._recent = None
         period_ns = period * 1e9
         end = start + round((len(samples) - 1) * period_ns)
@@ -94,38 +104,60 @@ class ReferenceWindows:
         if len(self._windows) > _MOST:
             del self._windows[0]
 
-    def set_point(self, numbers: Array) -> None:
+    def set_point(self, numbers: Array, now: int | None = None) -> None:
         """Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
 
-        Raises InputError for another count and for numbers that are not finite.
+        Raises InputError for another count, for numbers that are not finite, and while windows
+        cover the stamp `now` in ns; None is any.
         """
         if numbers.size not in (4, 8, 12) or not np.isfinite(numbers).all():
             raise InputError(
                 f'reference: {numbers.tolist()}, expected 4, 8 or 12 finite numbers or a window'
             )
+        if self._windows and (now is None or self._covering(now) is not None):
+            raise InputError(
+                'a set-point beside a trajectory, which goes on; end it first, or wait until it '
+                'has ended'
+            )
         sample = np.zeros(12)
         sample[: numbers.size] = numbers
-        self._windows.clear()
-        self._recent = None
         self._set_point = sample
 
     def at(self, stamp: int) -> Array | None:
-        """Return the sample (12) at a stamp in ns; None where no window covers it."""
-        if self._set_point is not None:
-            return self._set_point
+        """Return the sample (12) at a stamp in ns; None where there is none."""
         recent = self._recent
         if recent is not None and recent.start <= stamp <= recent.end:
             return recent.at(stamp)
+        window = self._covering(stamp)
+        if window is None:
+            return self._set_point
+        if self._set_point is not None:
+            self._set_point = None
+            self._told('a trajectory has begun, and the set-point is given up')
+        self._recent = window
+        self._forget_before(stamp)
+        return window.at(stamp)
+
+    def _covering(self, stamp: int) -> Window | None:
+        """Return the newest window at a stamp in ns, or what joins two that are next to it."""
         for window in reversed(self._windows):
-            if window.start - _ON_GRID_NS <= stamp <= window.end + _ON_GRID_NS:
-                self._recent = window
-                self._forget_before(stamp)
-                return window.at(stamp)
-        return None
+            if window.covers(stamp):
+                return window
+        near = [each for each in self._windows if each.covers(stamp, each.period_ns)]
+        before = [each for each in near if each.end < stamp]
+        after = [each for each in near if each.start > stamp]
+        if not (before and after):
+            return None
+        first, second = before[-1], after[-1]
+        period = second.start - first.end
+        if period > first.period_ns + _ON_GRID_NS:
+            return None
+        ends = np.stack([first.samples[-1], second.samples[0]])
+        return Window(first.end, second.start, period, ends)
 
     @property
     def end(self) -> int | None:
-        """The stamp in ns up to which windows have come; None without, and for a set-point."""
+        """The stamp in ns up to which windows have come; None without."""
         return max((window.end for window in self._windows), default=None)
 
     def held_after(self, stamp: int) -> Array | None:

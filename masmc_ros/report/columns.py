@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.names import ARM_JOINTS, DERIVATIVES, DRIVEN_JOINTS, JOINTS, TASK_AXES
+from masmc_ros.log.names import (
+    ARM_JOINTS,
+    BASE_JOINTS,
+    DERIVATIVES,
+    DRIVEN_JOINTS,
+    JOINTS,
+    TASK_AXES,
+)
 from masmc_ros.log.reader import Run
 from masmc_ros.robot.dynamics import BaseParameters
 
@@ -34,29 +41,25 @@ class Column(NamedTuple):
         return f'{self.quantity}_{self.unit}'
 
 
-_RATES = (
-    Column('command_forward_speed', 'm_per_s'),
-    Column('command_yaw_rate', 'rad_per_s'),
-    *(Column(f'command_{joint}', 'rad_per_s') for joint in ARM_JOINTS),
-)
-"""What a base and an arm are told that take no torques."""
-
-_RAW_TORQUES = tuple(Column(f'raw_torque_{joint}', 'N_m') for joint in DRIVEN_JOINTS)
-"""What a law asked for, before its torques were limited."""
+_TWIST = (Column('command_forward_speed', 'm_per_s'), Column('command_yaw_rate', 'rad_per_s'))
 
 
 def columns_of(run: Run) -> tuple[Column, ...]:
     """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
     units = ['m' if number < _LENGTHS else 'rad' for number in range(len(JOINTS))]
     torques, rates = _sent(run)
+    joints = run.joint_names
+    driven = joints[len(BASE_JOINTS) :]
+    arm = driven[-len(ARM_JOINTS) :]
     derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
     return (
         Column('time', 's'),
-        *(Column(f'position_{j}', unit) for j, unit in zip(JOINTS, units, strict=True)),
-        *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(JOINTS, units, strict=True)),
-        *(Column(f'applied_effort_{joint}', 'N_m') for joint in DRIVEN_JOINTS),
-        *((Column(f'command_{joint}', 'N_m') for joint in DRIVEN_JOINTS) if torques else ()),
-        *(_RATES if rates else ()),
+        *(Column(f'position_{j}', unit) for j, unit in zip(joints, units, strict=True)),
+        *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(joints, units, strict=True)),
+        *(Column(f'applied_effort_{joint}', 'N_m') for joint in driven),
+        *((Column(f'command_{joint}', 'N_m') for joint in driven) if torques else ()),
+        # What a base and an arm are told that take no torques.
+        *((*_TWIST, *(Column(f'command_{j}', 'rad_per_s') for j in arm)) if rates else ()),
         *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, _TASK)),
         *(Column(f'error_{axis}', 'm') for axis in _TASK),
         *(Column(f'surface_{axis}', 'm_per_s') for axis in _TASK),
@@ -64,7 +67,8 @@ def columns_of(run: Run) -> tuple[Column, ...]:
             Column(f'estimate_{name}', unit)
             for name, unit in zip(BaseParameters._fields, _ESTIMATE_UNITS, strict=True)
         ),
-        *(_RAW_TORQUES if torques else ()),
+        # What a law asked for, before its torques were limited.
+        *((Column(f'raw_torque_{joint}', 'N_m') for joint in driven) if torques else ()),
     )
 
 

@@ -13,9 +13,10 @@ from typing import BinaryIO
 import numpy as np
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.overlap import check_apart
 from masmc_ros.log.reader import Run
 from masmc_ros.report.columns import columns_of, table_of
-from masmc_ros.report.files import file_stem, make_folder, whole_file
+from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
 
 _BLOCK = 10_000
 """Rows of a CSV file that are made into text at a time."""
@@ -39,25 +40,39 @@ def write_export(
         InputError: for a file that is there or cannot be written, and where the format needs
             what is not installed.
     """
-    check_format(file_format)
-    directory = Path(directory)
-    taken: set[str] = set()
-    paths = [directory / f'{file_stem(run.path.stem, taken)}.{file_format}' for run in runs]
-    for path in paths:
-        if path.exists() and not overwrite:
-            raise InputError(f'{path}: is there already; add --overwrite to replace it')
-    make_folder(directory)
+    logs = [run.path for run in runs]
+    paths = check_export(logs, directory, file_format, overwrite=overwrite)
+    make_folder(Path(directory))
     for run, path in zip(runs, paths, strict=True):
         with whole_file(path) as stream:
             FORMATS[file_format](run, stream)
     return paths
 
 
-def check_format(file_format: str) -> None:
+def check_export(
+    logs: Sequence[str | Path], directory: str | Path, file_format: str, *, overwrite: bool
+) -> list[Path]:
+    """Return the files that an export of logs writes, without reading or writing any.
+
+    Raises InputError as `write_export`, and where a file would take the place of a log.
+    """
+    _check_format(file_format)
+    directory = Path(directory)
+    taken: set[str] = set()
+    paths = [directory / f'{file_stem(Path(log).stem, taken)}.{file_format}' for log in logs]
+    check_apart([directory, *paths], logs)
+    check_folder(directory)
+    for path in paths:
+        if path.exists() and not overwrite:
+            raise InputError(f'{path}: is there already; add --overwrite to replace it')
+    return paths
+
+
+def _check_format(file_format: str) -> None:
     """Raise InputError where a format cannot be written on this machine."""
     if file_format == 'parquet' and find_spec('pyarrow') is None:
         raise InputError(
-            "parquet: needs pyarrow, which is not installed; pip install 'masmc_ros[parquet]', or"
+            "parquet: needs pyarrow, which is not installed; pip install pyarrow, or"
             ' take csv or npz'
         )
 

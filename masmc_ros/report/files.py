@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+import errno
+import os
 from pathlib import Path
 import re
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
+from masmc_ros.whole_file import WholeFile
 
 
 def make_folder(folder: Path) -> None:
@@ -20,6 +23,17 @@ def make_folder(folder: Path) -> None:
         raise _refused(folder, error) from error
 
 
+def check_folder(folder: Path) -> None:
+    """Raise InputError where it can be told, without writing, that a folder cannot be made."""
+    there = folder
+    while not os.path.lexists(there) and there != there.parent:
+        there = there.parent
+    if not os.path.isdir(there):
+        raise _refused(folder, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise _refused(folder, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Write a file that takes its name, or another's place, once it is complete.
@@ -27,18 +41,16 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     Raises:
         InputError: where it cannot be written. What was there before is there still.
     """
-    part = path.with_name(f'.{path.name}.part')
     try:
-        with part.open('wb') as stream:
-            yield stream
-        part.replace(path)
-    except BaseException as error:
-        # As far as that goes: where nothing can be written, nothing can be removed.
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise _refused(path, error) from error
-        raise
+        file = WholeFile(path)
+        try:
+            yield file.stream
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+    except OSError as error:
+        raise _refused(path, error) from error
 
 
 def file_stem(name: str, taken: set[str]) -> str:

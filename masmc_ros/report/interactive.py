@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 from masmc_ros.log.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.parameters import Change, run_changes
-from masmc_ros.report.thinning import envelope
+from masmc_ros.report.samples import packed_path
 from masmc_ros.report.time_plot import (
     COLOURS,
     INK,
@@ -42,7 +42,6 @@ _ESTIMATES = (
     'i<sub>1</sub> (kg·m²)',
     'i<sub>2</sub> (kg·m²)',
 )
-_PATH_BUCKETS = 500
 _DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
@@ -183,5 +182,4 @@ def _path(run: Run, tracked: Tracking) -> go.Figure:
 
 
 def _add_path(figure: go.Figure, name: str, points: Floats, colour: str, dash: str) -> None:
-    kept = envelope(points, _PATH_BUCKETS)
-    figure.add_trace(scatter(name, points[kept, 0], points[kept, 1], colour, dash))
+    figure.add_trace(scatter(name, packed_path(points), colour, dash))

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a log does not tell, in words."""
+"""What a log does not tell, in words, and why."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from masmc_ros.log.gaps import gaps_in
+from masmc_ros.log.layout import NANOSECONDS
 from masmc_ros.log.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
+    STATE_TOPIC,
     telemetry_topic,
 )
 from masmc_ros.log.reader import Run
@@ -22,9 +27,37 @@ def missing(run: Run, tracked: Tracking) -> list[str]:
     return list(_sentences(run, tracked))
 
 
+def unread(run: Run) -> list[str]:
+    """Return a sentence about topics that were renamed, where the log lacks some of a run's."""
+    found = {
+        REFERENCE_TOPIC: run.reference is not None,
+        telemetry_topic('tracking_error'): run.tracking_error is not None,
+        telemetry_topic('sliding_surface'): run.sliding_surface is not None,
+        telemetry_topic('parameter_estimate'): run.parameter_estimate is not None,
+    }
+    if not len(run.torque):
+        found[CMD_VEL_TOPIC] = bool(len(run.cmd_vel))
+        found[ARM_VELOCITY_TOPIC] = bool(len(run.arm_rates))
+        if not run.commands_rates:
+            found[COMMAND_TOPIC] = False
+    lacking = [name for name, is_there in found.items() if not is_there]
+    if not (lacking and run.elsewhere):
+        return []
+    states = next(name for name in run.topics if f'/{name}'.endswith(f'/{STATE_TOPIC}'))
+    return [
+        f'Not read are {", ".join(run.elsewhere)}: the topics of a run are known by their names,'
+        f' and those that are missing would have to be called {", ".join(lacking)} beside'
+        f' {states}.'
+    ]
+
+
 def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     for node in run.restarted:
         yield f'{node} was started again while the robot ran: it began from nothing there.'
+    yield from unread(run)
+    gaps = gaps_in(np.rint(run.times * NANOSECONDS))
+    if gaps.count:
+        yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
     has_own_error = run.tracking_error is not None
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'

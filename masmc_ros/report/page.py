@@ -21,6 +21,7 @@ from masmc_ros.report.settling import BAND, FLOOR
 from masmc_ros.report.table import cells, heads
 
 _SOURCES = Path(__file__).with_name('page')
+_SCRIPTS = ('lines.js', 'page.js')
 _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
 
@@ -47,7 +48,7 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
         comparison=_plots('all', comparison_plots(compared, span)),
         runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
-        script=_script((_SOURCES / 'page.js').read_text(encoding='utf-8')),
+        scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
         style=Markup((_SOURCES / 'page.css').read_text(encoding='utf-8')),
     )
 

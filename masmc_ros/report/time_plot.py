@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import plotly.graph_objects as go
 
 from masmc_ros.report.parameters import Change, change_texts
-from masmc_ros.report.thinning import envelope
+from masmc_ros.report.samples import packed_signal
 
 Floats = NDArray[np.float64]
 
@@ -72,8 +72,7 @@ def time_plot(
     """
     figure = go.Figure(layout=page_layout())
     for name, times, values, colour, dash in drawn:
-        kept = envelope(values[:, None])
-        figure.add_trace(scatter(name, times[kept], values[kept], colour, dash))
+        figure.add_trace(scatter(name, packed_signal(times, values), colour, dash))
     figure.update_xaxes(title='time (s)', range=list(span))
     figure.update_yaxes(title=quantity)
     if is_logarithmic:
@@ -83,16 +82,14 @@ def time_plot(
     return figure
 
 
-def scatter(name: str, x: Floats, y: Floats, colour: str, dash: str) -> go.Scatter:
-    """Return a line through the points (n); the page colours it."""
+def scatter(name: str, samples: dict[str, Any], colour: str, dash: str) -> go.Scatter:
+    """Return a line that the page colours and fills with what can be seen of its samples."""
     return go.Scatter(
-        x=x,
-        y=y,
         name=name,
         mode='lines',
-        # It is thinned already, and plotly's own way shows corners.
+        # The page thins it, and plotly's own way shows corners.
         line={'width': 1.5, 'dash': dash, 'simplify': False},
-        meta=colour,
+        meta={'colour': colour, 'samples': samples},
     )
 
 
@@ -128,7 +125,7 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
             marker={'symbol': 'triangle-down', 'size': 12},
             text=names,
             textposition='bottom right',
-            meta=INK,
+            meta={'colour': INK},
             cliponaxis=False,
             hovertext=texts,
             hovertemplate='%{x:.3f} s<br>%{hovertext}<extra></extra>',

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as Xml
 
 from masmc_ros.robot.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.geometry import Geometry
-from masmc_ros.robot.names import DRIVEN_JOINTS, FRAMES
+from masmc_ros.robot.names import BASE_JOINTS, FIXED_JOINT, FRAMES, joint_names
 from masmc_ros.robot.parameters import ROBOT, Robot
 
 _COLOURS = {
@@ -52,7 +52,8 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     """Return the URDF of a robot.
 
     Args:
-        values: checked values of ROBOT, by names as declared there; others are left aside.
+        values: checked values of ROBOT and NAMES, by names as declared there; others are left
+            aside.
         frame_prefix: put before the name of every link, so that links and frames are the same.
 
     Raises:
@@ -68,7 +69,7 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     shapes, inertias = _shapes(geometry, p['com_offset']), _inertias(p, geometry)
     for _, link in FRAMES:
         _add_link(root, frame_prefix + link, inertias.get(link), shapes[link])
-    joints = (*DRIVEN_JOINTS, 'end_effector_joint')
+    joints = (*joint_names(values)[len(BASE_JOINTS) :], FIXED_JOINT)
     origins = frame_origins(robot.geometry)[1:].tolist()
     for name, (parent, child), origin in zip(joints, FRAMES[1:], origins, strict=True):
         axis = _AXES.get(child)

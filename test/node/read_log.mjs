@@ -12,7 +12,7 @@ import { MessageReader } from "@foxglove/rosmsg2-serialization";
 import { McapIndexedReader } from "@mcap/core";
 import { FileHandleReadable } from "@mcap/nodejs";
 import { loadDecompressHandlers } from "@mcap/support";
-import typescript from "typescript";
+import { scriptsOf } from "./user_scripts.mjs";
 
 // Adds numbers as float64 and texts as UTF-8, in the order of the definition.
 function digest(hash, value) {
@@ -29,28 +29,11 @@ function digest(hash, value) {
   }
 }
 
-async function loadScripts(layout) {
-  const scripts = [];
-  for (const { sourceCode } of Object.values(layout.userNodes)) {
-    const { outputText, diagnostics } = typescript.transpileModule(sourceCode, {
-      reportDiagnostics: true,
-      compilerOptions: { module: typescript.ModuleKind.ESNext, target: "ES2022" },
-    });
-    if (diagnostics.length > 0) {
-      throw new Error(diagnostics.map((each) => String(each.messageText)).join("\n"));
-    }
-    const source = `data:text/javascript;base64,${Buffer.from(outputText).toString("base64")}`;
-    scripts.push({ ...(await import(source)), made: [] });
-  }
-  return scripts;
-}
-
 // Arrays of numbers as plain ones, and integers of 64 bits as numbers.
 const plain = (_, value) =>
   typeof value === "bigint" ? Number(value) : ArrayBuffer.isView(value) ? [...value] : value;
 
 const [log, layout] = process.argv.slice(2);
-const scripts = layout ? await loadScripts(JSON.parse(await readFile(layout, "utf-8"))) : [];
 const file = await open(log, "r");
 const reader = await McapIndexedReader.Initialize({
   readable: new FileHandleReadable(file),
@@ -65,9 +48,13 @@ for (const channel of reader.channelsById.values()) {
     type: schema.name,
     count: 0,
     hash: createHash("sha256"),
+    definitions,
     decoder: new MessageReader(definitions),
   });
 }
+const scripts = layout
+  ? scriptsOf(JSON.parse(await readFile(layout, "utf-8")), [...topics.values()])
+  : [];
 for await (const message of reader.readMessages()) {
   const topic = topics.get(message.channelId);
   topic.last = topic.decoder.readMessage(message.data);

@@ -32,26 +32,66 @@
     doubleClick: 'reset',
     modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
   };
-  const draw = (chart) => {
+  // The lines of a plot, and what is seen of them: within a stretch of time, or of the plane.
+  const held = new Map();
+  const seen = (chart, { xaxis, yaxis }) => {
+    const { samples, isOverTime } = held.get(chart);
+    const width = Math.max(chart.clientWidth, 100);
+    if (isOverTime) return samples.map((each) => lines.signal(each, xaxis.range, width));
+    const [x, y] = [xaxis.range, yaxis.range];
+    // A metre is as long in x as in y: what is smaller tells what a pixel is.
+    const isWide = x[1] - x[0] > y[1] - y[0];
+    return samples.map((each) => lines.path(each, x, y, isWide ? width : width / 2));
+  };
+  const draw = async (chart) => {
     const { data, layout } = JSON.parse(document.getElementById(`${chart.id}-data`).textContent);
+    const isOverTime = overTime.includes(chart);
+    const drawn = data.filter((trace) => trace.meta.samples);
+    const samples = drawn.map((trace) => lines.read(trace.meta.samples, isOverTime));
+    held.set(chart, {
+      isOverTime,
+      samples: await Promise.all(samples),
+      traces: drawn.map((trace) => data.indexOf(trace)),
+    });
+    for (const trace of data) trace.meta = trace.meta.colour;
+    if (!isOverTime) {
+      for (const axis of ['x', 'y']) {
+        const all = held.get(chart).samples.map((each) => each[axis]);
+        layout[`${axis}axis`].range = lines.extent(all);
+      }
+    }
+    seen(chart, layout).forEach((line, i) => Object.assign(drawn[i], line));
     paint(data, layout);
     if (isTouched) layout.dragmode = false;
     return Plotly.newPlot(chart, data, layout, config);
+  };
+  const redraw = (chart, change) => {
+    const axes = change['xaxis.range'] ? { xaxis: { range: change['xaxis.range'] } } : chart.layout;
+    const found = seen(chart, axes);
+    const line = Object.fromEntries(
+      ['x', 'y', 'fill'].map((key) => [key, found.map((each) => each[key])]),
+    );
+    return Plotly.update(chart, line, change, held.get(chart).traces);
   };
 
   let isLinking = false;
   const link = (chart) =>
     chart.on('plotly_relayout', async (changed) => {
-      if (isLinking || !Object.keys(changed).some((key) => key.startsWith('xaxis'))) return;
+      if (isLinking || !Object.keys(changed).some((key) => /^[xy]axis/.test(key))) return;
+      const isOverTime = overTime.includes(chart);
+      if (isOverTime && !Object.keys(changed).some((key) => key.startsWith('xaxis'))) return;
       isLinking = true;
-      const others = overTime.filter((other) => other !== chart);
       const range = [...chart.layout.xaxis.range];
-      await Promise.all(others.map((other) => Plotly.relayout(other, { 'xaxis.range': [...range] })));
+      const others = isOverTime ? overTime.filter((other) => other !== chart) : [];
+      await Promise.all([
+        redraw(chart, {}),
+        ...others.map((other) => redraw(other, { 'xaxis.range': [...range] })),
+      ]);
       isLinking = false;
     });
 
   Promise.all(charts.map(draw)).then(() => {
-    overTime.forEach(link);
+    charts.forEach(link);
     document.documentElement.dataset.drawn = charts.length;
   });
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {

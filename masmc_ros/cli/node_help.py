@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`masmc run NODE --help`: what a node does, and its parameters."""
+
+from __future__ import annotations
+
+import shutil
+import textwrap
+
+from masmc_ros.nodes.parameters import declared, SHARED
+from masmc_ros.params.documentation import plain_list
+
+_DOES = {
+    'plant': 'The simulated robot: takes commands, sends its states.',
+    'trajectory': 'Sends the reference along a path, ahead of the robot.',
+    'controller': 'The control law: answers each state of the robot with a command.',
+    'recorder': 'Records every message of a run, byte for byte, into an MCAP file.',
+    'live': 'Shows a running robot in Foxglove, with its parameters to turn.',
+    'composed': 'Plant, trajectory and controller in one process.',
+}
+_COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
+_WIDEST = 99
+
+
+def node_help(name: str) -> str:
+    """Return the help of a node, as wide as the terminal."""
+    width = min(_WIDEST, shutil.get_terminal_size().columns)
+    own = '' if name != 'composed' else '[--record] '
+    example = f'{name}:NAME' if name != 'composed' else 'NODE:NAME'
+    intro = (
+        'A parameter is given as -p NAME:=VALUE, or in a ROS 2 parameter file under'
+        f' ros__parameters; -p {example}:=VALUE is for that node alone. Those marked live can be'
+        ' changed while the node runs, with `ros2 param set` or `masmc param set`.'
+    )
+    lines = [
+        f'usage: masmc run {name} {own}[--ros-args [-p NAME:=VALUE] [--params-file FILE]'
+        ' [-r FROM:=TO] ...]',
+        '',
+        _DOES[name],
+        '',
+        *textwrap.wrap(intro, width),
+    ]
+    if own:
+        lines += ['', '  --record  record the run as well']
+    nodes = _COMPOSED if own else (name,)
+    shared = {parameter.name for parameter in SHARED}
+    for node in nodes:
+        parameters = [p for p in declared(node) if p.name not in shared]
+        lines += ['', f'parameters of the node {node}:', *plain_list(parameters, width)]
+    needed = {p.name for node in nodes for p in declared(node)}
+    common = [p for p in SHARED if p.name in needed]
+    if common:
+        lines += ['', 'parameters that nodes share:', *plain_list(common, width)]
+    return '\n'.join(lines) + '\n'

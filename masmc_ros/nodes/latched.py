@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Latched topics: one who joins late gets the last message alone, all others every message.
+
+A writer whose history is one message deep cannot repeat the message before the last to a
+listener that has missed it. So the next one is sent once the last has arrived everywhere.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import time
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+
+_PATIENCE = 4.0
+"""Time in s after which a listener that confirms nothing is taken for dead or hung.
+
+A message that was lost on its way can take the three seconds of Fast DDS's heartbeat.
+"""
+
+_AT_ONCE = Duration()
+
+
+class Latched:
+    """A publisher of depth 1 that loses nothing on the way to those who listen."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        """Take a transient-local publisher of depth 1."""
+        self._publisher = publisher
+        self._waiting: deque[Any] = deque()
+        self._sent = -_PATIENCE
+        self._is_confirmed = True
+
+    @property
+    def topic_name(self) -> str:
+        """Full name of the topic."""
+        return str(self._publisher.topic_name)
+
+    def publish(self, message: Any) -> None:
+        """Send a message, or keep it until the one before has arrived."""
+        self._waiting.append(message)
+        self.send_waiting()
+
+    def send_waiting(self) -> None:
+        """Send what waits, as far as what was sent has arrived. Called often, it costs nothing.
+
+        A listener that confirms nothing holds the others up once, not at every message.
+        """
+        while self._waiting and (self._has_arrived() or self._has_waited_enough()):
+            self._publisher.publish(self._waiting.popleft())
+            if self._is_confirmed:
+                self._sent = time.monotonic()
+            self._is_confirmed = False
+
+    def wait_for_all_acked(self, timeout: Duration) -> bool:
+        """Deliver everything within a time; tell whether it was confirmed."""
+        limit = time.monotonic() + timeout.nanoseconds * 1e-9
+        while True:
+            left = max(0.0, limit - time.monotonic())
+            self._is_confirmed = self._publisher.wait_for_all_acked(Duration(seconds=left))
+            if not self._waiting:
+                return self._is_confirmed
+            self._publisher.publish(self._waiting.popleft())
+
+    def _has_arrived(self) -> bool:
+        self._is_confirmed = self._is_confirmed or self._publisher.wait_for_all_acked(_AT_ONCE)
+        return self._is_confirmed
+
+    def _has_waited_enough(self) -> bool:
+        return time.monotonic() - self._sent > _PATIENCE

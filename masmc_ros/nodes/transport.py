@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The transport of this package's processes: UDP, which outlives whoever listens.
+
+Fast DDS prefers shared memory, and guards it by mutexes that lie in it. A listener killed
+while it holds one takes it along: whoever publishes to it stands still within `publish` for
+ever, and no longer hears SIGINT. Nodes that steer must not hang on those that look on.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from rclpy.utilities import get_rmw_implementation_identifier
+
+_PROFILES = Path(__file__).with_name('fast_dds')
+
+_BUILT_IN = 'FASTDDS_BUILTIN_TRANSPORTS'
+
+_PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+
+_FOUND_HERE = 'DEFAULT_FASTRTPS_PROFILES.xml'
+"""Profiles that Fast DDS takes from the working directory."""
+
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+
+_AS_IN_PROFILES = 'SYSTEM_DEFAULT'
+
+
+def prepare_transport() -> None:
+    """Let the nodes that this process makes from here on talk over UDP alone.
+
+    To be called before rclpy is initialized. Nothing changes where the user has decided, by
+    FASTDDS_BUILTIN_TRANSPORTS or by profiles of Fast DDS, nor with another middleware.
+    """
+    environment = os.environ
+    if not get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
+        return
+    given = environment.get(_PROFILES_FILE)
+    is_inherited = given is not None and Path(given).parent == _PROFILES
+    has_decided = environment.get(_BUILT_IN) or Path(_FOUND_HERE).exists()
+    if has_decided or (given and not is_inherited):
+        return
+    discovery = environment.get(_RANGE)
+    if is_inherited and discovery == _AS_IN_PROFILES:
+        return
+    profiles = 'subnet.xml'
+    # ROS 2 adds shared memory to whatever it is told when a graph is to stay on its machine.
+    # What else it does then is in a file, so that it need not know.
+    if environment.get('ROS_LOCALHOST_ONLY') == '1' or discovery == 'LOCALHOST':
+        if environment.get('ROS_STATIC_PEERS'):
+            return  # the file does not know them
+        profiles = 'localhost.xml'
+        environment.pop('ROS_LOCALHOST_ONLY', None)
+        environment[_RANGE] = _AS_IN_PROFILES
+    environment[_PROFILES_FILE] = str(_PROFILES / profiles)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which files of a folder a report made, so that the next one leaves none of them behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+import hashlib
+from pathlib import Path
+
+from masmc_ros.report.files import whole_file
+
+MANIFEST = 'report.sha256'
+"""Checksums in the form of `sha256sum`."""
+
+Entry = tuple[str, str]
+"""Checksum and name of a file."""
+
+
+def entry(name: str, content: bytes) -> Entry:
+    """Return what the manifest says of a file."""
+    return hashlib.sha256(content).hexdigest(), name
+
+
+def read_manifest(folder: Path) -> set[Entry]:
+    """Return what an earlier report says that it made; nothing where there is none."""
+    with suppress(OSError, UnicodeDecodeError):
+        lines = (folder / MANIFEST).read_text(encoding='utf-8').splitlines()
+        entries = (line.partition('  ') for line in lines)
+        return {(digest, name) for digest, _, name in entries if Path(name).name == name}
+    return set()
+
+
+def write_manifest(folder: Path, entries: Iterable[Entry]) -> Path:
+    """Write the manifest; return where it is."""
+    path = folder / MANIFEST
+    with whole_file(path) as stream:
+        for digest, name in sorted(entries, key=lambda each: each[1]):
+            stream.write(f'{digest}  {name}\n'.encode())
+    return path
+
+
+def remove_stale(folder: Path, earlier: Iterable[Entry], names: Iterable[str]) -> None:
+    """Remove files of an earlier report that are none of this one's, by their names.
+
+    What somebody has changed since is left.
+    """
+    kept = set(names)
+    for digest, name in earlier:
+        path = folder / name
+        with suppress(OSError):
+            if name not in kept and entry(name, path.read_bytes()) == (digest, name):
+                path.unlink()

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder for what one user's processes share while they run, which nobody else can prepare."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import stat
+import tempfile
+
+from masmc_ros.errors import UserError
+
+
+def runtime_folder() -> Path:
+    """Return the user's folder, made if need be: ours, no link, and written by nobody else.
+
+    It is in XDG_RUNTIME_DIR, or in the temporary folder where that is not set. Raises
+    UserError where somebody else has put something in its place.
+    """
+    if not hasattr(os, 'getuid'):
+        return Path(tempfile.gettempdir())  # on Windows it is the user's own
+    given = os.environ.get('XDG_RUNTIME_DIR')
+    if given and is_private(Path(given)):
+        folder = Path(given) / 'masmc_ros'
+    else:
+        folder = Path(tempfile.gettempdir()) / f'masmc_ros-{os.getuid()}'
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        hint = 'set XDG_RUNTIME_DIR to a folder of yours'
+        raise UserError(f'{folder}: {error.strerror}; {hint}') from error
+    if not is_private(folder):
+        raise UserError(
+            f'{folder} is not a folder of yours that only you can write to; remove it, or set'
+            ' XDG_RUNTIME_DIR to one'
+        )
+    return folder
+
+
+def is_private(folder: Path) -> bool:
+    """Tell whether it is a folder, not a link to one, of this user, that nobody else writes to."""
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    others = stat.S_IWGRP | stat.S_IWOTH
+    return (
+        stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others
+    )

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes and listeners to be killed, many of them: forks of a process that has imported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import multiprocessing
+from multiprocessing.context import ForkServerProcess
+import os
+from pathlib import Path
+import sys
+
+from processes import PATIENCE
+import rclpy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from surroundings import domain, domain_variables, surroundings
+
+_CONTEXT = multiprocessing.get_context('forkserver')
+_NODES = ('plant', 'recorder', 'controller', 'trajectory')
+_IMPORTED = ['forks', *(f'masmc_ros.nodes.{name}' for name in _NODES)]
+
+
+class Forks:
+    """The processes of a domain."""
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self.domain = domain
+        self._folder = folder
+        self._started: list[tuple[ForkServerProcess, Path]] = []
+
+    def start(self, name: str, *arguments: str) -> ForkServerProcess:
+        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        return self._start(name, _run_node, 'run', name, *arguments)
+
+    def listen(self, *topics: str) -> ForkServerProcess:
+        """Start a subscriber to states and others that is no node of this package."""
+        return self._start('listener', _listen, *topics)
+
+    def _start(
+        self, name: str, what: Callable[..., int], *arguments: str
+    ) -> ForkServerProcess:
+        # It has an effect the first time, before the process that is forked is there.
+        _CONTEXT.set_forkserver_preload(_IMPORTED)
+        output = self._folder / f'{len(self._started)}_{name}.out'
+        environment = {**surroundings(), **domain_variables(self.domain)}
+        process = _CONTEXT.Process(
+            target=_be, args=(what, arguments, environment, output), daemon=True
+        )
+        process.start()
+        self._started.append((process, output))
+        return process
+
+    def tell(self) -> None:
+        """Print what all processes printed."""
+        for _, output in self._started:
+            text = output.read_text(encoding='utf-8', errors='replace') if output.exists() else ''
+            print(f'--- {output.stem}', text, sep='\n')
+
+    def end(self) -> None:
+        """End whatever still runs."""
+        for process, _ in self._started:
+            process.kill()
+            process.join(PATIENCE)
+
+
+def _be(
+    what: Callable[..., int],
+    arguments: Sequence[str],
+    environment: Mapping[str, str],
+    output: Path,
+) -> None:
+    """Be a process as a command line starts it."""
+    os.environ.update(environment)
+    with output.open('wb') as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+    sys.exit(what(*arguments))
+
+
+def _run_node(*arguments: str) -> int:
+    from masmc_ros.cli.main import main
+
+    return main(arguments)
+
+
+def _listen(*topics: str) -> int:
+    """Subscribe as any program does, over the transports that are the middleware's default."""
+    rclpy.init()
+    node = rclpy.create_node('listener')
+    qos = QoSProfile(depth=10)
+    for topic in topics:
+        kind = JointState if topic == 'joint_states' else Float64MultiArray
+        node.create_subscription(kind, topic, lambda _: None, qos, raw=True)
+    rclpy.spin(node)
+    return 0
+
+
+@contextmanager
+def forks(folder: Path) -> Iterator[Forks]:
+    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
+    with domain() as number:
+        started = Forks(number, folder)
+        try:
+            yield started
+        except BaseException:
+            started.tell()
+            raise
+        finally:
+            started.end()

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What processes that tests start find in their environment, a ROS domain of their own with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import itertools
+import os
+import random
+import sys
+
+from masmc_ros.cli.private_domain import locked_domain
+
+_DOMAINS = range(20, 60)
+_turn = itertools.count(random.randrange(len(_DOMAINS)))
+
+
+def surroundings() -> dict[str, str]:
+    """Return environment variables with which a child imports what this process imports."""
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    return {
+        **os.environ,
+        'PYTHONPATH': path,
+        'PYTHONFAULTHANDLER': '1',
+        'RCUTILS_COLORIZED_OUTPUT': '0',
+    }
+
+
+def domain_variables(domain: int) -> dict[str, str]:
+    """Return environment variables of a domain that does not leave this machine."""
+    return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+@contextmanager
+def domain() -> Iterator[int]:
+    """Yield the next domain that nobody else uses meanwhile."""
+    first = next(_turn)
+    turns = (_DOMAINS[(first + number) % len(_DOMAINS)] for number in range(len(_DOMAINS)))
+    with locked_domain(turns) as number:
+        yield number

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where nobody commands the drives hold, and who comes back does so without a jump."""
+
+from __future__ import annotations
+
+import numpy as np
+from processes import PAPER
+import pytest
+
+from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.stretch import Change, joined, Stretch
+from masmc_ros.nodes.scenario import activation, load_scenario
+
+DURATION = 8.0
+LIMITS = (
+    'controller.torque_limit=[6.0, 6.0, 20.0, 10.0]',
+    'controller.torque_rate_limit=1000.0',
+    'plant.torque_limit=[6.0, 6.0, 20.0, 10.0]',
+)
+QUICK = (2276, 2277, 2278, 2279)
+SLOWER = (2276, 2376, 2478, 2579)
+LONG = (2000, 5000)
+HELD = slice(3, 7)
+"""The driven joints in the order of joint_states."""
+
+
+def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
+    """Return the paper's run in which the controller stops and starts at ticks in turn."""
+    events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
+    changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]
+    values = load_scenario(str(PAPER), [f'duration={DURATION}', *settings])
+    return joined(list(Simulation(values, changes).run()), ())
+
+
+def robot(*settings: str) -> SimulatedRobot:
+    values = load_scenario(str(PAPER), settings)['plant']
+    return SimulatedRobot(robot_of(values), values['control_period'], values)
+
+
+@pytest.mark.parametrize('settings', [(), LIMITS, ('controller.switching=implicit',)])
+@pytest.mark.parametrize('ticks', [QUICK, SLOWER, LONG])
+def test_disabled_it_stands_and_enabled_it_does_not_jump(
+    ticks: tuple[int, ...], settings: tuple[str, ...]
+) -> None:
+    """Free under this disturbance the arm turned by 87 rad, and enabling it kicked by 649 N m."""
+    run = computed(ticks, *settings)
+    # The wheels are braked from the path's speed.
+    moved = np.ptp(run.position[ticks[0] : ticks[1], HELD], axis=0)
+    assert (moved < [0.5, 0.5, 0.05, 0.1]).all()
+    assert not run.torque[ticks[0] : ticks[1]].any()
+    torque = np.abs(run.torque[ticks[1] :]).max(axis=0)
+    assert (torque < [3.0, 3.0, 7.0, 5.0]).all()
+    assert np.abs(run.error[-1]).max() < 0.05
+    # What the drives do to hold is no torque that is applied.
+    assert not run.applied[ticks[0] + 1 : ticks[1] + 1].any()
+
+
+@pytest.mark.parametrize('ticks', [QUICK, SLOWER, LONG])
+def test_the_torque_comes_back_within_the_limits_in_force(ticks: tuple[int, ...]) -> None:
+    run = computed(ticks, *LIMITS)
+    step = np.abs(np.diff(run.torque, axis=0))
+    # To no torque it falls at once.
+    falls = ~run.active[1:]
+    assert (step[~falls] <= 1.0 + 1e-9).all()
+    assert (np.abs(run.torque) <= [6.0, 6.0, 20.0, 10.0]).all()
+
+
+def test_a_controller_that_begins_inactive_is_enabled_softly() -> None:
+    values = load_scenario(
+        str(PAPER), ['duration=1.0', 'controller.active_on_start=false']
+    )
+    soft = joined(list(Simulation(values, activation(values)).run()), ())
+    hard = computed(())
+    assert np.abs(soft.torque[:100]).max() < 0.2 * np.abs(hard.torque[:100]).max()
+
+
+@pytest.mark.parametrize(
+    'settings',
+    [
+        (),
+        ('plant.torque_limit=[6.0, 6.0, 20.0, 10.0]',),
+        ('plant.initial_joints=[0.0, 0.0, 0.8, 0.0]',),
+        ('plant.initial_joints=[0.0, 0.0, 0.8, 3.1]', 'robot.link_1_mass=30.0'),
+        ('control_period=0.01', 'plant.integrator_step=0.01'),
+        ('control_period=0.01', 'plant.integrator_step=0.01', 'robot.link_2_mass=0.1'),
+    ],
+)
+def test_drives_brake_a_robot_that_moves(settings: tuple[str, ...]) -> None:
+    """Whatever the arm's posture and the step of integration: the robot loses its energy."""
+    plant = robot(
+        'plant.initial_velocity=[5.0, 4.0, 1.0, -1.5]',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        *settings,
+    )
+    begun = plant.position.copy()
+    ticks = round(1.5 / plant.period)
+    for _ in range(ticks):
+        plant.advance(None)
+        assert not plant.applied.any()
+        assert (np.abs(plant.velocity[HELD]) < 20.0).all()
+    assert np.abs(plant.velocity[HELD]).max() < 1e-2
+    # It stays near where it was.
+    assert np.abs(plant.position[HELD] - begun[HELD]).max() < 2.0
+
+
+def test_drives_let_go_at_once() -> None:
+    plant = robot('plant.disturbance.amplitude=[0.0, 0.0, 3.0, 0.0]')
+    for _ in range(1000):
+        plant.advance(None)
+    assert plant.memory['wound'].any()
+    # A torque is a torque: of what the drives did nothing is left.
+    plant.advance(np.zeros(4))
+    assert not plant.memory['wound'].any()
+    assert not plant.applied.any()

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that steer outlive whoever listens to them, however it dies."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import random
+import signal
+import time
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from forks import Forks, forks
+from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.log.cdr import EffortCdr
+from masmc_ros.log.stamps import header_stamp
+
+KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
+AT_ONCE = 4
+LONGEST = 1.5
+"""Time in s that a listener lives at most: from before it is set up until it listens."""
+
+SETTLED = 10**8
+"""Time in ns of the robot that must go by after each round."""
+
+ENDING = 30.0
+"""Time in s in which SIGINT must end a node on a busy machine."""
+
+ROBOT = ros_arguments(
+    PAPER, **{'duration': 0.0, 'pacing': 'realtime', 'plant__wait_for': "['']", **BOUNDED}
+)
+
+
+def listener(forked: Forks, kind: str, folder: Path, number: int) -> Any:
+    """Start one of a kind."""
+    if kind == 'listener':
+        return forked.listen('joint_states', 'effort_commands', 'reference')
+    given: dict[str, object] = {'duration': 0.0}
+    if kind == 'recorder':
+        given['recorder__output'] = folder / f'{number}.mcap'
+    if kind == 'live':
+        given['live__port'] = 0
+    return forked.start(kind, *ros_arguments(PAPER, **given, **BOUNDED))
+
+
+class Robot:
+    """What the nodes that steer have sent last, in ns of the robot's time."""
+
+    def __init__(self, tester: Peer) -> None:
+        self._tester = tester
+        self.state = self.answered = 0
+        self._command = EffortCdr()
+        tester.subscribe(JointState, 'joint_states', self._on_state, raw=True, past=False)
+        tester.subscribe(
+            Float64MultiArray, 'effort_commands', self._on_command, raw=True, past=False
+        )
+
+    def _on_state(self, raw: bytes) -> None:
+        self.state = header_stamp(raw)
+
+    def _on_command(self, raw: bytes) -> None:
+        if self._command.load(raw) and self._command.stamp_ns is not None:
+            self.answered = self._command.stamp_ns
+
+    def goes_on(self) -> None:
+        """Wait until states and their answers have come for a while."""
+        begun = self.state
+        self._tester.until(
+            lambda: min(self.state, self.answered) > begun + SETTLED,
+            f'states after {begun * 1e-9:.3f} s and their answers',
+        )
+
+
+def kill(kinds: tuple[str, ...], count: int, folder: Path) -> None:
+    """Kill so many of each kind, a few at a time, beside nodes that steer a robot."""
+    rng = random.Random(count)
+    with forks(folder) as forked, peer(forked.domain) as tester:
+        steering = [forked.start(name, *ROBOT) for name in ('plant', 'trajectory', 'controller')]
+        robot = Robot(tester)
+        tester.until(lambda: robot.state and robot.answered, 'a robot that is steered')
+        for kind in kinds:
+            for first in range(0, count, AT_ONCE):
+                numbers = range(first, min(first + AT_ONCE, count))
+                dying = [
+                    (time.monotonic() + rng.uniform(0.0, LONGEST), process)
+                    for process in (listener(forked, kind, folder, n) for n in numbers)
+                ]
+                for moment, process in sorted(dying, key=lambda each: each[0]):
+                    time.sleep(max(0.0, moment - time.monotonic()))
+                    process.kill()
+                    process.join()
+                    assert process.exitcode == -signal.SIGKILL
+                robot.goes_on()
+                for log in folder.glob('*.mcap'):
+                    log.unlink()
+        for process in steering:
+            assert process.exitcode is None
+            os.kill(process.pid, signal.SIGINT)
+        for process in steering:
+            process.join(ENDING)
+            assert process.exitcode == 0
+
+
+def test_a_few_of_each_kind(tmp_path: Path) -> None:
+    kill(KINDS, 4, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', KINDS)
+def test_two_hundred(kind: str, tmp_path: Path) -> None:
+    kill((kind,), 200, tmp_path)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is missing from a log is counted by the stamps."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from masmc_ros.log.gaps import Gaps, gaps_in
+
+MS = 10**6
+
+
+def test_a_steady_topic_has_no_gaps() -> None:
+    assert gaps_in(range(0, 5000 * MS, MS)).missing == 0
+    assert gaps_in(range(0, 100 * 20 * MS, 20 * MS)).count == 0
+
+
+def test_every_message_left_out_is_counted() -> None:
+    rng = random.Random(3)
+    stamps = list(range(0, 20_000 * MS, MS))
+    holes = [(1, 13), (4000, 200), (4300, 1), (9990, 20), (19_000, 50)]
+    left_out = {stamps[first + n] for first, count in holes for n in range(count)}
+    gaps = gaps_in([stamp for stamp in stamps if stamp not in left_out])
+    assert (gaps.count, gaps.missing) == (5, 284)
+    assert (gaps.longest, gaps.at) == (201 * MS, 3999 * MS)
+    assert gaps.text() == '284 missing in 5 gaps, the longest of 0.201 s from t = 3.999 s'
+    few = rng.sample(range(1, 19_999), 40)
+    thinned = gaps_in([stamp for n, stamp in enumerate(stamps) if n not in few])
+    assert thinned.missing == 40
+
+
+@pytest.mark.parametrize('pieces', [1, 7, 250, 5000])
+def test_it_is_the_same_however_it_is_looked_at(pieces: int) -> None:
+    stamps = [n * MS for n in range(10_000) if not 3000 <= n < 3100]
+    gaps = Gaps()
+    for n, stamp in enumerate(stamps):
+        gaps.add(stamp)
+        if n % pieces == 0:
+            gaps.look()
+    gaps.look()
+    assert (gaps.count, gaps.missing) == (1, 100)
+
+
+def test_drivers_in_turns_jitter_and_a_reset_are_no_gaps() -> None:
+    in_turns = np.sort(np.concatenate([np.arange(0, 5000, 10), np.arange(1, 5000, 10)])) * MS
+    assert gaps_in(in_turns).count == 0
+    rng = np.random.default_rng(1)
+    jittering = np.arange(0, 10_000, 2) * MS + rng.integers(-MS // 3, MS // 3, 5000)
+    assert gaps_in(jittering).count == 0
+    twice = [*range(0, 500 * MS, MS), *range(0, 500 * MS, MS)]
+    assert gaps_in(twice).count == 0
+    slower = [*range(0, 2000 * MS, MS), *range(2000 * MS, 60_000 * MS, 20 * MS)]
+    assert gaps_in(slower).missing <= 1000
+
+
+def test_next_to_nothing_tells_nothing() -> None:
+    assert gaps_in([]).count == gaps_in([0]).count == gaps_in([0, MS, 900 * MS]).count == 0

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What one gets who joins a run late, and that those who were there in time miss nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Path as PathMessage
+from processes import (
+    domain_variables,
+    PAPER,
+    Peer,
+    peer,
+    processes,
+    ros_arguments,
+    surroundings,
+)
+from rclpy.qos import DurabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool
+
+from masmc_ros.log.names import TELEMETRY, telemetry_topic
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.log.text import text_of
+from masmc_ros.nodes.latched import Latched
+from masmc_ros.nodes.qos import publisher_qos
+
+LATCHED: dict[str, Any] = {
+    'controller/state': String,
+    'controller/parameters': String,
+    'plant/parameters': String,
+    'trajectory/parameters': String,
+    'robot_description': String,
+    'path/desired': PathMessage,
+    'path/actual': PathMessage,
+    '/clock': Clock,
+}
+
+
+def spin(tester: Peer, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    tester.until(lambda: time.monotonic() > end)
+
+
+def test_a_latecomer_gets_what_holds_and_no_past(tmp_path: Path) -> None:
+    with processes(tmp_path) as started:
+        with peer(started.domain) as tester:
+            stamps = tester.watch_time()
+            settings = {'plant__wait_for': '[controller, trajectory, peer]'}
+            started.start('composed', *ros_arguments(PAPER, duration=0.0, **settings))
+            early = {
+                topic: tester.collect(kind, topic, raw=True) for topic, kind in LATCHED.items()
+            }
+            for on in (False, True, False, True):
+                answer = tester.call(SetBool, '/controller/enable', SetBool.Request(data=on))
+                assert answer.success
+            tester.until(lambda: stamps[-1] >= 1_200_000_000, '1.2 s')
+            paused = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
+            assert paused.success
+            spin(tester, 1.0)
+            # Who was there in time has missed nothing.
+            told = [text_of(raw) for raw in early['controller/state']]
+            assert told[-4:] == ['inactive: disabled', 'active', 'inactive: disabled', 'active']
+            times = [header_stamp(raw) for raw in early['/clock']]
+            assert times == [10_000_000 * k for k in range(len(times))]
+            with peer(started.domain, 'late') as late:
+                found = {
+                    topic: late.collect(kind, topic, raw=True) for topic, kind in LATCHED.items()
+                }
+                health = late.collect(DiagnosticArray, '/diagnostics')
+                late.until(lambda: all(found.values()) and health, f'the last of all: {found}')
+                spin(late, 1.0)
+                for topic, messages in found.items():
+                    assert messages == early[topic][-1:], topic
+                offered = {
+                    info.qos_profile.durability
+                    for label in TELEMETRY
+                    for info in late.node.get_publishers_info_by_topic(
+                        f'/{telemetry_topic(label)}'
+                    )
+                }
+                assert offered == {DurabilityPolicy.VOLATILE}
+                past = late.collect(Float64MultiArray, telemetry_topic('raw_torque'), past=False)
+                spin(late, 1.0)
+                assert past == []
+        started.signal(signal.SIGINT)
+        assert started.wait() == {'composed': 0}, started.output()
+
+
+def test_a_latched_publisher_loses_nothing_in_a_burst(tmp_path: Path) -> None:
+    sent = [str(number) for number in range(50)]
+    with (
+        processes(tmp_path) as started,
+        peer(started.domain) as tester,
+        peer(started.domain, 'listener') as listener,
+    ):
+        publisher = tester.node.create_publisher(String, 'told', publisher_qos(1))
+        heard = listener.collect(String, 'told')
+        tester.wait_for_subscribers(publisher)
+        latched = Latched(publisher)
+        for text in sent:
+            latched.publish(String(data=text))
+
+        def all_heard() -> bool:
+            latched.send_waiting()
+            return len(heard) >= len(sent)
+
+        listener.until(all_heard, 'every message')
+        assert [message.data for message in heard] == sent
+        late = listener.collect(String, 'told')
+        listener.until(lambda: late, 'the last message')
+        spin(listener, 0.5)
+        assert [message.data for message in late] == sent[-1:]
+
+
+_HUNG = """
+import rclpy, sys, time
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node('hung')
+qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+node.create_subscription(String, 'told', lambda message: None, qos)
+time.sleep(600)
+"""
+
+
+def test_a_listener_that_hangs_holds_the_others_up_once(tmp_path: Path) -> None:
+    with (
+        processes(tmp_path) as started,
+        peer(started.domain) as tester,
+        peer(started.domain, 'listener') as listener,
+    ):
+        publisher = tester.node.create_publisher(String, 'told', publisher_qos(1))
+        latched = Latched(publisher)
+        heard = listener.collect(String, 'told')
+        hung = subprocess.Popen(
+            [sys.executable, '-c', _HUNG],
+            env={**surroundings(), **domain_variables(started.domain)},
+        )
+        try:
+            tester.wait_for_subscribers(publisher, 2)
+            hung.send_signal(signal.SIGSTOP)
+            begun = time.monotonic()
+            for number in range(30):
+                latched.publish(String(data=str(number)))
+
+            def all_heard() -> bool:
+                latched.send_waiting()
+                return bool(heard) and heard[-1].data == '29'
+
+            listener.until(all_heard, 'the last message')
+            assert time.monotonic() - begun < 60.0
+        finally:
+            hung.kill()
+            hung.wait()

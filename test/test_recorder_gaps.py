@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a recorder misses is told in the log, on /diagnostics and in the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray
+from processes import peer, processes
+from sensor_msgs.msg import JointState
+from test_recorder_killed import recorder, ROBOT
+
+from masmc_ros.cli.recover import recover
+from masmc_ros.log.gaps import MISSING, state_gaps
+from masmc_ros.log.reader import read_run
+from masmc_ros.log.stamps import header_stamp
+from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.report.missing import missing
+from masmc_ros.report.tracking import tracking
+
+PERIOD = 10**6
+HELD_UP = 4 * 10**9
+"""Time in ns of the robot for which the recorder stands still: four times a sender's history."""
+
+
+@pytest.mark.parametrize('ends', ['cut off', 'complete'])
+def test_a_recorder_that_was_held_up_tells_what_is_missing(
+    ends: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / 'run.mcap'
+    health: dict[str, str] = {}
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        latest = [0]
+
+        def note(raw: bytes) -> None:
+            latest[-1] = header_stamp(raw)
+
+        def on_health(report: DiagnosticArray) -> None:
+            for status in report.status:
+                if status.name == '/recorder':
+                    health.update({each.key: each.value for each in status.values})
+
+        qos = subscription_qos()
+        tester.node.create_subscription(JointState, 'joint_states', note, qos, raw=True)
+        tester.subscribe(DiagnosticArray, '/diagnostics', on_health)
+        started.start('plant', *ROBOT)
+        node = started.start('recorder', *recorder(log))
+        tester.until(lambda: health.get('messages', '0') != '0', 'messages recorded')
+        before = int(health['missing by their stamps'])
+        node.signal(signal.SIGSTOP)
+        moment = latest[-1] + HELD_UP
+        tester.until(lambda: latest[-1] > moment, 'the robot moves on')
+        node.signal(signal.SIGCONT)
+        tester.until(
+            lambda: int(health['missing by their stamps']) > before + 1000, 'missing states told'
+        )
+        if ends == 'complete':
+            node.signal(signal.SIGTERM)
+            assert node.wait() == 0
+            assert node.logged('WARN', 'missing in')
+        else:
+            node.signal(signal.SIGKILL)
+            node.wait()
+    if ends == 'cut off':
+        assert recover([str(log)]) == 0
+        assert 'joint_states: ' in capsys.readouterr().out
+    run = read_run(log)
+    (gaps,) = state_gaps(log).values()
+    # Every state is in the log or counted as missing.
+    span = round((run.times[-1] - run.times[0]) * 1e9 / PERIOD) + 1
+    assert len(run.times) + gaps.missing == span
+    assert gaps.missing > 1000
+    text = gaps.text()
+    assert f'joint_states: {text}, by its stamps.' in missing(run, tracking(run))
+    if ends == 'complete':
+        assert run.metadata[MISSING] == [{'/joint_states': text}]
+    # The report of every second is in the log, whatever becomes of the recorder.
+    assert run.topics['/diagnostics'] > 0

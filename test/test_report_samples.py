@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the report's page holds of a line: every sample, or the bounds of every stretch."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+import numpy as np
+from report_html import unpacked
+
+from masmc_ros.report.samples import packed_path, packed_signal
+
+ANY = st.floats(-1e300, 1e300) | st.sampled_from([0.0, 1.0, np.nan, np.inf, -np.inf])
+SAMPLES = hnp.arrays(float, st.integers(1, 120), elements=ANY)
+LARGEST = float(np.finfo(np.float32).max)
+
+
+def single(values: np.ndarray) -> np.ndarray:
+    """Return float32; what is finite stays so."""
+    clipped = np.where(np.isfinite(values), np.clip(values, -LARGEST, LARGEST), values)
+    return clipped.astype(np.float32)
+
+
+def times_of(values: np.ndarray) -> np.ndarray:
+    return np.round(1.7e9 + 1e-3 * np.arange(len(values)), 3) - 1.7e9
+
+
+@given(SAMPLES)
+def test_every_sample_is_there(values: np.ndarray) -> None:
+    times = times_of(values)
+    packed = packed_signal(times, values)
+    assert set(packed) == {'x', 'y'}
+    np.testing.assert_array_equal(unpacked(packed['y']), single(values))
+    np.testing.assert_allclose(unpacked(packed['x'], is_times=True), times, rtol=0, atol=1e-9)
+
+
+@given(SAMPLES, st.integers(1, 119))
+def test_every_stretch_has_its_bounds(values: np.ndarray, most: int) -> None:
+    times = times_of(values)
+    packed = packed_signal(times, values, most)
+    if len(values) <= most:
+        assert set(packed) == {'x', 'y'}
+        return
+    x = unpacked(packed['x'], is_times=True)
+    low, high = unpacked(packed['low']), unpacked(packed['high'])
+    assert len(x) == len(low) + 1 == len(high) + 1 <= most + 1
+    size = -(-len(values) // most)
+    for number, first in enumerate(range(0, len(values), size)):
+        stretch = single(values[first : first + size])
+        np.testing.assert_allclose(x[number], times[first], rtol=0, atol=1e-9)
+        if np.isnan(stretch).all():
+            assert np.isnan([low[number], high[number]]).all()
+        else:
+            assert (low[number], high[number]) == (np.nanmin(stretch), np.nanmax(stretch))
+
+
+@given(hnp.arrays(float, st.tuples(st.integers(1, 120), st.just(2)), elements=ANY),
+       st.integers(1, 130))  # fmt: skip
+def test_a_path_has_both_its_ends(points: np.ndarray, most: int) -> None:
+    packed = packed_path(points, most)
+    kept = np.stack([unpacked(packed[axis]) for axis in 'xy'], axis=1)
+    assert len(kept) <= most + 1
+    np.testing.assert_array_equal(kept[[0, -1]], single(points[[0, -1]]))
+    if len(points) <= most:
+        np.testing.assert_array_equal(kept, single(points))
+
+
+def test_chatter_of_an_hour_stays_small() -> None:
+    times = 1e-3 * np.arange(3_600_000)
+    values = np.random.default_rng(3).standard_normal(len(times))
+    packed = packed_signal(times, values)
+    assert sum(len(text) for text in packed.values()) < 2.5e6
