@@ -12,14 +12,15 @@ The decorated function is plain Python, which runs where nothing is compiled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin
 
-Type = types.Type
+Type = Any
+"""A type of Numba's, whose attributes depend on what it is the type of."""
 
 
 def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
@@ -93,6 +94,6 @@ def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:
     return function.get_call_type(context, plain, {})
 
 
-def like(values: Sequence[Type]) -> Type:
+def like(values: Iterable[Type]) -> Type:
     """Return the type of a tuple of values of some types."""
     return types.BaseTuple.from_types(tuple(values))
