@@ -27,7 +27,7 @@ def _sum(a: float, b: float) -> float:
 
 @formula
 def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
-    """Return Y theta + J' u in N m: what a model asks for, and a force u (N) on the task's axes."""
+    """Return Y theta + J' u in N m: of a model, and of a force u (N) on the task's axes."""
     model = mechanism.regressor_times(tick.model, tick.regressor, theta)
     force = mechanism.forces_from_task(tick.model, tick.posture, u)
     return mechanism.joint_torques(tick.model, each(_sum, model, force))

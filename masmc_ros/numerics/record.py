@@ -125,7 +125,7 @@ def lane_count(record: Any) -> int:
     return lanes_of(record)
 
 
-def _shape(record: types.Record, name: str) -> tuple[int, ...]:
+def _shape(record: Any, name: str) -> tuple[int, ...]:
     return tuple(record.fields[name].type.shape)
 
 
@@ -149,8 +149,9 @@ def get(record: Any, name: str, lane: int) -> Any:
     return tuple(values[:, lane])
 
 
-def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> types.Type | None:
-    if not (isinstance(record, types.Record) and isinstance(name, types.StringLiteral)):
+def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
+    is_known = isinstance(record, types.Record) and isinstance(name, types.StringLiteral)
+    if not is_known:
         return None
     shape = _shape(record, name.literal_value)
     kind = record.fields[name.literal_value].type.dtype
@@ -178,7 +179,8 @@ def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
     kind = kinds[0].fields[kinds[1].literal_value].type.dtype
     value, given = values[3], kinds[3]
     entries, of = [value], [given]
-    if isinstance(given, types.BaseTuple):
+    is_vector = isinstance(given, types.BaseTuple)
+    if is_vector:
         entries, of = compiler.entries(value, given), list(given)
     for place, entry, entry_kind in zip(
         _places(compiler, kinds, values), entries, of, strict=True
