@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from scenario import axes, Run, Scenario, whole
 
-from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.control.reaching import SWITCHING
-from masmc_ros.control.velocity_estimator import ESTIMATED
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED
+from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 
 
@@ -26,7 +25,7 @@ def scenarios(ticks: int) -> dict[str, Scenario]:
     """Every law with every switching, and a run in which everything else is switched on."""
     runs = {
         f'{law} {switching}': Scenario(law, switching, ticks=ticks)
-        for law in BUILT_IN
+        for law in LAWS
         for switching in SWITCHING
     }
     runs['everything on'] = Scenario(

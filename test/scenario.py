@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from robots import Array, DEFAULT, Machine
 
-from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.control.reaching import SWITCHING
-from masmc_ros.loop.closed_loop import closed_loop
-from masmc_ros.loop.control_tick import control_tick
-from masmc_ros.loop.controller_records import MEMORY, SETTINGS
-from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
-from masmc_ros.loop.plant_tick import plant_start, plant_tick
+from masmc_ros.law.registry import LAWS
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import closed_loop, control_tick, plant_start, plant_tick
+from masmc_ros.loop.simulated_robot import delay_line
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.robot.two_link import TWO_LINK
 
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
@@ -95,32 +95,72 @@ class Run:
     singular: int = 0
 
 
-def records(scenario: Scenario) -> tuple[Any, Any]:
+SIGNALS = (
+    'true_position',
+    'true_velocity',
+    'position',
+    'velocity',
+    'applied',
+    'raw_torque',
+    'torque',
+    'error',
+    'surface',
+    'estimate',
+)
+
+
+_AFTER_THE_LAST = {
+    'true_position': np.nan,
+    'true_velocity': np.nan,
+    'position': np.nan,
+    'velocity': np.nan,
+    'applied': 0.0,
+}
+
+
+def law_records(scenario: Scenario, lanes: int = 1) -> tuple[Any, Any]:
     """Return the controller's settings and its memory at the start."""
-    settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
-    settings['geometry'] = scenario.robot.geometry
-    settings['nominal'] = scenario.model_scale * np.array(scenario.robot.theta)
-    settings['law'] = BUILT_IN.index(scenario.law)
-    settings['switching'] = SWITCHING.index(scenario.switching)
-    for name in _GAINS:
-        settings[name] = getattr(scenario, name)
-    for name, value in scenario.extra:
-        settings[name] = value
-    settings['has_limits'] = settings['torque_limit'].any() | settings['torque_rate_limit'].any()
-    memory['estimate'], memory['predicted'] = settings['nominal'], np.nan
+    law = LAWS[scenario.law]
+    settings = records.law_settings(TWO_LINK, law, scenario.switching, lanes)
+    memory = records.law_memory(TWO_LINK, law, lanes)
+    write_law(settings, memory, scenario)
     return settings, memory
 
 
-def plant_record(scenario: Scenario) -> Any:
-    """Return the plant's record."""
-    plant = np.zeros(1, PLANT_SETTINGS)
-    plant['geometry'], plant['theta'] = scenario.robot.geometry, scenario.robot.theta
+def write_law(settings: Any, memory: Any, scenario: Scenario, lane: int | None = None) -> None:
+    """Write what a scenario says of the law into one lane, or into all."""
+    nominal = scenario.model_scale * np.array(scenario.robot.theta)
+    fill(settings, 'geometry', scenario.robot.geometry, lane)
+    fill(settings, 'nominal', nominal, lane)
+    for name in _GAINS:
+        fill(settings, name, getattr(scenario, name), lane)
+    for name, value in scenario.extra:
+        fill(settings, name, value, lane)
+    fill(memory, 'estimate', nominal, lane)
+
+
+def plant_records(scenario: Scenario, lanes: int = 1) -> tuple[Any, Any]:
+    """Return the plant's settings and its memory at the start."""
+    plant = records.plant_settings(TWO_LINK, lanes)
+    memory = records.plant_memory(TWO_LINK, lanes)
+    write_plant(plant, memory, scenario)
+    return plant, memory
+
+
+def write_plant(plant: Any, memory: Any, scenario: Scenario, lane: int | None = None) -> None:
+    """Write what a scenario says of the plant into one lane, or into all."""
+    fill(plant, 'geometry', scenario.robot.geometry, lane)
+    fill(plant, 'theta', np.array(scenario.robot.theta), lane)
     for name in ('amplitude', 'frequency', 'phase', 'limit', 'period', 'steps'):
-        plant[name] = getattr(scenario, name)
+        fill(plant, name, getattr(scenario, name), lane)
     for name, value in scenario.measured:
-        plant[name] = value
-    plant['is_exact'] = not scenario.measured
-    return plant
+        fill(plant, name, value, lane)
+    fill(plant, 'is_exact', not scenario.measured, lane)
+    s, c = sin_cos(scenario.pose[2])
+    offset = scenario.robot.physical['com_offset']
+    x, y = scenario.pose[0] - offset * c, scenario.pose[1] - offset * s
+    fill(memory, 'position', [x, y, scenario.pose[2], *scenario.joints], lane)
+    fill(memory, 'rates', scenario.rates, lane)
 
 
 class Loop:
@@ -129,88 +169,46 @@ class Loop:
     def __init__(self, scenario: Scenario) -> None:
         """Start at tick 0."""
         self.scenario = scenario
-        self._plant, self._plant_memory = plant_record(scenario), np.zeros(1, PLANT_MEMORY)
-        self._delayed = np.zeros((int(self._plant['delay'][0]) + 1, 14))
-        self._settings, self._memory = records(scenario)
-        n = scenario.ticks
+        self._plant, self._plant_memory = plant_records(scenario)
+        self._delayed = delay_line(self._plant, TWO_LINK)
+        self._settings, self._memory = law_records(scenario)
+        self._now = records.signals(TWO_LINK)
         self._reference = scenario.reference
-        position, velocity, *true = (np.full((n + 1, 7), np.nan) for _ in range(4))
-        self.run = Run(
-            *([position, velocity] if self._plant['is_exact'] else true),
-            position,
-            velocity,
-            np.zeros((n + 1, AXES)),
-            *(np.full((n, AXES), np.nan) for _ in range(4)),
-            np.full((n, BASE_PARAMETERS), np.nan),
-        )
-        plant_start(
-            self._plant,
-            self._plant_memory,
-            self._delayed,
-            scenario.robot.physical['com_offset'],
-            scenario.pose,
-            scenario.joints,
-            scenario.rates,
-            self.run.position[0],
-            self.run.velocity[0],
-        )
-        self.run.true_position[0] = self._plant_memory['position'][0]
-        self.run.true_velocity[0] = self._plant_memory['velocity'][0]
+        self.signals = np.zeros(scenario.ticks, self._now.dtype)
+        plant_start(self._plant, self._plant_memory, self._delayed, self._now)
+
+    @property
+    def run(self) -> Run:
+        """What was computed so far."""
+        rows = {name: np.ascontiguousarray(self.signals[name][:, :, 0]) for name in SIGNALS}
+        # The last command is not applied: what it would lead to is not known.
+        for name, unknown in _AFTER_THE_LAST.items():
+            rows[name] = np.vstack([rows[name], np.full((1, rows[name].shape[1]), unknown)])
+        return Run(**rows, singular=int(self.signals['singular'].sum()))
 
     def stretch(self, first: int, last: int) -> None:
         """Compute ticks first ... last - 1 in one compiled call."""
-        s, r = self.scenario, self.run
-        r.singular += closed_loop(
+        closed_loop(
             self._plant,
             self._plant_memory,
             self._delayed,
             self._settings,
             self._memory,
+            self._now,
             first,
-            last == s.ticks,
+            last == self.scenario.ticks,
             self._reference[first:last],
-            r.true_position[first : last + 1],
-            r.true_velocity[first : last + 1],
-            r.position[first : last + 1],
-            r.velocity[first : last + 1],
-            r.applied[first : last + 1],
-            r.raw_torque[first:last],
-            r.torque[first:last],
-            np.empty((0, AXES)),
-            r.error[first:last],
-            r.surface[first:last],
-            r.estimate[first:last],
+            self.signals[first:last],
         )
 
     def tick(self, k: int) -> None:
         """Compute one tick as the nodes do: the controller's, then the plant's."""
-        s, r = self.scenario, self.run
-        r.estimate[k] = self._memory['estimate'][0]
-        r.singular += control_tick(
-            self._settings,
-            self._memory,
-            r.position[k],
-            r.velocity[k],
-            self._reference[k],
-            r.raw_torque[k],
-            r.torque[k],
-            r.error[k],
-            r.surface[k],
-        )
-        if k + 1 == s.ticks:
+        self._now['reference'][0, :, 0] = self._reference[k]
+        control_tick(self._settings, self._memory, self._now)
+        self.signals[k] = self._now[0]
+        if k + 1 == self.scenario.ticks:
             return
-        plant_tick(
-            self._plant,
-            self._plant_memory,
-            self._delayed,
-            k,
-            r.torque[k],
-            r.position[k + 1],
-            r.velocity[k + 1],
-            r.applied[k + 1],
-        )
-        r.true_position[k + 1] = self._plant_memory['position'][0]
-        r.true_velocity[k + 1] = self._plant_memory['velocity'][0]
+        plant_tick(self._plant, self._plant_memory, self._delayed, k, self._now)
 
 
 def whole(scenario: Scenario) -> Run:

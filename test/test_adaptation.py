@@ -13,7 +13,7 @@ import pytest
 from robots import between, PROPERTY
 from scenario import axes, Scenario, whole
 
-from masmc_ros.control.adaptation import beyond_dead_zone, moved_estimate
+from masmc_ros.law.parts.adaptation import beyond_dead_zone, moved_estimate
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.nodes.scenario import load_scenario
 

@@ -18,7 +18,7 @@ from robots import (
     PROPERTY,
 )
 
-from masmc_ros.robot.consistency import is_consistent, weakest_motion, write_normal
+from masmc_ros.robot.consistency import is_consistent, normal, weakest_motion
 from masmc_ros.robot.dynamics import BaseParameters, inertia, inertia_times
 from masmc_ros.robot.geometry import Geometry, posture
 from masmc_ros.robot.parameters import base_parameters
@@ -97,9 +97,7 @@ def test_the_weakest_motion_shows_what_is_wrong(drawn: tuple[BaseParameters, Geo
     x, matrix = np.array(motion), stretched(theta, geometry)
     size = float(np.abs(x) @ np.abs(matrix) @ np.abs(x))
     assert_agree(x @ matrix @ x, pivot, 1e-12, scale=size)
-    normal = np.empty(7)
-    write_normal(geometry, *motion, normal)
-    assert_agree(normal @ np.array(theta), pivot, 1e-12, scale=size)
+    assert_agree(np.array(normal(geometry, *motion)) @ np.array(theta), pivot, 1e-12, scale=size)
 
 
 @PROPERTY

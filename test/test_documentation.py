@@ -8,9 +8,9 @@ from types import ModuleType
 
 import pytest
 
-from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.nodes.parameters import declared, NODES
 from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.params.file import read
 
 ROOT = Path(__file__).resolve().parent.parent

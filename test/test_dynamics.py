@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
+from plant_state import derivative, PlantState
 import pytest
 from robots import (
     all_angles,
@@ -28,9 +29,11 @@ from robots import (
     regular_angles,
     STEP,
 )
+from scenario import law_records, Scenario
 
-from masmc_ros.loop.plant import derivative, PlantState
-from masmc_ros.loop.task_terms import task_inertia
+from masmc_ros.loop import records
+from masmc_ros.loop.dense import tick_input
+from masmc_ros.numerics.record import fill
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.dynamics import (
     BaseParameters,
@@ -45,6 +48,7 @@ from masmc_ros.robot.dynamics import (
 )
 from masmc_ros.robot.geometry import Posture, posture, quasi_velocity
 from masmc_ros.robot.kinematics import quasi_from_task, task_drift, task_force_from_quasi
+from masmc_ros.robot.two_link import TWO_LINK
 
 ROBOT = Machine(DEFAULT)
 
@@ -112,9 +116,12 @@ def test_property_1_task_inertia_is_symmetric_positive_definite(
 @given(machines(), all_angles())
 @example(ROBOT, Angles(0.0, 0.3, 0.0))
 def test_task_inertia_of_the_control_tick(robot: Machine, angles: Angles) -> None:
-    found = np.full((AXES, AXES), np.nan)
-    task_inertia(robot.theta, robot.geometry, real(angles), found)
-    assert_agree(found, inertia_x(robot, real(angles)), 1e-14)
+    settings, _ = law_records(Scenario('smc', 'implicit', robot=robot, model_scale=1.0))
+    now = records.signals(TWO_LINK)
+    fill(now, 'position', [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
+    gains = {'sigma': np.full(AXES, 2.0)}
+    found = tick_input(settings, now, gains, np.zeros(BASE_PARAMETERS), np.zeros(AXES))
+    assert_agree(found.task_inertia, inertia_x(robot, real(angles)), 1e-14)
 
 
 @PROPERTY

@@ -13,11 +13,10 @@ import pytest
 from robots import Array, DEFAULT, Machine
 from scenario import Scenario, whole
 
-from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.law.registry import LAWS, SWITCHING
 
 KINDS = [
-    *((law, switching, 0.0) for law in BUILT_IN for switching in SWITCHING),
+    *((law, switching, 0.0) for law in LAWS for switching in SWITCHING),
     ('smc', 'implicit', 0.5),
     ('rasmc', 'implicit', 1.0),
 ]
@@ -37,7 +36,7 @@ def random_robot(rng: np.random.Generator) -> Machine:
 
 def random_scenario(law: str, switching: str, observer_gain: float, seed: int) -> Scenario:
     """Draw a run that starts near its reference, with gains that its period is short for."""
-    rng = np.random.default_rng([seed, BUILT_IN.index(law), SWITCHING.index(switching)])
+    rng = np.random.default_rng([seed, LAWS.index(law), SWITCHING.index(switching)])
     robot = random_robot(rng)
     pose = rng.uniform(-2.0, 2.0, 3)
     joints = rng.uniform(-2.0, 2.0, 4)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from hypothesis import given
 from lagrangian import Matrices, matrices
 import numpy as np
+from plant_state import derivative, PlantState
 from robots import (
     all_angles,
     Angles,
@@ -21,7 +22,6 @@ from robots import (
     regular_angles,
 )
 
-from masmc_ros.loop.plant import derivative, PlantState
 from masmc_ros.robot.dynamics import (
     coriolis,
     inertia,

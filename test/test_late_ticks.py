@@ -13,11 +13,11 @@ from robots import DEFAULT, Machine
 from scenario import Scenario
 from test_stability_bounds import CHATTERING, SMOOTH, variation
 
-from masmc_ros.control.limits import TORQUE_LIMIT
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.nodes.parameters import declared
 from masmc_ros.nodes.scenario import load_scenario, Values
+from masmc_ros.numerics.limits import TORQUE_LIMIT
 from masmc_ros.params.declaration import check_all
 
 CONFIG = Path(__file__).parent.parent / 'config'

@@ -45,7 +45,8 @@ class Loop:
 
     def rate_error(self) -> float:
         """Return the largest error of the estimated rates in rad/s."""
-        return float(np.abs(self.controller.memory['rates'][0] - self.robot.velocity[3:]).max())
+        estimated = self.controller.memory['rates'][0, :, 0]
+        return float(np.abs(estimated - self.robot.velocity[3:]).max())
 
 
 def rate_error(every: int, *, says_so: bool = True) -> float:

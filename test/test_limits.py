@@ -14,10 +14,10 @@ import pytest
 from robots import Array, between, PROPERTY
 from scenario import axes, Scenario, whole
 
-from masmc_ros.control.limits import limited
-from masmc_ros.control.reaching import SWITCHING
+from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.numerics.limits import limited
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

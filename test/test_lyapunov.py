@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
+from plant_state import derivative, PlantState
 import pytest
 from robots import (
     Angles,
@@ -21,12 +22,15 @@ from robots import (
     quads,
 )
 
-from masmc_ros.control.laws.plug_in import TickInput
+from masmc_ros.law.plug_in import TickInput
+from masmc_ros.law.registry import LAWS
+from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.loop.plant import derivative, PlantState
+from masmc_ros.numerics.record import fill
 from masmc_ros.robot.dynamics import coriolis
 from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
 from masmc_ros.robot.kinematics import task_drift, task_position
+from masmc_ros.robot.two_link import TWO_LINK
 
 
 @dataclass(frozen=True)
@@ -54,17 +58,16 @@ class Situation:
         velocity = np.array([0.0, 0.0, 0.0, *self.rates])
         gains = {'sigma': np.array([2.0, 1.0, 3.0, 0.5])}
         theta = np.array(self.robot.theta)
-        return tick_input(
-            np.array(self.robot.geometry),
-            theta,
-            1e-3,
-            gains,
-            position,
-            velocity,
-            self.reference,
-            self.estimate,
-            np.zeros(4),
-        )
+        settings = records.law_settings(TWO_LINK, LAWS['rasmc'], 'sign')
+        fill(settings, 'geometry', np.array(self.robot.geometry))
+        fill(settings, 'nominal', theta)
+        fill(settings, 'period', 1e-3)
+        fill(settings, 'sigma', gains['sigma'])
+        now = records.signals(TWO_LINK)
+        fill(now, 'position', position)
+        fill(now, 'velocity', velocity)
+        fill(now, 'reference', self.reference)
+        return tick_input(settings, now, gains, self.estimate, np.zeros(4))
 
     @property
     def task_disturbance(self) -> Array:

@@ -13,11 +13,11 @@ import pytest
 from robots import Array, between, PROPERTY
 from scenario import axes, in_pieces, Run, Scenario, tick_by_tick, whole
 
-from masmc_ros.loop.measurement import quantised
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Stretch
 from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.portable_random import gaussian, philox
+from masmc_ros.numerics.portable_random import gaussian, philox
+from masmc_ros.robot.plant.measurement import quantised
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

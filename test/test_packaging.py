@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 from surroundings import surroundings
 
-from masmc_ros.compiled import OLDEST_NUMBA
+from masmc_ros.numerics.compiled import OLDEST_NUMBA
 from masmc_ros.optional import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -25,18 +25,29 @@ from robots import (
 )
 
 from masmc_ros.errors import InputError
-from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
-from masmc_ros.loop.plant_tick import plant_start, plant_tick
-from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import plant_start, plant_tick
+from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.numerics.record import fill
 from masmc_ros.robot.dynamics import inertia, inertia_times
 from masmc_ros.robot.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link import TWO_LINK
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 
 ROBOT = Machine(DEFAULT)
 STILL = np.zeros(4)
+
+
+def plant_of(robot: Machine) -> Array:
+    """Return the settings of a robot that is measured exactly."""
+    plant = records.plant_settings(TWO_LINK)
+    fill(plant, 'geometry', np.array(robot.geometry))
+    fill(plant, 'theta', np.array(robot.theta))
+    fill(plant, 'is_exact', 1)
+    return plant
 
 
 class Plant:
@@ -45,13 +56,15 @@ class Plant:
     def __init__(self, robot: Machine, angles: Angles, rates: Quad) -> None:
         """Start at the origin with these angles and reduced velocities."""
         self.robot = robot
-        self._plant, self._memory = np.zeros(1, PLANT_SETTINGS), np.zeros(1, PLANT_MEMORY)
-        self._plant['geometry'], self._plant['theta'] = robot.geometry, robot.theta
-        self._plant['is_exact'] = 1
-        self.position, self.velocity = self._memory['position'][0], self._memory['velocity'][0]
+        self._plant, self._memory = plant_of(robot), records.plant_memory(TWO_LINK)
+        self._now = records.signals(TWO_LINK)
+        self.position, self.velocity = (
+            self._memory[name][0, :, 0] for name in ('position', 'velocity')
+        )
         self.position[:] = [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2]
-        self.velocity[3:] = rates
-        self.applied = np.zeros(4)
+        fill(self._memory, 'rates', rates)
+        self.applied = self._now['applied'][0, :, 0]
+        plant_start(self._plant, self._memory, np.zeros((1, 14, 1)), self._now)
 
     def tick(
         self,
@@ -66,19 +79,17 @@ class Plant:
         """Advance by one control period."""
         amplitude, frequency, phase = disturbance
         plant = self._plant
-        plant['amplitude'], plant['frequency'] = amplitude, frequency
-        plant['phase'] = phase + frequency * time
-        plant['limit'], plant['period'], plant['steps'] = limit, period, steps
-        plant_tick(
-            plant,
-            self._memory,
-            np.zeros((1, 14)),
-            0,
-            command,
-            np.empty(7),
-            np.empty(7),
-            self.applied,
-        )
+        for name, value in {
+            'amplitude': amplitude,
+            'frequency': frequency,
+            'phase': phase + frequency * time,
+            'limit': limit,
+            'period': period,
+            'steps': steps,
+        }.items():
+            fill(plant, name, value)
+        fill(self._now, 'torque', command)
+        plant_tick(plant, self._memory, np.zeros((1, 14, 1)), 0, self._now)
 
     @property
     def energy(self) -> float:
@@ -152,22 +163,13 @@ def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push
 def test_the_initial_pose_is_that_of_the_centre_of_mass(
     robot: Machine, yaw: float, joints: Quad, rates: Quad
 ) -> None:
-    position, velocity = np.full(7, np.nan), np.full(7, np.nan)
     offset = robot.physical['com_offset']
     pose = np.array([0.4, -0.6, yaw])
-    plant = np.zeros(1, PLANT_SETTINGS)
-    plant['geometry'], plant['is_exact'] = robot.geometry, 1
-    plant_start(
-        plant,
-        np.zeros(1, PLANT_MEMORY),
-        np.zeros((1, 14)),
-        offset,
-        pose,
-        np.array(joints),
-        np.array(rates),
-        position,
-        velocity,
-    )
+    start = {'initial_pose': pose, 'initial_joints': joints, 'initial_velocity': rates}
+    memory, now = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
+    write_start(memory, offset, start)
+    assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), now)
+    position, velocity = now['position'][0, :, 0], now['velocity'][0, :, 0]
     heading = np.array([math.cos(yaw), math.sin(yaw)])
     assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
     assert position[2:].tolist() == [yaw, *joints]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from robots import PROPERTY
 
-from masmc_ros.portable_math import sin, sin_cos, tanh
+from masmc_ros.numerics.portable_math import sin, sin_cos, tanh
 
 MODERATE = 1.0e3
 EXACT_REDUCTION = 1.6e6

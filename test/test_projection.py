@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
-from scenario import records, Scenario
+from scenario import Scenario
 from test_consistency import reduced_inertia, stretched
 
-from masmc_ros.loop.adaptation_tick import MARGIN, project_estimate
+from masmc_ros.law.parts.adaptation import MARGIN, projected
 from masmc_ros.robot.consistency import is_consistent
 from masmc_ros.robot.dynamics import BaseParameters
 
@@ -23,18 +23,20 @@ class Projected:
 
     def __init__(self, robot: Machine, lower: float, upper: float, gamma: Array) -> None:
         """Start at the nominal model, which is the robot's."""
-        bounds = (('projection_lower', lower), ('projection_upper', upper))
-        self.robot, self.gamma = robot, gamma
-        self._settings, _ = records(
-            Scenario(robot=robot, model_scale=1.0, gamma=gamma, extra=bounds)
-        )
+        self.robot, self.gamma, self._bounds = robot, gamma, (lower, upper)
         self.nominal = np.array(robot.theta)
         self.estimate = self.nominal.copy()
 
     def move(self, step: Array) -> None:
         """Add a step and project."""
         self.estimate += step
-        project_estimate(self._settings, np.empty(7), self.estimate)
+        self.estimate[:] = projected(
+            self.robot.geometry,
+            tuple(self.estimate.tolist()),
+            tuple(self.nominal.tolist()),
+            tuple(self.gamma.tolist()),
+            *self._bounds,
+        )
 
     def distance(self, other: Array) -> float:
         """Return the distance from a theta in the metric of Gamma."""

@@ -10,25 +10,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 from robots import between, PROPERTY
+from scenario import Scenario, whole
 
-from masmc_ros.control.laws.update import BUILT_IN, RASMC, SMC, updated_estimate
-from masmc_ros.control.reaching import (
-    explicit_reaching,
-    IMPLICIT,
-    SATURATION,
-    SIGMOID,
-    SIGN,
-    SWITCHING,
-    TANH,
-)
-from masmc_ros.control.surface import (
+from masmc_ros.law.parts.adaptation import moved_estimate
+from masmc_ros.law.parts.surface import (
     reference_acceleration,
     reference_velocity,
     sliding_surface,
 )
+from masmc_ros.law.reaching.reaching import reaching_force
+from masmc_ros.law.reaching.saturation import saturation
+from masmc_ros.law.reaching.sigmoid import sigmoid
+from masmc_ros.law.reaching.sign import sign
+from masmc_ros.law.reaching.tanh import smooth
+from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
 
+SIGN, SATURATION, TANH, SIGMOID = 'sign', 'saturation', 'tanh', 'sigmoid'
 SMOOTH = (SATURATION, TANH, SIGMOID)
 EXPLICIT = (SIGN, *SMOOTH)
+TERMS = {
+    SIGN: lambda s, delta: sign(s),
+    SATURATION: saturation,
+    TANH: smooth,
+    SIGMOID: sigmoid,
+}
 
 SURFACE = between(-50.0, 50.0)
 GAIN = between(0.0, 500.0)
@@ -36,24 +41,26 @@ LAYER = between(1e-3, 10.0)
 KINDS = st.sampled_from(EXPLICIT)
 
 
-def switched(kind: int, s: float, delta: float) -> float:
+def explicit_reaching(kind: str, s: float, k_s1: float, k_s2: float, delta: float) -> float:
+    """Return the reaching force of one axis."""
+    return reaching_force(s, k_s1, k_s2, TERMS[kind](s, delta))
+
+
+def switched(kind: str, s: float, delta: float) -> float:
     """Return the switching function alone: -u at K_s1 = 0 and K_s2 = 1."""
     return -explicit_reaching(kind, s, 0.0, 1.0, delta)
 
 
-def test_compiled_code_knows_the_choices_by_their_positions() -> None:
-    names = {SIGN: 'sign', SATURATION: 'saturation', TANH: 'tanh', SIGMOID: 'sigmoid'}
-    assert {SWITCHING[i]: i for i in (*EXPLICIT, IMPLICIT)} == {
-        **{name: i for i, name in names.items()},
-        'implicit': IMPLICIT,
-    }
-    assert (BUILT_IN[SMC], BUILT_IN[RASMC]) == ('smc', 'rasmc')
+def test_laws_and_terms_go_by_their_names() -> None:
+    assert (*EXPLICIT, 'implicit') == SWITCHING
+    assert {name: term.name for name, term in REACHING.items()} == {n: n for n in SWITCHING}
+    assert {name: law.name for name, law in LAWS.items()} == {'smc': 'smc', 'rasmc': 'rasmc'}
 
 
 @PROPERTY
 @given(KINDS, SURFACE, GAIN, GAIN, LAYER)
 def test_reaching_is_the_sum_of_both_terms(
-    kind: int, s: float, k_s1: float, k_s2: float, delta: float
+    kind: str, s: float, k_s1: float, k_s2: float, delta: float
 ) -> None:
     expected = -k_s1 * s - k_s2 * switched(kind, s, delta)
     assert explicit_reaching(kind, s, k_s1, k_s2, delta) == pytest.approx(expected, rel=1e-15)
@@ -62,7 +69,7 @@ def test_reaching_is_the_sum_of_both_terms(
 @PROPERTY
 @given(KINDS, SURFACE, GAIN, GAIN, LAYER)
 def test_reaching_is_odd_to_the_bit_and_opposes_s(
-    kind: int, s: float, k_s1: float, k_s2: float, delta: float
+    kind: str, s: float, k_s1: float, k_s2: float, delta: float
 ) -> None:
     u = explicit_reaching(kind, s, k_s1, k_s2, delta)
     assert explicit_reaching(kind, -s, k_s1, k_s2, delta) == -u
@@ -71,13 +78,13 @@ def test_reaching_is_odd_to_the_bit_and_opposes_s(
 
 @PROPERTY
 @given(KINDS, SURFACE, LAYER)
-def test_switching_stays_within_one(kind: int, s: float, delta: float) -> None:
+def test_switching_stays_within_one(kind: str, s: float, delta: float) -> None:
     assert abs(switched(kind, s, delta)) <= 1.0
 
 
 @PROPERTY
 @given(KINDS, SURFACE, SURFACE, LAYER)
-def test_switching_does_not_decrease(kind: int, s: float, other: float, delta: float) -> None:
+def test_switching_does_not_decrease(kind: str, s: float, other: float, delta: float) -> None:
     low, high = sorted((s, other))
     # Where the two branches of tanh meet, neighbours may change places by a rounding.
     assert switched(kind, low, delta) <= switched(kind, high, delta) + 4e-16
@@ -85,14 +92,14 @@ def test_switching_does_not_decrease(kind: int, s: float, other: float, delta: f
 
 @PROPERTY
 @given(st.sampled_from(SMOOTH), SURFACE.filter(lambda s: abs(s) > 1e-6))
-def test_a_thin_layer_is_the_sign(kind: int, s: float) -> None:
+def test_a_thin_layer_is_the_sign(kind: str, s: float) -> None:
     assert switched(kind, s, 1e-16) == pytest.approx(math.copysign(1.0, s), abs=1e-9)
 
 
 @PROPERTY
 @given(st.sampled_from(SMOOTH), between(-1.0, 1.0), LAYER)
 def test_inside_the_layer_the_slope_is_one_over_delta(
-    kind: int, ratio: float, delta: float
+    kind: str, ratio: float, delta: float
 ) -> None:
     s = 1e-6 * ratio * delta
     assert switched(kind, s, delta) == pytest.approx(s / delta, rel=2e-6)
@@ -108,12 +115,12 @@ def test_switching_functions_are_what_they_are_called(s: float, delta: float) ->
 
 
 @pytest.mark.parametrize('kind', EXPLICIT)
-def test_on_the_surface_there_is_no_force(kind: int) -> None:
+def test_on_the_surface_there_is_no_force(kind: str) -> None:
     assert explicit_reaching(kind, 0.0, 100.0, 100.0, 0.2) == 0.0
 
 
 @pytest.mark.parametrize('kind', EXPLICIT)
-def test_not_a_number_is_not_hidden(kind: int) -> None:
+def test_not_a_number_is_not_hidden(kind: str) -> None:
     assert math.isnan(explicit_reaching(kind, math.nan, 100.0, 100.0, 0.2))
 
 
@@ -137,7 +144,11 @@ def test_the_update_is_one_euler_step_of_23(
     estimate: float, gradient: float, gamma: float, period: float
 ) -> None:
     exact = Fraction(estimate) - Fraction(period) * Fraction(gradient) / Fraction(gamma)
-    found = updated_estimate(RASMC, estimate, 7.0, gradient, gamma, period, 0.0)
+    found = moved_estimate(estimate, 7.0, gradient, gamma, period, 0.0)
     size = abs(estimate) + abs(period * gradient / gamma)
     assert abs(Fraction(found) - exact) <= Fraction(1e-15 * size + 1e-300)
-    assert updated_estimate(SMC, estimate, 7.0, gradient, gamma, period, 1.0) == estimate
+
+
+def test_smc_learns_nothing() -> None:
+    run = whole(Scenario('smc', 'tanh', ticks=51))
+    assert (run.estimate == run.estimate[0]).all()

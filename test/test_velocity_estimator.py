@@ -15,7 +15,7 @@ import pytest
 from robots import Array, between, PROPERTY
 from scenario import Scenario, whole
 
-from masmc_ros.control.velocity_estimator import ESTIMATED, followed, gains
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, followed, gains
 
 PERIOD = 1e-3
 

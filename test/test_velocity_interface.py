@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from masmc_ros.errors import InputError
+from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Stretch
-from masmc_ros.loop.velocity_loop import drive, joint_inertias
 from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.numerics.record import fill
+from masmc_ros.robot.plant.drives import drive, joint_inertias
+from masmc_ros.robot.two_link import TWO_LINK
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 RATES = 'plant.command_interface=velocity', 'controller.command_interface=velocity'
@@ -133,7 +136,10 @@ def test_at_its_limit_a_drive_does_not_wind_up() -> None:
 
 def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
     robot = robot_of(load_scenario(PAPER)['plant'])
-    felt = joint_inertias(robot.geometry, robot.theta, 0.3, -1.2)
+    settings = records.plant_settings(TWO_LINK)
+    fill(settings, 'geometry', robot.geometry)
+    fill(settings, 'theta', robot.theta)
+    felt = joint_inertias(settings, np.array([[0.0], [0.0], [0.3], [-1.2]]))[:, 0]
     plant = SimulatedRobot(
         robot,
         1e-5,
@@ -142,7 +148,7 @@ def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
     mass = np.empty((4, 4))
     for i in range(4):
         plant.reset()
-        plant.memory['position'][0][5:] = 0.3, -1.2
+        plant.memory['position'][0, 5:, 0] = 0.3, -1.2
         plant.advance(np.eye(4)[i])
         mass[:, i] = plant.true_velocity[3:] / 1e-5
     assert felt == pytest.approx(np.diag(np.linalg.inv(mass)), rel=1e-4)

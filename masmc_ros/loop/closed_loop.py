@@ -1,15 +1,113 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stretch of the closed loop in compiled code: control tick, plant tick, and so on."""
+"""The closed loop in compiled code: single ticks for the nodes, stretches of runs in lanes."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.compiled import kernel
-from masmc_ros.control.command_interface import VELOCITY
-from masmc_ros.loop.control_tick import control, workspace
-from masmc_ros.loop.plant_tick import hold_command, observe
-from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.law import law
+from masmc_ros.law.parts.velocity_estimator import estimate_rates
+from masmc_ros.loop.control import control, within_limits
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
+from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.plant.tick import advance, observe, write_velocity
+
+
+@kernel
+def control_tick(settings: Any, memory: Any, now: Any) -> None:
+    """Compute one tick of the law.
+
+    Each argument is an array of one record: of the law's settings, of its memory, which the
+    next tick takes up, and of the signals, whose state and reference are read and whose
+    torque, rates, error, surface and estimate are written.
+    """
+    control(settings[0], memory[0], now[0])
+
+
+@kernel
+def estimate_velocity(settings: Any, memory: Any, now: Any) -> None:
+    """Write the velocities in `now` as the estimator has them at the positions in it."""
+    gains, position = settings[0], get(now[0], 'position', 0)
+    knows = get(gains, 'takes_rates', 0) == 0
+    estimate_rates(gains, memory[0], position, 0, knows)
+    model = mechanism.model_of(gains, 0)
+    rates = get(memory[0], 'rates', 0)
+    posture = mechanism.posture(model, position)
+    put(now[0], 'velocity', 0, mechanism.position_rates(model, posture, rates))
+
+
+@kernel
+def limit_torque(settings: Any, memory: Any, now: Any) -> None:
+    """Write the torque of a law in plain Python, `raw_torque`, within its limits."""
+    raw, gains = get(now[0], 'raw_torque', 0), settings[0]
+    torque = within_limits(gains, raw, get(memory[0], 'commanded', 0), 0)
+    put(memory[0], 'commanded', 0, torque)
+    put(now[0], 'torque', 0, torque)
+
+
+@kernel
+def settle(settings: Any, memory: Any) -> None:
+    """Let what was learned comply with parameters that have just changed."""
+    law.settle(settings[0], memory[0], 0)
+
+
+@kernel
+def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
+    """Advance the plant by one control period; tell whether all of its state is still finite.
+
+    The signals' command answers the state of `tick`; their state becomes that of the next.
+    """
+    advance(plant[0], memory[0], tick, now[0], False)
+    observe(plant[0], memory[0], delayed, tick + 1, now[0])
+    return is_finite(now[0])
+
+
+@kernel
+def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
+    """Advance the plant by one control period in which nobody commands: its drives hold.
+
+    They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
+    where torques are commanded, none of them is applied meanwhile: what the drives make to hold
+    is their own.
+    """
+    advance(plant[0], memory[0], tick, now[0], True)
+    observe(plant[0], memory[0], delayed, tick + 1, now[0])
+    return is_finite(now[0])
+
+
+@kernel
+def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
+    """Measure the state at tick 0 from the positions and the joints' rates in the memory."""
+    write_velocity(plant[0], memory[0])
+    observe(plant[0], memory[0], delayed, 0, now[0])
+    return is_finite(now[0])
+
+
+@formula
+def is_finite(now: Any) -> bool:
+    """Tell whether the state, true and as it is measured, consists of finite numbers.
+
+    Of a finite true state it need not: beyond 1e9 rad an angle has no sine.
+    """
+    total = 0.0
+    for lane in range(lane_count(now)):
+        for values in (
+            get(now, 'position', lane),
+            get(now, 'velocity', lane),
+            get(now, 'true_position', lane),
+            get(now, 'true_velocity', lane),
+        ):
+            # Zero for finite numbers, not-a-number for any other.
+            total += dot(each(_nothing, values), values)
+    return total == 0.0
+
+
+@formula
+def _nothing(value: float) -> float:
+    return value - value
 
 
 @kernel
@@ -19,65 +117,37 @@ def closed_loop(
     delayed: Any,
     settings: Any,
     memory: Any,
+    now: Any,
     first: int,
     final: bool,
     reference: Any,
-    true_position: Any,
-    true_velocity: Any,
-    position: Any,
-    velocity: Any,
-    effort: Any,
-    raw_torque: Any,
-    torque: Any,
-    rates: Any,
-    error: Any,
-    surface: Any,
-    estimates: Any,
-) -> int:
-    """Run ticks first ... first + n - 1 and return at how many the arm was close to singular.
+    signals: Any,
+) -> None:
+    """Run ticks first ... first + n - 1, in all lanes, and keep their signals (n).
 
-    Records and `delayed` as in `control_tick` and `plant_tick`. Rows are ticks: `reference`
-    (n, 12) is read; row 0 of the states (n + 1, 7), true and measured, and of `effort`
-    (n + 1, 4) is what is so at the start, the rest is written, and `raw_torque`, `torque`,
-    `error`, `surface` (n, 4) and `estimates` (n, 7) with it. When `final`, the last tick's
-    command is computed and not applied, so that row n of the states stays unwritten. With
-    commanded rates they are written to `rates` (n, 4), which is not touched else. A plant
-    that is measured exactly needs no true states apart: pass the measured ones twice.
+    Records as in `control_tick` and `plant_tick`; `now` holds the state at the first tick and
+    is left with that of the tick after the last. `reference` (n, 3 axes) is that of every
+    lane. When `final`, the last tick's command is computed and not applied.
     """
-    model, state = plant[0], plant_memory[0]
-    gains, state_of_law = settings[0], memory[0]
-    commands_rates = gains['command_interface'] == VELOCITY
-    work = workspace()
+    plant_of_all, state = copied(plant[0]), copied(plant_memory[0])
+    gains, learned, signal = copied(settings[0]), copied(memory[0]), copied(now[0])
     n = len(reference)
-    singular = 0
     for k in range(n):
-        for j in range(BASE_PARAMETERS):
-            estimates[k, j] = state_of_law['estimate'][j]
-        if control(
-            gains,
-            state_of_law,
-            position[k],
-            velocity[k],
-            reference[k],
-            raw_torque[k],
-            torque[k],
-            error[k],
-            surface[k],
-            work,
-        ):
-            singular += 1
-        if commands_rates:
-            for i in range(AXES):
-                rates[k, i] = state_of_law['velocity_command'][i]
+        write_reference(signal, reference[k])
+        control(gains, learned, signal)
+        copy_to(signal, signals[k])
         if final and k == n - 1:
             break
-        if commands_rates:
-            hold_command(model, state, first + k, rates[k], effort[k + 1])
-        else:
-            hold_command(model, state, first + k, torque[k], effort[k + 1])
-        observe(model, state, delayed, first + k + 1, position[k + 1], velocity[k + 1])
-        if not model['is_exact']:
-            for i in range(7):
-                true_position[k + 1, i] = state['position'][i]
-                true_velocity[k + 1, i] = state['velocity'][i]
-    return singular
+        advance(plant_of_all, state, first + k, signal, False)
+        observe(plant_of_all, state, delayed, first + k + 1, signal)
+    copy_to(state, plant_memory[0])
+    copy_to(learned, memory[0])
+    copy_to(signal, now[0])
+
+
+@formula
+def write_reference(signal: Any, reference: Any) -> None:
+    """Write a tick's reference into all lanes."""
+    desired = taken(reference, get(signal, 'reference', 0))
+    for lane in range(lane_count(signal)):
+        put(signal, 'reference', lane, desired)

@@ -9,74 +9,80 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACES, VELOCITY
-from masmc_ros.control.laws import registry
-from masmc_ros.control.laws.plug_in import PlugInLaw
-from masmc_ros.control.laws.update import BUILT_IN
-from masmc_ros.control.reaching import SWITCHING
-from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
-from masmc_ros.loop.adaptation_tick import project_estimate
-from masmc_ros.loop.control_tick import control_tick
-from masmc_ros.loop.controller_records import MEMORY, SETTINGS
+from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACES, VELOCITY
+from masmc_ros.law.law import Law
+from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.law.plug_in import PlugInLaw
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.loop.torque_limits import limit_command
-from masmc_ros.loop.velocity_tick import estimated_velocity
-from masmc_ros.robot import AXES, BASE_PARAMETERS
+from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.numerics.record import fill, take_over
 from masmc_ros.robot.parameters import Robot
+from masmc_ros.robot.two_link import TWO_LINK
 
-_AS_THEY_ARE = (
-    'k_s1',
-    'k_s2',
-    'sigma',
-    'gamma',
-    'boundary_layer',
-    'observer_gain',
-    'torque_limit',
-    'torque_rate_limit',
-    'leakage',
-    'e_modification',
-    'dead_zone',
-    'freeze_when_saturated',
-    'estimator_bandwidth',
-)
-"""Parameters whose values compiled code reads under their own names."""
+VELOCITY_INTERFACE = COMMAND_INTERFACES[VELOCITY]
+ESTIMATED_RATES = SOURCES[ESTIMATED]
+
+Array = NDArray[np.float64]
 
 
 class Controller:
     """A control law with its memory; arrays are written in place at every tick.
 
-    `torque` (4, N m), `error` (4, m) and `surface` (4, m/s) are the last tick's results,
-    `raw_torque` (4) what the law asked for before `torque_limit` and `torque_rate_limit`,
-    `used_estimate` (7) the theta_hat in that torque, `estimate` (7) the next tick's.
-    With `command_interface` velocity `velocity_command` (4) stands in for the torque: forward
-    speed of the platform in m/s, its yaw rate and the rates of both arm joints in rad/s.
-    `commanded` (4, N m) is what was really commanded last: the rate is limited against it,
-    the velocity estimator and laws in plain Python reckon with it. Who commands nothing in
-    the controller's place says so by `rest`.
+    `torque` (joints, N m), `error` (axes, m) and `surface` (axes, m/s) are the last tick's
+    results, `raw_torque` what the law asked for before `torque_limit` and `torque_rate_limit`,
+    `used_estimate` (parameters) the theta_hat in that torque. With `command_interface` velocity
+    `velocity_command` (joints) stands in for the torque: the base's own velocities, then the
+    rates of the joints it does not move by. All of them are of `now`, the signals of the tick.
+
+    `estimate` is the next tick's theta_hat; `commanded` (joints, N m) is what was really
+    commanded last: the rate is limited against it, the velocity estimator and laws in plain
+    Python reckon with it. Who commands nothing in the controller's place says so by `rest`.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the robot, the control period in s and checked values of `parameters()`."""
         self.period = period
-        self.settings = np.zeros(1, SETTINGS)
-        self.memory = np.zeros(1, MEMORY)
-        self.settings['geometry'] = robot.geometry
-        self.settings['nominal'] = values['model_scale'] * robot.theta
-        self.settings['period'] = period
-        self.geometry, self.nominal = self.settings['geometry'][0], self.settings['nominal'][0]
-        memory = self.memory
-        self.estimate, self.disturbance = memory['estimate'][0], memory['disturbance'][0]
-        self.predicted, self.commanded = memory['predicted'][0], memory['commanded'][0]
-        self.velocity_command = memory['velocity_command'][0]
-        self.torque, self.raw_torque = np.zeros(AXES), np.zeros(AXES)
-        self.error, self.surface = np.zeros(AXES), np.zeros(AXES)
-        self.used_estimate = np.zeros(BASE_PARAMETERS)
+        self.mechanism = TWO_LINK
+        self.now = records.signals(self.mechanism)
+        signals = {field.name: self.now[field.name][0] for field in SIGNALS}
+        self._position, self._velocity = signals['position'][:, 0], signals['velocity'][:, 0]
+        self._reference, self._singular = signals['reference'][:, 0], signals['singular']
+        self.torque, self.raw_torque = signals['torque'][:, 0], signals['raw_torque'][:, 0]
+        self.error, self.surface = signals['error'][:, 0], signals['surface'][:, 0]
+        self.used_estimate = signals['estimate'][:, 0]
+        self.velocity_command = signals['rates'][:, 0]
+        self.geometry = robot.geometry
+        self.nominal = values['model_scale'] * robot.theta
+        self.commands_rates = values['command_interface'] == VELOCITY_INTERFACE
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
+        self._law: Law = registry.OF_RATES
+        self.memory = self._new_memory()
+        self._choose(values)
         self.estimate[:] = self.nominal
-        self._forget_disturbance()
         self._apply(values)
+
+    @property
+    def estimate(self) -> Array:
+        """theta_hat of the next tick."""
+        estimate: Array = self.memory['estimate'][0, :, 0]
+        return estimate
+
+    @property
+    def commanded(self) -> Array:
+        """Torque commanded last, N m."""
+        commanded: Array = self.memory['commanded'][0, :, 0]
+        return commanded
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether torques or their rates are limited."""
+        return any(self.values['torque_limit']) or any(self.values['torque_rate_limit'])
 
     def reset(self) -> None:
         """Forget what was learned and commanded: everything as at the start."""
@@ -89,20 +95,22 @@ class Controller:
         What was predicted for the next tick is void, and the velocity estimator begins anew;
         what was learned stays.
         """
-        self.commanded[:] = 0.0
-        self.predicted[:] = np.nan
+        self.memory['commanded'] = 0.0
+        self.memory['predicted'] = np.nan
+        self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
 
-    def rates(self, velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the driven joints' rates (4, rad/s) before a tick of these velocities (7).
+    def rates(self, velocity: Array) -> Array:
+        """Return the driven joints' rates (rad/s) before a tick of these velocities.
 
         Those measured, or the last tick's estimate, with which the estimator begins at zero.
         """
-        if self.settings['velocity_source'][0] != ESTIMATED:
-            return velocity[-AXES:]
-        memory = self.memory[0]
-        return np.array(memory['rates']) if memory['follows'] else np.zeros(AXES)
+        joints = len(self.torque)
+        if self.values['velocity_source'] != ESTIMATED_RATES:
+            return velocity[-joints:]
+        follows = self.memory['follows'][0, 0]
+        return self.memory['rates'][0, :, 0].copy() if follows else np.zeros(joints)
 
     def skip(self, periods: int) -> None:
         """Note that so many ticks were left out, with the last torque held meanwhile.
@@ -110,15 +118,18 @@ class Controller:
         The disturbance estimate takes nothing from what happened in them, and the velocity
         estimator goes through them at once.
         """
-        self.predicted[:] = np.nan
+        self.memory['predicted'] = np.nan
         self.memory['left_out'] += periods
 
     def forget(self) -> None:
-        """Forget what was learned: theta_hat is nominal, the disturbance estimate zero."""
+        """Forget what was learned: theta_hat is nominal, the law's memory as at its start."""
+        kept = ('velocity_command', *(field.name for field in velocity_estimator.MEMORY))
+        before, self.memory = self.memory, self._new_memory()
+        for name in kept:
+            self.memory[name] = before[name]
         self.estimate[:] = self.nominal
-        self._forget_disturbance()
-        if not self.is_compiled:
-            self._plug_in = self._new_plug_in(self.values)
+        if self._plug_in is not None:
+            self._plug_in = type(self._plug_in)()
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Apply checked values of some parameters from the next tick on.
@@ -128,106 +139,76 @@ class Controller:
         zero.
         """
         before = self.values
-        self._apply({**before, **values})
-        now = self.values
+        now = {**before, **values}
+        if any(now[name] != before[name] for name in ('law', 'switching')):
+            self._choose(now)
+        self._apply(now)
         switched = now['switching'] != before['switching']
         if switched or (now['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
-            self._forget_disturbance()
+            self.memory['disturbance'] = 0.0
+            self.memory['predicted'] = np.nan
         if now['velocity_source'] != before['velocity_source']:
             self.memory['follows'] = 0
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the law in force is a built-in one, which whole runs are compiled with.
+        """Whether the law in force consists of formulas, which whole runs are compiled with.
 
-        So is the kinematic law of commanded rates, whatever `law` says.
+        So does the kinematic law of commanded rates, whatever `law` says.
         """
-        return self._plug_in is None or self.commands_rates
+        return self._plug_in is None
 
-    @property
-    def commands_rates(self) -> bool:
-        """Whether the command is `velocity_command` instead of `torque`."""
-        return bool(self.settings['command_interface'][0] == VELOCITY)
+    def tick(self, position: Array, velocity: Array, reference: Array) -> bool:
+        """Compute one tick; True where the task is close to singular.
 
-    def tick(
-        self,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        reference: NDArray[np.float64],
-    ) -> bool:
-        """Compute one tick; True where the arm is close to singular.
-
-        `position` and `velocity` (7) in the order of joint_states, `reference` (12).
+        `position` and `velocity` in the order of joint_states, `reference` x_d, xdot_d, xddot_d.
         """
-        self.used_estimate[:] = self.estimate
-        if self._plug_in is not None and not self.commands_rates:
-            return self._tick_plug_in(self._plug_in, position, velocity, reference)
-        return bool(
-            control_tick(
-                self.settings,
-                self.memory,
-                position,
-                velocity,
-                reference,
-                self.raw_torque,
-                self.torque,
-                self.error,
-                self.surface,
-            )
-        )
+        self._position[:] = position
+        self._velocity[:] = velocity
+        self._reference[:] = reference
+        if self._plug_in is not None:
+            return self._tick_plug_in(self._plug_in)
+        control_tick(self.settings, self.memory, self.now)
+        return bool(self._singular[0])
+
+    def _choose(self, values: Mapping[str, Any]) -> None:
+        """Make the records of a law; what it has in common with the one before goes on."""
+        law = registry.load(values['law'])
+        plug_in = None
+        if self.commands_rates:
+            law = registry.OF_RATES
+        elif not isinstance(law, Law):
+            plug_in = law()
+            # The parts that plain Python shares with the built-in laws are theirs.
+            law = registry.LAWS['smc']
+        self._law = law
+        settings = records.law_settings(self.mechanism, law, values['switching'])
+        fill(settings, 'geometry', self.geometry)
+        fill(settings, 'nominal', self.nominal)
+        fill(settings, 'period', self.period)
+        fill(settings, 'takes_rates', self.commands_rates)
+        self.settings, self._plug_in = settings, plug_in
+        before, self.memory = self.memory, self._new_memory()
+        take_over(self.memory, before)
+
+    def _new_memory(self) -> records.Records:
+        return records.law_memory(self.mechanism, self._law)
 
     def _apply(self, values: Mapping[str, Any]) -> None:
-        plug_in = None
-        if values['law'] not in BUILT_IN:
-            plug_in = self._new_plug_in(values)
         self.values = dict(values)
-        self._plug_in = plug_in
-        settings = self.settings
-        settings['law'] = BUILT_IN.index(values['law']) if plug_in is None else -1
-        settings['switching'] = SWITCHING.index(values['switching'])
-        for name in _AS_THEY_ARE:
-            settings[name] = values[name]
-        settings['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
-        settings['velocity_source'] = SOURCES.index(values['velocity_source'])
-        settings['has_limits'] = any(values['torque_limit']) or any(values['torque_rate_limit'])
-        settings['projection_lower'] = values['projection.lower']
-        settings['projection_upper'] = values['projection.upper']
-        if plug_in is None and values['projection.lower'] > 0.0:
-            project_estimate(settings, np.empty(BASE_PARAMETERS), self.estimate)
+        records.write_parameters(self.settings, values)
+        if self._plug_in is None and values['projection.lower'] > 0.0:
+            settle(self.settings, self.memory)
 
-    @staticmethod
-    def _new_plug_in(values: Mapping[str, Any]) -> PlugInLaw:
-        return registry.load(values['law'])()
-
-    def _forget_disturbance(self) -> None:
-        self.disturbance[:] = 0.0
-        self.predicted[:] = np.nan
-
-    def _tick_plug_in(
-        self,
-        law: PlugInLaw,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        reference: NDArray[np.float64],
-    ) -> bool:
-        if self.settings['velocity_source'][0] == ESTIMATED:
-            velocity = np.empty(7)
-            estimated_velocity(self.settings, self.memory, position, velocity)
+    def _tick_plug_in(self, law: PlugInLaw) -> bool:
+        if self.values['velocity_source'] == ESTIMATED_RATES:
+            estimate_velocity(self.settings, self.memory, self.now)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
             for name, value in self.values.items()
         }
-        inputs = tick_input(
-            self.geometry,
-            self.nominal,
-            self.period,
-            gains,
-            position,
-            velocity,
-            reference,
-            self.estimate,
-            self.commanded,
-        )
+        inputs = tick_input(self.settings, self.now, gains, self.estimate, self.commanded)
+        self.used_estimate[:] = self.estimate
         torque, estimate = law.step(inputs)
         for array, given, what in (
             (self.raw_torque, torque, 'torque'),
@@ -240,7 +221,7 @@ class Controller:
                     f'{array.size} finite numbers'
                 )
             array[:] = found
-        limit_command(self.settings, self.memory, self.raw_torque, self.torque)
+        limit_torque(self.settings, self.memory, self.now)
         self.error[:] = inputs.error
         self.surface[:] = inputs.surface
         return inputs.singular

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
-from masmc_ros.control.laws import registry
-from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
-from masmc_ros.control.reaching import SWITCHING
-from masmc_ros.control.velocity_estimator import SOURCES
+from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
+from masmc_ros.law.parts.velocity_estimator import SOURCES
+from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import AXES, BASE_PARAMETERS
 
@@ -74,6 +73,7 @@ def _limit(
         f'{description}, on wheel_right, wheel_left, arm_1, arm_2; 0 is none',
         unit=unit,
         length=AXES,
+        size='joints',
         broadcast=True,
         minimum=0.0,
         read_only=False,
@@ -113,6 +113,7 @@ def _gain(name: str, default: float, description: str, unit: str, **bounds: Any)
         f'{description}, per task axis x_E, y_E, x_F, y_F',
         unit=unit,
         length=AXES,
+        size='axes',
         broadcast=True,
         minimum=0.0,
         read_only=False,
@@ -133,6 +134,7 @@ def parameters() -> tuple[Parameter, ...]:
             'Adaptation matrix Gamma, per base inertial parameter; larger adapts more slowly',
             unit='J·s/θ²',
             length=BASE_PARAMETERS,
+            size='parameters',
             broadcast=True,
             minimum=0.0,
             exclusive_minimum=True,
@@ -142,7 +144,7 @@ def parameters() -> tuple[Parameter, ...]:
             'switching',
             'implicit',
             'Switching term: the sign, a smooth approximation of it, or implicit Euler',
-            choices=SWITCHING,
+            choices=registry.SWITCHING,
             read_only=False,
         ),
         Parameter(

@@ -9,134 +9,104 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
-from masmc_ros.control.laws.plug_in import TickInput
-from masmc_ros.loop.arrays import as_base_parameters, as_geometry
-from masmc_ros.loop.task_terms import surface_and_reference, task_inertia
-from masmc_ros.robot import AXES, BASE_PARAMETERS
-from masmc_ros.robot.dynamics import (
-    BaseParameters,
-    inertia,
-    inertia_times,
-    regressor,
-    regressor_times,
-)
-from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity, reduced_velocity
-from masmc_ros.robot.kinematics import is_singular, quasi_from_task, task_velocity
+from masmc_ros.law.plug_in import TickInput
+from masmc_ros.law.tick import task_inertia as inertia_of_task
+from masmc_ros.law.tick import tick_of
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import tabulate, tail, thirds, unit
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def _reduced_inertia_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, h, like = of
+    f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(like, j)))
+    return mechanism.joint_torques(model, f)
+
+
+@formula
+def _jacobian_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, like = of
+    return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(like, j)))
+
+
+@formula
+def _inverse_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, like = of
+    v = mechanism.motion_from_task(model, posture, unit(like, j))
+    return mechanism.joint_rates(model, v)
+
+
+@formula
+def _regressor_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, y, like = of
+    f = mechanism.regressor_times(model, y, unit(like, j))
+    return mechanism.joint_torques(model, f)
 
 
 @kernel
-def _dense(
-    geometry: Any,
-    nominal: Any,
-    position: Any,
-    velocity: Any,
-    reference: Any,
-    sigma: Any,
-    error: Any,
-    surface: Any,
-    v_r: Any,
-    a_r: Any,
-    jacobian: Any,
-    inverse: Any,
-    reduced_inertia: Any,
-    inertia_x: Any,
-    y_matrix: Any,
-) -> bool:
-    lengths = as_geometry(geometry)
-    bend = posture(position[2], position[5], position[6])
-    v = quasi_velocity(lengths, velocity[3], velocity[4], velocity[5], velocity[6])
-    v_ref, a_ref = surface_and_reference(
-        lengths, bend, v, position, reference, sigma, error, surface
+def _dense(settings: Any, now: Any) -> Any:
+    gains, signals = settings[0], now[0]
+    position = get(signals, 'position', 0)
+    model = mechanism.model_of(gains, 0)
+    posture = mechanism.posture(model, position)
+    rates = tail(get(signals, 'velocity', 0), get(signals, 'torque', 0))
+    desired = thirds(get(signals, 'reference', 0))
+    v = mechanism.motion(model, rates)
+    tick = tick_of(gains, 0, posture, v, position, desired)
+    h = mechanism.inertia(model, posture, tick.nominal)
+    return (
+        tick.error,
+        tick.surface,
+        mechanism.joint_rates(model, tick.reference_velocity),
+        mechanism.joint_rates(model, tick.reference_acceleration),
+        tabulate(_jacobian_column, rates, (model, posture, rates)),
+        tabulate(_inverse_column, rates, (model, posture, tick.error)),
+        tabulate(_reduced_inertia_column, rates, (model, h, rates)),
+        inertia_of_task(model, posture, tick.nominal, tick.error),
+        tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
+        mechanism.is_singular(model, posture),
     )
-    h = inertia(as_base_parameters(nominal), lengths, bend)
-    task_inertia(as_base_parameters(nominal), lengths, bend, inertia_x)
-    reduced = reduced_velocity(lengths, v_ref[0], v_ref[1], v_ref[2], v_ref[3])
-    reduced_dot = reduced_velocity(lengths, a_ref[0], a_ref[1], a_ref[2], a_ref[3])
-    y = regressor(lengths, bend, v, v_ref, a_ref)
-    for j in range(AXES):
-        v_r[j] = reduced[j]
-        a_r[j] = reduced_dot[j]
-        e0 = 1.0 if j == 0 else 0.0
-        e1 = 1.0 if j == 1 else 0.0
-        e2 = 1.0 if j == 2 else 0.0
-        e3 = 1.0 if j == 3 else 0.0
-        q = quasi_velocity(lengths, e0, e1, e2, e3)
-        x = task_velocity(lengths, bend, q[0], q[1], q[2], q[3])
-        f = inertia_times(h, q[0], q[1], q[2], q[3])
-        tau = joint_torque(lengths, f[0], f[1], f[2], f[3])
-        back = quasi_from_task(lengths, bend, e0, e1, e2, e3)
-        column = reduced_velocity(lengths, back[0], back[1], back[2], back[3])
-        for i in range(AXES):
-            jacobian[i, j] = x[i]
-            reduced_inertia[i, j] = tau[i]
-            inverse[i, j] = column[i]
-    for j in range(BASE_PARAMETERS):
-        unit = BaseParameters(
-            1.0 if j == 0 else 0.0,
-            1.0 if j == 1 else 0.0,
-            1.0 if j == 2 else 0.0,
-            1.0 if j == 3 else 0.0,
-            1.0 if j == 4 else 0.0,
-            1.0 if j == 5 else 0.0,
-            1.0 if j == 6 else 0.0,
-        )
-        f = regressor_times(y, unit)
-        tau = joint_torque(lengths, f[0], f[1], f[2], f[3])
-        for i in range(AXES):
-            y_matrix[i, j] = tau[i]
-    return is_singular(bend)
 
 
 def tick_input(
-    geometry: NDArray[np.float64],
-    nominal: NDArray[np.float64],
-    period: float,
+    settings: NDArray[np.void],
+    now: NDArray[np.void],
     gains: Mapping[str, Any],
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    reference: NDArray[np.float64],
     estimate: NDArray[np.float64],
     commanded: NDArray[np.float64],
 ) -> TickInput:
-    """Return what a law in plain Python is given: state, reference and dense matrices."""
-    error, surface, v_r, a_r = (np.empty(AXES) for _ in range(4))
-    jacobian, inverse, reduced, inertia_x = (np.empty((AXES, AXES)) for _ in range(4))
-    y_matrix = np.empty((AXES, BASE_PARAMETERS))
-    sigma = gains['sigma']
-    singular = _dense(
-        geometry,
-        nominal,
-        position,
-        velocity,
-        reference,
-        sigma,
-        error,
-        surface,
-        v_r,
-        a_r,
-        jacobian,
-        inverse,
-        reduced,
-        inertia_x,
-        y_matrix,
+    """Return what a law in plain Python is given: state, reference and dense matrices.
+
+    Args:
+        settings: those of a built-in law, with the parameters in force.
+        now: signals with the state and the reference.
+        gains: every parameter by name.
+        estimate: theta_hat.
+        commanded: the last tick's torque in N m.
+    """
+    error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = _dense(
+        settings, now
     )
     return TickInput(
-        period=period,
+        period=float(settings['period'][0, 0]),
         gains=gains,
-        position=position.copy(),
-        velocity=velocity.copy(),
-        reference=reference.reshape(3, AXES).copy(),
-        error=error,
-        error_rate=surface - sigma * error,
-        surface=surface,
-        reference_velocity=v_r,
-        reference_acceleration=a_r,
-        jacobian=jacobian,
-        inverse_jacobian=inverse,
-        inertia=reduced,
-        task_inertia=inertia_x,
-        regressor=y_matrix,
+        position=now['position'][0, :, 0].copy(),
+        velocity=now['velocity'][0, :, 0].copy(),
+        reference=now['reference'][0].reshape(3, -1).copy(),
+        error=np.array(error),
+        error_rate=np.array(surface) - gains['sigma'] * np.array(error),
+        surface=np.array(surface),
+        reference_velocity=np.array(v_r),
+        reference_acceleration=np.array(a_r),
+        jacobian=np.array(jacobian).T,
+        inverse_jacobian=np.array(inverse).T,
+        inertia=np.array(inertia).T,
+        task_inertia=np.array(task_inertia).T,
+        regressor=np.array(y).T,
         estimate=estimate.copy(),
         commanded=commanded.copy(),
         singular=bool(singular),

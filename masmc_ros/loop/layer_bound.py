@@ -12,22 +12,28 @@ from typing import Any
 
 import numpy as np
 
-from masmc_ros.compiled import kernel
-from masmc_ros.loop.arrays import as_base_parameters, as_geometry
-from masmc_ros.loop.task_terms import task_inertia
-from masmc_ros.robot.geometry import posture
+from masmc_ros.law.tick import task_inertia
+from masmc_ros.loop import records
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.record import fill, get
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.two_link import TWO_LINK
 
 
 @kernel
-def _write_task_inertia(theta: Any, geometry: Any, position: Any, matrix: Any) -> None:
-    bend = posture(position[2], position[5], position[6])
-    task_inertia(as_base_parameters(theta), as_geometry(geometry), bend, matrix)
+def _task_inertia(plant: Any, now: Any) -> Any:
+    model = mechanism.model_of(plant[0], 0)
+    bend = mechanism.posture(model, get(now[0], 'position', 0))
+    return task_inertia(model, bend, get(plant[0], 'theta', 0), get(now[0], 'error', 0))
 
 
 def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
-    """Return lambda_min(H_x) in kg at a position (7), of base parameters (7) and lengths (5)."""
-    matrix = np.empty((4, 4))
-    _write_task_inertia(theta, geometry, position, matrix)
+    """Return lambda_min(H_x) in kg of base parameters and lengths, at the positions."""
+    plant, now = records.plant_settings(TWO_LINK), records.signals(TWO_LINK)
+    fill(plant, 'theta', theta)
+    fill(plant, 'geometry', geometry)
+    fill(now, 'position', position)
+    matrix = np.array(_task_inertia(plant, now))
     return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
 
 

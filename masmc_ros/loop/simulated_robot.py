@@ -11,21 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.control.command_interface import (
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import (
     COMMAND_INTERFACE,
     COMMAND_INTERFACES,
     ENABLE_STAMPED_CMD_VEL,
     VELOCITY,
 )
-from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
-from masmc_ros.errors import InputError
-from masmc_ros.loop.plant_records import PLANT_MEMORY, PLANT_SETTINGS
-from masmc_ros.loop.plant_tick import plant_hold, plant_start, plant_tick
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.timing import check_count, MOST_TICKS
-from masmc_ros.loop.velocity_loop import joint_inertias
+from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.robot import AXES
+from masmc_ros.robot.mechanism import Mechanism
 from masmc_ros.robot.parameters import Robot
+from masmc_ros.robot.plant.drives import joint_inertias
+from masmc_ros.robot.two_link import TWO_LINK
 
 PLANT = (
     Parameter(
@@ -149,29 +152,32 @@ A joint that feels a quarter of its own inertia, as in a stretched arm, is stabl
 
 
 class SimulatedRobot:
-    """The plant's state and how it moves.
+    """The plant's state and how it moves; arrays are views of `now`, the signals of the tick.
 
-    `position` (7), `velocity` (7) are what is measured at the tick, in the order of
+    `position`, `velocity` (positions) are what is measured at the tick, in the order of
     joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
-    `applied` (4) is the torque over the interval just ended, in N m: that commanded, within the
-    motors' limits, or with commanded rates the mean of what the drives made of them.
+    `applied` (joints) is the torque over the interval just ended, in N m: that commanded,
+    within the motors' limits, or with commanded rates the mean of what the drives made of them.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the true robot, the control period in s and checked values of PLANT."""
         self.period = period
-        self.plant = plant_record(robot, period, values)
-        self.memory = np.zeros(1, PLANT_MEMORY)
-        self.delayed = np.zeros((int(self.plant['delay'][0]) + 1, 14))
+        self.mechanism = TWO_LINK
+        self.settings = records.plant_settings(self.mechanism)
+        write_plant(self.settings, robot, period, values)
+        self.memory = records.plant_memory(self.mechanism)
+        self.now = records.signals(self.mechanism)
+        self.delayed = delay_line(self.settings, self.mechanism)
         self.geometry = robot.geometry
-        self.is_exact = bool(self.plant['is_exact'][0])
         self._com_offset = robot.com_offset
         self._values = values
-        self.true_position, self.true_velocity = (
-            self.memory[name][0] for name in ('position', 'velocity')
+        self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
+            self.now[name][0, :, 0]
+            for name in ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
         )
-        self.position, self.velocity = np.zeros(7), np.zeros(7)
-        self.applied = np.zeros(AXES)
+        takes_rates = self.settings['takes_rates'][0, 0]
+        self._command = self.now['rates' if takes_rates else 'torque'][0, :, 0]
         self.tick = 0
         self.reset()
 
@@ -179,68 +185,97 @@ class SimulatedRobot:
         """Return to the initial state at t = 0; InputError where that is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
-        finite = plant_start(
-            self.plant,
-            self.memory,
-            self.delayed,
-            self._com_offset,
-            np.array(self._values['initial_pose']),
-            np.array(self._values['initial_joints']),
-            np.array(self._values['initial_velocity']),
-            self.position,
-            self.velocity,
-        )
-        if not finite:
+        write_start(self.memory, self._com_offset, self._values)
+        if not plant_start(self.settings, self.memory, self.delayed, self.now):
             raise InputError(
                 'initial_pose, initial_joints or initial_velocity make no state of a robot; '
                 'expected finite numbers, and angles that have a sine'
             )
 
     def advance(self, command: NDArray[np.float64] | None) -> None:
-        """Hold a command (4) for one control period; with None the drives hold the joints.
+        """Hold a command (joints) for one period; with None the drives hold the joints.
 
-        Torques in N m, or with `command_interface` velocity the platform's forward speed in
-        m/s, its yaw rate and the arm joints' rates in rad/s. Raises InputError where the state
-        is no longer finite.
+        Torques in N m, or with `command_interface` velocity the base's own velocities and the
+        rates of the joints that it does not move by. Raises InputError where the state is no
+        longer finite.
         """
-        before = self.plant, self.memory, self.delayed, self.tick
-        after = self.position, self.velocity, self.applied
+        moved = self.settings, self.memory, self.delayed, self.tick, self.now
         if command is None:
-            finite = plant_hold(*before, *after)
+            finite = plant_hold(*moved)
         else:
-            finite = plant_tick(*before, command, *after)
+            self._command[:] = command
+            finite = plant_tick(*moved)
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)
 
 
-def plant_record(robot: Robot, period: float, values: Mapping[str, Any]) -> NDArray[np.void]:
-    """Return one record of PLANT_SETTINGS; the period is in s, the values are those of PLANT."""
-    plant = np.zeros(1, PLANT_SETTINGS)
-    plant['geometry'], plant['theta'] = robot.geometry, robot.theta
-    for name in ('amplitude', 'frequency', 'phase'):
-        plant[name] = values[f'disturbance.{name}']
-    plant['limit'] = values['torque_limit']
-    plant['rate_limit'] = values['torque_rate_limit']
-    plant['period'] = period
+def write_plant(
+    settings: records.Records,
+    robot: Robot,
+    period: float,
+    values: Mapping[str, Any],
+    lane: int | None = None,
+) -> None:
+    """Write a robot, the control period in s and checked values of PLANT into a record."""
+    delay = round(values['measurement_delay'] / period)
+    imperfect = (*values['encoder_resolution'], *values['velocity_noise'], delay)
     step = values['integrator_step']
-    steps = Decimal(period) / Decimal(step)
-    check_count(steps, MOST_TICKS, 'integrator_step', step, 'steps in a control period')
-    plant['steps'] = max(1, round(period / step))
-    plant['resolution'] = values['encoder_resolution']
-    plant['noise'] = values['velocity_noise']
-    plant['delay'] = round(values['measurement_delay'] / period)
-    plant['seed'] = values['seed']
-    plant['command_interface'] = COMMAND_INTERFACES.index(values['command_interface'])
-    plant['bandwidth'] = values['velocity_loop.bandwidth']
-    if values['command_interface'] != COMMAND_INTERFACES[VELOCITY]:
+    check_count(
+        Decimal(period) / Decimal(step),
+        MOST_TICKS,
+        'integrator_step',
+        step,
+        'steps in a control period',
+    )
+    steps = max(1, round(period / step))
+    takes_rates = values['command_interface'] == COMMAND_INTERFACES[VELOCITY]
+    bandwidth = np.array(values['velocity_loop.bandwidth'])
+    if not takes_rates:
         # Whoever commands torques integrates as the robot needs it; drives that hold follow.
-        most = _BANDWIDTH_STEP * plant['steps'] / period
-        plant['bandwidth'] = np.minimum(plant['bandwidth'], most)
-    _, _, arm_1, arm_2 = values['initial_joints']
-    plant['inertia'] = joint_inertias(robot.geometry, robot.theta, arm_1, arm_2)
-    plant['is_exact'] = not any(plant[name].any() for name in ('resolution', 'noise', 'delay'))
-    return plant
+        bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
+    for name, value in {
+        'geometry': robot.geometry,
+        'theta': robot.theta,
+        'amplitude': values['disturbance.amplitude'],
+        'frequency': values['disturbance.frequency'],
+        'phase': values['disturbance.phase'],
+        'limit': values['torque_limit'],
+        'rate_limit': values['torque_rate_limit'],
+        'period': period,
+        'steps': steps,
+        'takes_rates': takes_rates,
+        'is_exact': not any(imperfect),
+        'resolution': values['encoder_resolution'],
+        'noise': values['velocity_noise'],
+        'delay': delay,
+        'seed': values['seed'],
+        'bandwidth': bandwidth,
+    }.items():
+        fill(settings, name, value, lane)
+    angles = np.array(values['initial_joints'])[:, None] + np.zeros(settings['inertia'][0].shape)
+    inertias = joint_inertias(settings, angles)
+    fill(settings, 'inertia', inertias[:, lane or 0], lane)
+
+
+def write_start(
+    memory: records.Records, com_offset: float, values: Mapping[str, Any], lane: int | None = None
+) -> None:
+    """Write the state that checked values of PLANT begin with, the platform's C being there."""
+    x, y, yaw = values['initial_pose']
+    s, c = sin_cos(yaw)
+    position = (x - com_offset * c, y - com_offset * s, yaw, *values['initial_joints'])
+    still = np.zeros(len(values['initial_velocity']))
+    fill(memory, 'position', position, lane)
+    fill(memory, 'rates', values['initial_velocity'], lane)
+    fill(memory, 'wound', still, lane)
+    fill(memory, 'driven', still, lane)
+
+
+def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:
+    """Return room for the measurements under way: (delay + 1, positions and rates, lanes)."""
+    lanes = settings['delay'].shape[-1]
+    return np.zeros((int(settings['delay'].max()) + 1, 2 * mechanism.sizes['positions'], lanes))
 
 
 def diverged(time: float) -> InputError:

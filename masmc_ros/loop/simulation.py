@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.control.command_interface import check_agreement
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
@@ -25,8 +25,11 @@ from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot import AXES, BASE_PARAMETERS
 from masmc_ros.robot.parameters import ROBOT, Robot
+
+_OF_PLANT = ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
+_COMPUTED = ('raw_torque', 'torque', 'error', 'surface', 'estimate', 'singular')
+_VECTORS = (*_OF_PLANT, *_COMPUTED[:-1])
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
@@ -141,60 +144,22 @@ class Simulation:
     def _compiled(
         self, first: int, reference: Array, followed: Array, *, final: bool
     ) -> Stretch:
-        n = len(reference)
         plant, controller = self.plant, self.controller
-        position, velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
-        true_position, true_velocity = position, velocity
-        if not plant.is_exact:
-            true_position, true_velocity = np.empty((n + 1, 7)), np.empty((n + 1, 7))
-        true_position[0], true_velocity[0] = plant.true_position, plant.true_velocity
-        applied = np.empty((n + 1, AXES))
-        position[0], velocity[0], applied[0] = plant.position, plant.velocity, plant.applied
-        raw_torque, torque, error, surface = (np.empty((n, AXES)) for _ in range(4))
-        rates = np.empty((n if controller.commands_rates else 0, AXES))
-        estimate = np.empty((n, BASE_PARAMETERS))
-        singular = closed_loop(
-            plant.plant,
+        signals = np.empty(len(reference), plant.now.dtype)
+        closed_loop(
+            plant.settings,
             plant.memory,
             plant.delayed,
             controller.settings,
             controller.memory,
+            plant.now,
             first,
             final,
             followed,
-            true_position,
-            true_velocity,
-            position,
-            velocity,
-            applied,
-            raw_torque,
-            torque,
-            rates,
-            error,
-            surface,
-            estimate,
+            signals,
         )
-        if not final:
-            plant.position[:], plant.velocity[:] = position[n], velocity[n]
-            plant.applied[:] = applied[n]
-            plant.tick = first + n
-        return Stretch(
-            first,
-            position[:n],
-            velocity[:n],
-            true_position[:n],
-            true_velocity[:n],
-            applied[:n],
-            raw_torque,
-            torque,
-            np.ones(n, bool),
-            rates,
-            reference,
-            error,
-            surface,
-            estimate,
-            singular,
-        )
+        plant.tick = first + len(reference)
+        return self._told(first, signals, reference, active=True)
 
     def _interpreted(
         self, first: int, reference: Array, followed: Array, *, final: bool
@@ -202,45 +167,32 @@ class Simulation:
         """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
         n = len(reference)
         plant, controller, is_active = self.plant, self.controller, self._is_active
-        rows: dict[str, Any] = {
-            'position': np.empty((n, 7)),
-            'velocity': np.empty((n, 7)),
-            'true_position': np.empty((n, 7)),
-            'true_velocity': np.empty((n, 7)),
-            'applied': np.empty((n, AXES)),
-            'raw_torque': np.zeros((n, AXES)),
-            'torque': np.zeros((n, AXES)),
-            'error': np.full((n, AXES), np.nan),
-            'surface': np.full((n, AXES), np.nan),
-            'estimate': np.empty((n, BASE_PARAMETERS)),
-        }
-        singular = 0
+        signals = np.zeros(n, plant.now.dtype)
         for k in range(n):
+            row, now = signals[k], controller.now[0]
             if is_active:
-                singular += controller.tick(plant.position, plant.velocity, followed[k])
-                rows['raw_torque'][k] = controller.raw_torque
-                rows['torque'][k] = controller.torque
-                rows['error'][k] = controller.error
-                rows['surface'][k] = controller.surface
-                rows['estimate'][k] = controller.used_estimate
+                controller.tick(plant.position, plant.velocity, followed[k])
+                for name in _COMPUTED:
+                    row[name] = now[name]
             else:
-                rows['estimate'][k] = controller.estimate
-            rows['position'][k] = plant.position
-            rows['velocity'][k] = plant.velocity
-            rows['true_position'][k] = plant.true_position
-            rows['true_velocity'][k] = plant.true_velocity
-            rows['applied'][k] = plant.applied
+                row['estimate'][:, 0] = controller.estimate
+                row['error'], row['surface'] = np.nan, np.nan
+            for name in _OF_PLANT:
+                row[name] = plant.now[0][name]
             if not (final and k == n - 1):
-                plant.advance(rows['torque'][k] if is_active else None)
-        # Rates that are commanded are compiled; at rest they are zero, and so are torques.
-        rates = np.zeros((n if controller.commands_rates else 0, AXES))
+                plant.advance(row['torque'][:, 0] if is_active else None)
+        return self._told(first, signals, reference, active=is_active)
+
+    def _told(self, first: int, signals: Any, reference: Array, *, active: bool) -> Stretch:
+        n, rates = len(signals), signals['rates'][:, :, 0]
         return Stretch(
-            first=first,
+            first,
+            **{name: signals[name][:, :, 0] for name in _VECTORS},
             reference=reference,
-            active=np.full(n, is_active),
-            rates=rates,
-            singular=singular,
-            **rows,
+            active=np.full(n, active),
+            # Rates that are commanded are compiled; at rest they are zero, and so are torques.
+            rates=rates if self.controller.commands_rates else rates[:0],
+            singular=int(signals['singular'].sum()),
         )
 
 

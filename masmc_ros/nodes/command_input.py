@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.log.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.nodes.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.qos import subscribe_with_past

@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from masmc_ros.control.command_interface import check_agreement
+from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.nodes.controller import ControllerNode
 from masmc_ros.nodes.plant import PlantNode
 from masmc_ros.nodes.runtime import Factory, run

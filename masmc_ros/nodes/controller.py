@@ -13,10 +13,9 @@ import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import String
 
-from masmc_ros.control.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
-from masmc_ros.control.laws import registry
-from masmc_ros.control.laws.update import BUILT_IN
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.log.parameter_record import record_of
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import (
@@ -379,8 +378,7 @@ class ControllerNode(SuiteNode):
 
 def _check_law(values: Mapping[str, Any]) -> None:
     """Refuse a plugged-in law that cannot be loaded."""
-    if values['law'] not in BUILT_IN:
-        registry.load(values['law'])
+    registry.load(values['law'])
 
 
 def main(arguments: list[str] | None = None) -> int:

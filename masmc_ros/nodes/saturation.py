@@ -24,7 +24,7 @@ class Saturation:
     def add(self, controller: Controller) -> None:
         """Note a tick that was computed."""
         self._ticks += 1
-        if controller.settings['has_limits'][0]:
+        if controller.has_limits:
             is_cut = controller.torque != controller.raw_torque
             self._of_joints += is_cut
             self._cut += bool(is_cut.any())

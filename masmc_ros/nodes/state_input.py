@@ -10,8 +10,8 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from masmc_ros.control.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.errors import InputError
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.log.cdr import JointStateCdr
 from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import BASE_JOINTS

@@ -51,6 +51,7 @@ class Parameter:
         choices: the values that a string (or each entry) may have, or a function that
             returns them; none means any.
         read_only: False if it may be changed while the node runs.
+        size: name of what an array has an entry for each of, as compiled code knows it.
         rule: what else holds of a value of the right type, length and range; None for nothing.
         rule_text: what is right, where `rule` is there: 'the names of 4 joints'.
         kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
@@ -71,6 +72,7 @@ class Parameter:
     read_only: bool = True
     rule: Callable[[Any], bool] | None = None
     rule_text: str = ''
+    size: str = ''
     kind: Kind = ''
 
     def __post_init__(self) -> None:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
-from masmc_ros.control.limits import clipped
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.limits import clipped
 from masmc_ros.reference.hermite import quintic
 from masmc_ros.robot.geometry import Geometry, posture, quasi_velocity
 from masmc_ros.robot.kinematics import task_position, task_velocity

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.compiled import formula
+from masmc_ros.numerics.compiled import formula
 
 Sample = tuple[float, float, float]
 

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from masmc_ros.compiled import formula
-from masmc_ros.portable_math import sin_cos
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.portable_math import sin_cos
 
 
 @formula

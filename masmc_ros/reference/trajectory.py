@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.line_sine import line_sine

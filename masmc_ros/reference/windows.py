@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
 from masmc_ros.reference.hermite import quintic
 
 Array = NDArray[np.float64]

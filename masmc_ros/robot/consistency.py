@@ -17,9 +17,7 @@ half-space that holds the whole set.
 
 from __future__ import annotations
 
-from typing import Any
-
-from masmc_ros.compiled import formula
+from masmc_ros.numerics.compiled import formula
 from masmc_ros.robot.dynamics import BaseParameters
 from masmc_ros.robot.geometry import Geometry
 
@@ -61,15 +59,17 @@ def weakest_motion(
 
 
 @formula
-def write_normal(
-    geometry: Geometry, x_0: float, x_1: float, x_2: float, x_3: float, normal: Any
-) -> None:
-    """Write the vector (7) with normal' theta = x' Q(theta) x."""
+def normal(
+    geometry: Geometry, x_0: float, x_1: float, x_2: float, x_3: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the vector n (7) with n' theta = x' Q(theta) x."""
     across = x_0 + geometry.arm_base * x_1
-    normal[0] = x_0 * x_0
-    normal[1] = x_1 * x_1
-    normal[2] = 2.0 * x_0 * x_1
-    normal[3] = 2.0 * x_2 * across
-    normal[4] = 2.0 * x_3 * (across + geometry.link_1 * x_2)
-    normal[5] = x_2 * x_2
-    normal[6] = x_3 * x_3
+    return (
+        x_0 * x_0,
+        x_1 * x_1,
+        2.0 * x_0 * x_1,
+        2.0 * x_2 * across,
+        2.0 * x_3 * (across + geometry.link_1 * x_2),
+        x_2 * x_2,
+        x_3 * x_3,
+    )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.compiled import formula
+from masmc_ros.numerics.compiled import formula
 from masmc_ros.robot.geometry import Geometry, Posture
 
 Quad = tuple[float, float, float, float]

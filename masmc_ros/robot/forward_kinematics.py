@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
+from masmc_ros.numerics.compiled import kernel
 from masmc_ros.robot.geometry import Geometry, posture
 from masmc_ros.robot.kinematics import task_position
 

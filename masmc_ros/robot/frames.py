@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from masmc_ros.compiled import kernel
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.portable_math import sin_cos
 from masmc_ros.robot.geometry import Geometry
 from masmc_ros.robot.names import FRAMES
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.compiled import formula
-from masmc_ros.portable_math import sin_cos
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.portable_math import sin_cos
 
 
 class Geometry(NamedTuple):

@@ -9,7 +9,7 @@ each in closed form.
 
 from __future__ import annotations
 
-from masmc_ros.compiled import formula
+from masmc_ros.numerics.compiled import formula
 from masmc_ros.robot.geometry import Geometry, Posture
 
 SINGULAR_SINE = 0.02

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.compiled import kernel
-from masmc_ros.portable_math import sin_cos
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.portable_math import sin_cos
 
 
 @kernel

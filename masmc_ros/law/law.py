@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contract of a control law: what a tick asks of it, and what it declares.
+
+A law is one file: a `Law` with its parameters and its memory, and up to three formulas,
+
+    torque(settings, tick, memory, lane) -> joints' torques that it asks for
+    learn(settings, tick, memory, lane, raw, torque)   what was really commanded is known now
+    settle(settings, memory, lane)                     what needs a loop, such as a projection
+
+`tick` is the named tuple of `law.tick`. Parameters and memory are read by
+`get(settings, 'k_s1', lane)` and written by `put(memory, 'estimate', lane, value)` under the
+names that they are declared with, a dot in a name being an underscore: a number, or a tuple of
+one number per axis, joint or parameter. Nothing here knows how many those are.
+
+The law is chosen when a kernel is compiled, by the type of the records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.record import Field
+from masmc_ros.params.declaration import Parameter
+
+
+@formula
+def _learns_nothing(
+    settings: Any, tick: Any, memory: Any, lane: int, raw: Any, torque: Any
+) -> None:
+    """Leave the memory as it is."""
+
+
+@formula
+def _settled(settings: Any, memory: Any, lane: int) -> None:
+    """Leave the memory as it is."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A control law."""
+
+    name: str
+    """As `law` names it."""
+    torque: Callable[..., Any]
+    """Formula of the torques."""
+    parameters: tuple[Parameter, ...] = ()
+    """Its own and those of the parts that it is made of."""
+    memory: tuple[Field, ...] = ()
+    """What a tick hands on to the next: its own and its parts'."""
+    learn: Callable[..., Any] = _learns_nothing
+    settle: Callable[..., Any] = _settled
+    source: str = ''
+    """Where it is from."""
+
+    @property
+    def formulas(self) -> SimpleNamespace:
+        """The formulas by their names in the contract."""
+        return SimpleNamespace(torque=self.torque, learn=self.learn, settle=self.settle)
+
+
+_KNOWN: dict[str, Law] = {}
+
+
+def register(law: Law) -> Law:
+    """Make a law known to compiled code."""
+    _KNOWN[law.name] = law
+    return law
+
+
+def law_named(name: str) -> Law:
+    """Return a law that was registered."""
+    return _KNOWN[name]
+
+
+_of_law = contract(by_tag('law', lambda name: _KNOWN[name.split(' ')[0]].formulas))
+
+
+@_of_law
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Any:
+    """Return the joints' torques that the law asks for, a tuple in N m."""
+
+
+@_of_law
+def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Any, torque: Any) -> None:
+    """Take note of what was commanded, `torque`, where the law asked for `raw`."""
+
+
+@_of_law
+def settle(settings: Any, memory: Any, lane: int) -> None:
+    """Finish what has loops of unknown length."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What laws are made of: surface, adaptation, limits, and the estimate of velocities."""

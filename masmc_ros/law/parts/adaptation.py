@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lets adaptation last: dead zone, leakage, e-modification and projection.
+
+With g = Y' J^-1 s the gradient of (23), theta_0 the nominal estimate and f in [0, 1] what
+the dead zone and a saturated torque leave of it, one tick is
+
+    theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
+
+explicit in the gradient and implicit in what pulls back, which no rate can make unstable;
+projection follows. docs/adaptation.md has the sources and what each part is for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+_CUTS = 200
+_HALVINGS = 60
+
+MARGIN = 0.5
+"""Projection keeps H(theta_hat) above this part of `projection.lower` times the nominal H."""
+
+
+@formula
+def beyond_dead_zone(distance: float, width: float) -> float:
+    """Return the part of |s| that lies beyond the dead zone, as a fraction of |s|.
+
+    The gradient times this fraction is that of s less its part inside the zone: continuous,
+    zero inside, all of it without a zone.
+    """
+    fraction = 1.0 - width / distance
+    return 1.0 if width == 0.0 else (fraction if distance > width else 0.0)
+
+
+@formula
+def moved_estimate(
+    estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
+) -> float:
+    """Return the next estimate of one parameter, pulled to the nominal one at a rate in 1/s.
+
+    `gradient` is f g, `gamma` the parameter's entry of Gamma, `period` in s.
+    """
+    moved = estimate - period * gradient / gamma
+    pulled = nominal + (moved - nominal) / (1.0 + period * rate)
+    return pulled if rate > 0.0 else moved
+
+
+@formula
+def bounds(nominal: float, lower: float, upper: float) -> tuple[float, float]:
+    """Return the least and the largest of lower ... upper times a number of whichever sign."""
+    one, other = lower * nominal, upper * nominal
+    return (one, other) if nominal > 0.0 else (other, one)
+
+
+@formula
+def clip_to_box(n: int, nominal: Any, lower: float, upper: float, estimate: Any) -> None:
+    """Clip theta (n) to the box lower ... upper times the nominal one."""
+    for j in range(n):
+        low, high = bounds(nominal[j], lower, upper)
+        value = estimate[j]
+        estimate[j] = low if value < low else (high if value > high else value)
+
+
+@formula
+def move_into_half_space(
+    n: int,
+    normal: Any,
+    bound: float,
+    gamma: Any,
+    nominal: Any,
+    lower: float,
+    upper: float,
+    estimate: Any,
+) -> None:
+    """Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
+
+    Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
+    the estimation error: no point of both comes farther away. Entries that reach their bound
+    stay there, and the others go on, at most n times.
+    """
+    for _ in range(n):
+        short = bound
+        slope = 0.0
+        for j in range(n):
+            short -= normal[j] * estimate[j]
+            low, high = bounds(nominal[j], lower, upper)
+            if (normal[j] > 0.0 and estimate[j] < high) or (normal[j] < 0.0 and estimate[j] > low):
+                slope += normal[j] * normal[j] / gamma[j]
+        if not (short > 0.0 and slope > 0.0):
+            return
+        for j in range(n):
+            estimate[j] += short * normal[j] / (gamma[j] * slope)
+        clip_to_box(n, nominal, lower, upper, estimate)
+
+
+@formula
+def _share(gradient: float, share: float) -> float:
+    """Return what is left of a gradient."""
+    return share * gradient
+
+
+@formula
+def adapt(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Move theta_hat on by one tick, before the projection."""
+    w = mechanism.motion_from_task(tick.model, tick.posture, tick.surface)
+    gradient = mechanism.regressor_transpose_times(tick.model, tick.regressor, w)
+    distance = math.sqrt(dot(tick.surface, tick.surface))
+    share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))
+    freezes = (get(settings, 'freeze_when_saturated', lane) != 0) & (torque != raw)
+    share = 0.0 if freezes else share
+    rate = get(settings, 'leakage', lane)
+    e_modification = get(settings, 'e_modification', lane)
+    rate = rate + e_modification * share * distance if e_modification > 0.0 else rate
+    following = each(
+        moved_estimate,
+        get(memory, 'estimate', lane),
+        tick.nominal,
+        each(_share, gradient, share),
+        get(settings, 'gamma', lane),
+        tick.period,
+        rate,
+    )
+    put(memory, 'estimate', lane, following)
+
+
+@formula
+def project(settings: Any, memory: Any, lane: int) -> None:
+    """Move theta_hat to where bodies can have it, where a projection is in force."""
+    lower = get(settings, 'projection_lower', lane)
+    if lower > 0.0:
+        theta = projected(
+            mechanism.model_of(settings, lane),
+            get(memory, 'estimate', lane),
+            get(settings, 'nominal', lane),
+            get(settings, 'gamma', lane),
+            lower,
+            get(settings, 'projection_upper', lane),
+        )
+        put(memory, 'estimate', lane, theta)
+
+
+@formula
+def _less(theta: float, nominal: float, part: float) -> float:
+    """Return an entry of theta less a part of the nominal one."""
+    return theta - part * nominal
+
+
+@kernel
+def projected(
+    model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
+) -> Numbers:
+    """Return theta moved into the box, and to where bodies can have it; docs/adaptation.md.
+
+    Every cut is the projection onto a half-space that holds every robot whose bodies are
+    all above `lower`, so that none takes theta farther from the theta of such a one. In the
+    rare case that many cuts do not suffice, the way to the nominal model, which is inside, is
+    halved until they do.
+    """
+    n = len(nominal)
+    estimate, normal = np.empty(n), np.empty(n)
+    for j in range(n):
+        estimate[j] = theta[j]
+    clip_to_box(n, nominal, lower, upper, estimate)
+    part = MARGIN * lower
+    for _ in range(_CUTS):
+        above = each(_less, taken(estimate, nominal), nominal, part)
+        pivot, x = mechanism.weakest_motion(model, above)
+        if pivot > 0.0:
+            return taken(estimate, nominal)
+        entries = mechanism.consistency_normal(model, x)
+        bound = 0.0
+        for j in range(n):
+            normal[j] = entries[j]
+            bound += lower * normal[j] * nominal[j]
+        move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
+    for _ in range(_HALVINGS):
+        above = each(_less, taken(estimate, nominal), nominal, part)
+        pivot, x = mechanism.weakest_motion(model, above)
+        if pivot > 0.0:
+            break
+        for j in range(n):
+            estimate[j] = nominal[j] + 0.5 * (estimate[j] - nominal[j])
+    return taken(estimate, nominal)

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sliding surface (13) and the reference state (14), one task axis at a time."""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+
+
+@formula
+def sliding_surface(error: float, error_rate: float, sigma: float) -> float:
+    """Return s = edot + sigma e of (13) in m/s: error in m, its rate in m/s, sigma in 1/s."""
+    return error_rate + sigma * error
+
+
+@formula
+def reference_velocity(desired_velocity: float, error: float, sigma: float) -> float:
+    """Return xdot_r = xdot_d - sigma e of (14) in m/s."""
+    return desired_velocity - sigma * error
+
+
+@formula
+def reference_acceleration(
+    desired_acceleration: float, error_rate: float, sigma: float
+) -> float:
+    """Return xddot_r = xddot_d - sigma edot of (14) in m/s2."""
+    return desired_acceleration - sigma * error_rate

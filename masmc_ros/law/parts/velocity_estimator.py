@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rates from joint angles: a Luenberger observer of angle, rate and push, one joint at a time.
+
+Between two ticks the nominal model says how the commanded torque and the law's disturbance
+estimate accelerate the joint; the push, an acceleration, is what they leave unsaid. At a tick
+all three follow the angle that was measured. docs/estimator.md has the equations.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.tuples import column, each, tail
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+SOURCES = ('measured', 'estimated')
+"""Choices of the parameter `velocity_source`; compiled code knows them by their position."""
+
+MEASURED, ESTIMATED = range(len(SOURCES))
+
+_PUSH = 0.1
+"""How fast the push follows, in proportion to what a filter of third order would have."""
+
+
+@formula
+def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
+    """Return the gains of angle, rate (times T) and push (times T^2).
+
+    Angle and rate are those of a critically damped filter of second order, both poles at
+    1 / (1 + bandwidth T): bandwidth in rad/s, T the period in s.
+    """
+    pole = 1.0 / (1.0 + bandwidth * period)
+    of_angle = 1.0 - pole * pole
+    of_rate = (1.0 - pole) * (1.0 - pole)
+    return of_angle, of_rate, _PUSH * of_rate * of_rate / of_angle
+
+
+@formula
+def followed(
+    angle: float,
+    rate: float,
+    push: float,
+    acceleration: float,
+    measured: float,
+    period: float,
+    gain: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """Return angle (rad), rate (rad/s) and push (rad/s2) one period later.
+
+    `acceleration` (rad/s2) is what the model expects over the period, `measured` the angle at
+    its end.
+    """
+    total = acceleration + push
+    reached = angle + period * rate + 0.5 * period * period * total
+    missed = measured - reached
+    return (
+        reached + gain[0] * missed,
+        rate + period * total + gain[1] * missed / period,
+        push + gain[2] * missed / (period * period),
+    )
+
+
+MEMORY = (
+    Field('follows', description='Whether the estimator has begun', kind='i8'),
+    Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
+    Field('angles', 'joints', 'Estimated angles', 'rad'),
+    Field('rates', 'joints', 'Estimated rates', 'rad/s'),
+    Field('push', 'joints', 'Estimated accelerations that the model leaves unsaid', 'rad/s²'),
+    Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
+    Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
+)
+"""What the estimator hands on to the next tick."""
+
+
+@formula
+def _sum(a: float, b: float) -> float:
+    return a + b
+
+
+@formula
+def _difference(a: float, b: float) -> float:
+    return a - b
+
+
+@formula
+def _nothing(of: float) -> float:
+    return 0.0
+
+
+@formula
+def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) -> Numbers:
+    """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
+    angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
+    torque = each(_sum, get(memory, 'commanded', lane), get(memory, 'felt', lane))
+    bend = mechanism.posture_of_joints(model, angles)
+    v = mechanism.motion(model, rates)
+    bias = mechanism.coriolis(model, bend, theta, v)
+    force = each(_difference, mechanism.forces(model, torque), bias)
+    h = mechanism.inertia(model, bend, theta)
+    return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))
+
+
+@formula
+def _followed(
+    angle: float,
+    rate: float,
+    push: float,
+    acceleration: float,
+    measured: float,
+    period: float,
+    of_angle: float,
+    of_rate: float,
+    of_push: float,
+) -> tuple[float, float, float]:
+    gain = (of_angle, of_rate, of_push)
+    return followed(angle, rate, push, acceleration, measured, period, gain)
+
+
+@formula
+def estimate_rates(
+    settings: Any, memory: Any, position: Numbers, lane: int, knows_torques: bool
+) -> None:
+    """Bring the estimated angles, rates and pushes to the tick of a position.
+
+    Over ticks that were left out it is one long period with its own gains: those of a short one
+    would take what the rates were off by for a jump of the angles, many times too large.
+    `knows_torques`: what drives make of commanded rates is not known, and all of it a push.
+    """
+    angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
+    push = get(memory, 'push', lane)
+    measured = tail(position, angles)
+    period = (1 + get(memory, 'left_out', lane)) * get(settings, 'period', lane)
+    put(memory, 'left_out', lane, 0)
+    if get(memory, 'follows', lane) == 0:
+        put(memory, 'follows', lane, 1)
+        put(memory, 'angles', lane, measured)
+        put(memory, 'rates', lane, each(_nothing, angles))
+        put(memory, 'push', lane, each(_nothing, angles))
+        return
+    gain = gains(get(settings, 'estimator_bandwidth', lane), period)
+    a = each(_nothing, angles)
+    if knows_torques:
+        model = mechanism.model_of(settings, lane)
+        a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
+    found = each(
+        _followed, angles, rates, push, a, measured, period, gain[0], gain[1], gain[2]
+    )
+    put(memory, 'angles', lane, column(found, 0))
+    put(memory, 'rates', lane, column(found, 1))
+    put(memory, 'push', lane, column(found, 2))
+
+
+@formula
+def note_disturbance(
+    memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
+) -> None:
+    """Keep the law's disturbance estimate (N) as torques for the next expectation."""
+    force = mechanism.forces_from_task(model, posture, disturbance)
+    put(memory, 'felt', lane, mechanism.joint_torques(model, force))

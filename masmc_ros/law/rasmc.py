@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robust adaptive sliding mode control (17): the torque of `smc`, and the update law (23).
+
+After the tick, theta_hat moves by an explicit Euler step of d theta_hat / dt = -Gamma^-1 Y' s,
+with what lets it last: `parts.adaptation`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import adapt, project
+from masmc_ros.law.reaching.reaching import correct
+from masmc_ros.law.smc import ESTIMATE, torque
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held: Numbers) -> None:
+    """Correct the prediction of the reaching term, and adapt."""
+    correct(settings, tick, memory, lane, raw, held)
+    adapt(settings, tick, memory, lane, raw, held)
+
+
+RASMC = register(Law('rasmc', torque, memory=(ESTIMATE,), learn=learn, settle=project))

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kinematic law of commanded rates, for drives that have a velocity loop of their own.
+
+Drives that follow v_r let the error decay as on the sliding surface, edot = -sigma e. The
+command v_r + T a_r / 2 is held for a period, whose middle its second term looks ahead to.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.smc import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def _ahead(velocity: float, acceleration: float, time: float) -> float:
+    """Return a velocity so much later."""
+    return velocity + time * acceleration
+
+
+@formula
+def _none(of: float) -> float:
+    return 0.0
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return no torque; write the command as a base and an arm take it to the memory."""
+    v = each(_ahead, tick.reference_velocity, tick.reference_acceleration, 0.5 * tick.period)
+    put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
+    return each(_none, get(memory, 'commanded', lane))
+
+
+RATES = register(Law('rates', torque, memory=(ESTIMATE,), settle=project))

@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The implicit reaching law: sliding mode without chatter, without a boundary layer.
+
+Implicit Euler discretisation of the set-valued law (V. Acary and B. Brogliato, "Implicit
+Euler numerical scheme and chattering-free implementation of sliding mode systems", Systems
+and Control Letters 59, 2010): the switching term belongs to the *next* sample's surface s+,
+
+    (H_x + T K_s1) s+ + T K_s2 zeta = H_x s,    zeta in Sgn(s+),    u = -K_s1 s+ - K_s2 zeta,
+
+with H_x the task-space inertia of the nominal model. On the surface, s+ = 0 and zeta is
+whatever keeps it there.
+
+What the model did not predict, s_k - s+_{k-1}, is an impulse of the disturbance, which the
+estimate d follows: d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.law.reaching.reaching import Reaching, register
+from masmc_ros.law.tick import task_inertia, Tick
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.tuples import each, least, matrix_times
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+Columns = tuple[Numbers, ...]
+
+# About two steps an axis suffice; the bound only stops rounding from going in circles.
+_STEPS = 200
+_TOLERANCE = 1.0e-13
+_NO_SIDE = 2.0
+_NO_PIVOT = 1.0e300
+
+
+@formula
+def _difference(s: float, predicted: float) -> float:
+    """Return what was not predicted of s on one axis."""
+    return s - predicted
+
+
+@formula
+def _followed(disturbance: float, impulse: float, gain_per_period: float) -> float:
+    """Return the next disturbance estimate of one axis in N."""
+    return disturbance + gain_per_period * impulse
+
+
+@formula
+def disturbance_estimate(
+    inertia: Columns, s: Numbers, predicted: Numbers, gain_per_period: float, disturbance: Numbers
+) -> Numbers:
+    """Return the next estimate in N.
+
+    `inertia` is H_x in kg by its columns, `predicted` the s+ of the previous tick in m/s,
+    not-a-number where there is none; `gain_per_period` is beta / T in 1/s.
+    """
+    impulse = matrix_times(inertia, each(_difference, s, predicted))
+    following = each(_followed, disturbance, impulse, gain_per_period)
+    is_off = (gain_per_period == 0.0) | (predicted[0] != predicted[0])
+    return disturbance if is_off else following
+
+
+@formula
+def _holds(force: float, box: float) -> float:
+    """Return 1 where the box of one axis, T K_s2, keeps it on the surface, else 0."""
+    has_box = box > 0.0
+    ratio = abs(force) / (box if has_box else 1.0)
+    return 0.0 if (not has_box) | (ratio > 1.0 + _TOLERANCE) else 1.0
+
+
+@formula
+def _times(a: float, b: float) -> float:
+    return a * b
+
+
+@formula
+def _nothing(a: float) -> float:
+    return 0.0
+
+
+@formula
+def solution(
+    inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
+) -> tuple[Numbers, Numbers]:
+    """Return s+ in m/s and zeta."""
+    force = matrix_times(inertia, s)
+    box = each(_times, k_s2, period)
+    # On the surface all boxes hold, and there is nothing to be solved.
+    if least(each(_holds, force, box)) > 0.0:
+        return each(_nothing, s), each(_within, force, box)
+    return _solved(inertia, period, k_s1, k_s2, s)
+
+
+@kernel
+def _solved(
+    inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
+) -> tuple[Numbers, Numbers]:
+    """Return the same from `implicit_reaching`."""
+    n = len(s)
+    following, zeta, work = np.empty(n), np.empty(n), np.empty((n, n + 1))
+    matrix = np.empty((n, n))
+    for j in range(n):
+        for i in range(n):
+            matrix[i, j] = inertia[j][i]
+    implicit_reaching(n, matrix, period, k_s1, k_s2, s, following, zeta, work)
+    return taken(following, s), taken(zeta, s)
+
+
+@formula
+def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance: float) -> float:
+    """Return u on one axis in N."""
+    return -(k_s1 * following + k_s2 * zeta) - disturbance
+
+
+@formula
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the reaching force, and remember s+ and the disturbance estimate."""
+    inertia = task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    k_s1, k_s2 = get(settings, 'k_s1', lane), get(settings, 'k_s2', lane)
+    disturbance = disturbance_estimate(
+        inertia,
+        tick.surface,
+        get(memory, 'predicted', lane),
+        get(settings, 'observer_gain', lane) / tick.period,
+        get(memory, 'disturbance', lane),
+    )
+    following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
+    put(memory, 'disturbance', lane, disturbance)
+    put(memory, 'predicted', lane, following)
+    return each(_pushed, k_s1, following, k_s2, zeta, disturbance)
+
+
+@formula
+def _moved(predicted: float, change: float, period: float) -> float:
+    return predicted + period * change
+
+
+@formula
+def correct(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Add to s+ what limits of the torque change in it: T J H^-1 (torque - raw torque).
+
+    The disturbance estimate then takes for a disturbance only what is one.
+    """
+    if torque != raw:
+        force = mechanism.forces(tick.model, each(_difference, torque, raw))
+        h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+        a = mechanism.inertia_solve(tick.model, h, force)
+        change = mechanism.task_velocity(tick.model, tick.posture, a)
+        predicted = each(_moved, get(memory, 'predicted', lane), change, tick.period)
+        put(memory, 'predicted', lane, predicted)
+
+
+@formula
+def implicit_reaching(
+    n: int,
+    inertia: Any,
+    period: float,
+    k_s1: Any,
+    k_s2: Any,
+    s: Any,
+    following: Any,
+    zeta: Any,
+    work: Any,
+) -> None:
+    """Solve for s+ (`following`, n, m/s) and zeta (n).
+
+    s+ minimises the strictly convex function s+' A s+ / 2 - (H_x s)' s+ + sum T K_s2 |s+|,
+    A = H_x + T K_s1. A primal active-set method finds it exactly: axes begin on the surface;
+    the one whose box is exceeded most leaves it; with the sides known the rest is a linear
+    system, and an axis that would cross the surface on the way is put back on it. Every step
+    lessens the function, so that no set of sides comes twice. `work` is (n, n + 1).
+    """
+    for i in range(n):
+        following[i] = 0.0
+        # The side on which an axis ends; one without a switching gain has no surface to
+        # stay on and no side.
+        zeta[i] = 0.0 if period * k_s2[i] > 0.0 else _NO_SIDE
+    for _ in range(_STEPS):
+        _minimise_on_sides(n, inertia, period, k_s1, k_s2, s, zeta, work)
+        if _move_on_sides(n, following, zeta, work):
+            continue
+        leaving = _exceeded_most(n, inertia, period, k_s2, s, following, zeta)
+        if leaving < 0:
+            break
+        rest = _force(n, inertia, s, following, leaving)
+        zeta[leaving] = 1.0 if rest > 0.0 else -1.0
+    for i in range(n):
+        if zeta[i] == 0.0:
+            zeta[i] = _within(_force(n, inertia, s, following, i), period * k_s2[i])
+        elif zeta[i] == _NO_SIDE:
+            zeta[i] = 0.0
+
+
+@formula
+def _minimise_on_sides(
+    n: int,
+    inertia: Any,
+    period: float,
+    k_s1: Any,
+    k_s2: Any,
+    s: Any,
+    side: Any,
+    work: Any,
+) -> None:
+    """Write into the last column of `work` the minimiser with these sides."""
+    for i in range(n):
+        stays = side[i] == 0.0
+        right = 0.0
+        for j in range(n):
+            right += inertia[i, j] * s[j]
+            work[i, j] = 0.0 if stays or side[j] == 0.0 else inertia[i, j]
+        right -= period * k_s2[i] * side[i] if side[i] != _NO_SIDE else 0.0
+        work[i, i] = 1.0 if stays else inertia[i, i] + period * k_s1[i]
+        work[i, n] = 0.0 if stays else right
+    # Elimination without pivoting: the matrix is symmetric positive definite. A pivot is
+    # zero only where a singular arm and no gain leave an axis without inertia: it stays.
+    for i in range(n):
+        pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
+        work[i, i] = pivot
+        for k in range(i + 1, n):
+            factor = work[k, i] / pivot
+            for j in range(i, n + 1):
+                work[k, j] -= factor * work[i, j]
+    for reverse in range(n):
+        i = n - 1 - reverse
+        value = work[i, n]
+        for j in range(i + 1, n):
+            value -= work[i, j] * work[j, n]
+        work[i, n] = value / work[i, i]
+
+
+@formula
+def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
+    """Move to the minimiser, or to where the first axis meets the surface; tell if one did."""
+    part = 1.0
+    meeting = -1
+    for i in range(n):
+        if abs(side[i]) == 1.0 and work[i, n] * side[i] < 0.0:
+            reach = following[i] / (following[i] - work[i, n])
+            if reach < part:
+                part = reach
+                meeting = i
+    for i in range(n):
+        move = part * (work[i, n] - following[i])
+        following[i] = work[i, n] if meeting < 0 else following[i] + move
+    if meeting >= 0:
+        following[meeting] = 0.0
+        side[meeting] = 0.0
+    return meeting >= 0
+
+
+@formula
+def _exceeded_most(
+    n: int, inertia: Any, period: float, k_s2: Any, s: Any, following: Any, side: Any
+) -> int:
+    """Return the axis on the surface that its box holds least; -1 where all are held."""
+    worst = 1.0 + _TOLERANCE
+    leaving = -1
+    for i in range(n):
+        if side[i] == 0.0:
+            ratio = abs(_force(n, inertia, s, following, i)) / (period * k_s2[i])
+            if ratio > worst:
+                worst = ratio
+                leaving = i
+    return leaving
+
+
+@formula
+def _force(n: int, inertia: Any, s: Any, following: Any, i: int) -> float:
+    """Return what an axis on the surface needs to stay there: entry i of H_x (s - s+)."""
+    force = 0.0
+    for j in range(n):
+        force += inertia[i, j] * (s[j] - following[j])
+    return force
+
+
+@formula
+def _within(value: float, box: float) -> float:
+    """Return value / box limited to [-1, 1]."""
+    ratio = value / box
+    return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
+
+
+IMPLICIT = register(
+    Reaching(
+        'implicit',
+        reach,
+        correct,
+        memory=(
+            Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
+            Field('predicted', 'axes', 's+; not-a-number: there is none', 'm/s', initial=math.nan),
+        ),
+    )
+)

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contract of a reaching term: u(s) in N, and what limits of the torque change in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.record import Field, get
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def _nothing_to_correct(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Leave the memory as it is."""
+
+
+@dataclass(frozen=True)
+class Reaching:
+    """A reaching term, by the name that `switching` gives it."""
+
+    name: str
+    reach: Callable[..., Any]
+    """(settings, tick, memory, lane) -> u, a tuple in N."""
+    correct: Callable[..., Any] = _nothing_to_correct
+    """(settings, tick, memory, lane, raw, torque): the law asked for `raw`, `torque` is held."""
+    parameters: tuple[Parameter, ...] = ()
+    memory: tuple[Field, ...] = ()
+
+    @property
+    def formulas(self) -> SimpleNamespace:
+        """The formulas by their names in the contract."""
+        return SimpleNamespace(reach=self.reach, correct=self.correct)
+
+
+_KNOWN: dict[str, Reaching] = {}
+
+
+def register(term: Reaching) -> Reaching:
+    """Make a reaching term known to compiled code."""
+    _KNOWN[term.name] = term
+    return term
+
+
+def reaching_named(name: str) -> Reaching:
+    """Return a reaching term that was registered."""
+    return _KNOWN[name]
+
+
+def switchings() -> tuple[str, ...]:
+    """Return the choices of `switching`."""
+    return tuple(_KNOWN)
+
+
+_of_term = contract(by_tag('switching', lambda name: _KNOWN[name].formulas))
+
+
+@_of_term
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the reaching force u on the task's axes in N."""
+
+
+@_of_term
+def correct(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Take note that `torque` is held where the law asked for `raw`."""
+
+
+@formula
+def reaching_force(s: float, k_s1: float, k_s2: float, switched: float) -> float:
+    """Return -K_s1 s - K_s2 sw(s) of (15) on one axis."""
+    return -k_s1 * s - k_s2 * switched
+
+
+@formula
+def force_of(settings: Any, tick: Tick, lane: int, switched: Numbers) -> Numbers:
+    """Return the reaching force of an explicit term from sw(s) on every axis."""
+    return each(
+        reaching_force,
+        tick.surface,
+        get(settings, 'k_s1', lane),
+        get(settings, 'k_s2', lane),
+        switched,
+    )

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The switching term linear in a boundary layer: sw(s) = s / delta, limited to [-1, 1]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+
+@formula
+def saturation(s: float, delta: float) -> float:
+    """Return s / delta, limited to [-1, 1]; both in m/s."""
+    ratio = s / delta
+    return 1.0 if ratio > 1.0 else (-1.0 if ratio < -1.0 else ratio)
+
+
+@formula
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+    """Return the reaching force."""
+    delta = get(settings, 'boundary_layer', lane)
+    return force_of(settings, tick, lane, each(saturation, tick.surface, delta))
+
+
+SATURATION = register(Reaching('saturation', reach))

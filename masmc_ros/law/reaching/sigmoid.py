@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The smooth switching term sw(s) = s / (|s| + delta)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+
+@formula
+def sigmoid(s: float, delta: float) -> float:
+    """Return s / (|s| + delta); both in m/s."""
+    return s / (abs(s) + delta)
+
+
+@formula
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+    """Return the reaching force."""
+    delta = get(settings, 'boundary_layer', lane)
+    return force_of(settings, tick, lane, each(sigmoid, tick.surface, delta))
+
+
+SIGMOID = register(Reaching('sigmoid', reach))

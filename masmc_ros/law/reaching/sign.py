@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's switching term, sw(s) = sgn s. Sampled, it chatters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.tuples import each
+
+
+@formula
+def sign(s: float) -> float:
+    """Return -1, 0 or 1."""
+    return 1.0 if s > 0.0 else (-1.0 if s < 0.0 else s)
+
+
+@formula
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+    """Return the reaching force."""
+    return force_of(settings, tick, lane, each(sign, tick.surface))
+
+
+SIGN = register(Reaching('sign', reach))

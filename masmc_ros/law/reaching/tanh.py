@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The smooth switching term sw(s) = tanh(s / delta)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics import portable_math
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+
+@formula
+def smooth(s: float, delta: float) -> float:
+    """Return tanh(s / delta); both in m/s."""
+    return portable_math.tanh(s / delta)
+
+
+@formula
+def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+    """Return the reaching force."""
+    delta = get(settings, 'boundary_layer', lane)
+    return force_of(settings, tick, lane, each(smooth, tick.surface, delta))
+
+
+TANH = register(Reaching('tanh', reach))

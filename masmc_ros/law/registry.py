@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All control laws and reaching terms by name: those of this folder, and users' own.
+
+A new law or reaching term is a file beside the others and one line here.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from masmc_ros.errors import InputError
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.plug_in import PlugInLaw
+from masmc_ros.law.rasmc import RASMC
+from masmc_ros.law.rates import RATES
+from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.law.reaching.saturation import SATURATION
+from masmc_ros.law.reaching.sigmoid import SIGMOID
+from masmc_ros.law.reaching.sign import SIGN
+from masmc_ros.law.reaching.tanh import TANH
+from masmc_ros.law.smc import SMC
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.plug_ins import load_plug_in, plugged_in
+
+LAWS = {law.name: law for law in (SMC, RASMC)}
+"""The laws of this folder that `law` chooses among."""
+
+OF_RATES = RATES
+"""The law of commanded rates, whatever `law` says."""
+
+REACHING = {term.name: term for term in (SIGN, SATURATION, TANH, SIGMOID, IMPLICIT)}
+"""The reaching terms that `switching` chooses among."""
+
+SWITCHING = tuple(REACHING)
+
+ENTRY_POINTS = 'masmc_ros.laws'
+"""Group of entry points through which a user's own law plugs in."""
+
+
+def names() -> tuple[str, ...]:
+    """Names of all laws, built in and plugged in."""
+    return (*LAWS, *plugged_in(ENTRY_POINTS))
+
+
+@cache
+def load(name: str) -> Law | type[PlugInLaw]:
+    """Return a law: formulas that are compiled, or a class in plain Python.
+
+    Raises:
+        InputError: where a plugged-in one cannot be loaded.
+    """
+    if name in LAWS:
+        return LAWS[name]
+    law: Law | type[PlugInLaw] = load_plug_in(ENTRY_POINTS, 'law', name)
+    if isinstance(law, Law):
+        if law.name != name:
+            raise InputError(f'law = {name}: its Law is called {law.name}, expected {name}')
+        register(law)
+    return law
+
+
+def parameters() -> tuple[Parameter, ...]:
+    """Return the declarations of the parameters that plugged-in laws bring."""
+    return tuple(p for name in plugged_in(ENTRY_POINTS) for p in load(name).parameters)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One tick of the control law, in all lanes: state and reference in, command out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law import law
+from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
+from masmc_ros.law.smc import ESTIMATE
+from masmc_ros.law.tick import tick_of
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.record import Field, get, lane_count, put
+from masmc_ros.numerics.tuples import each, tail, thirds
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+SETTINGS = (
+    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
+    Field('nominal', 'parameters', 'theta of the nominal model'),
+    Field('period', description='Control period T', unit='s'),
+    Field('takes_rates', description='Whether rates are commanded', kind='i8'),
+)
+"""What every law reads, beside the parameters that are declared."""
+
+MEMORY = (
+    ESTIMATE,
+    *velocity_estimator.MEMORY,
+    Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
+    Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
+)
+"""What every law hands on, beside what it declares."""
+
+
+@formula
+def control(settings: Any, memory: Any, now: Any) -> None:
+    """Compute one tick of the law from the state and the reference in `now`."""
+    lanes = lane_count(settings)
+    for lane in range(lanes):
+        if get(settings, 'velocity_source', lane) == ESTIMATED:
+            knows = get(settings, 'takes_rates', lane) == 0
+            estimate_rates(settings, memory, get(now, 'position', lane), lane, knows)
+    for lane in range(lanes):
+        _control(settings, memory, now, lane)
+    for lane in range(lanes):
+        if get(settings, 'velocity_source', lane) == ESTIMATED:
+            model = mechanism.model_of(settings, lane)
+            posture = mechanism.posture(model, get(now, 'position', lane))
+            note_disturbance(memory, model, posture, get(memory, 'disturbance', lane), lane)
+    for lane in range(lanes):
+        law.settle(settings, memory, lane)
+
+
+@formula
+def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
+    position = get(now, 'position', lane)
+    before = get(memory, 'commanded', lane)
+    model = mechanism.model_of(settings, lane)
+    posture = mechanism.posture(model, position)
+    measured = tail(get(now, 'velocity', lane), before)
+    is_estimated = get(settings, 'velocity_source', lane) == ESTIMATED
+    rates = each(_chosen, is_estimated, get(memory, 'rates', lane), measured)
+    tick = tick_of(
+        settings,
+        lane,
+        posture,
+        mechanism.motion(model, rates),
+        position,
+        thirds(get(now, 'reference', lane)),
+    )
+    put(now, 'estimate', lane, get(memory, 'estimate', lane))
+    raw = law.torque(settings, tick, memory, lane)
+    torque = within_limits(settings, raw, before, lane)
+    put(memory, 'commanded', lane, torque)
+    law.learn(settings, tick, memory, lane, raw, torque)
+    put(now, 'raw_torque', lane, raw)
+    put(now, 'torque', lane, torque)
+    put(now, 'rates', lane, get(memory, 'velocity_command', lane))
+    put(now, 'error', lane, tick.error)
+    put(now, 'surface', lane, tick.surface)
+    put(now, 'singular', lane, mechanism.is_singular(model, posture))
+
+
+@formula
+def _chosen(is_first: bool, first: float, second: float) -> float:
+    return first if is_first else second
+
+
+@formula
+def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
+    """Return a torque within the controller's limits, `before` being the last tick's."""
+    return each(
+        limited,
+        raw,
+        before,
+        get(settings, 'torque_limit', lane),
+        get(settings, 'torque_rate_limit', lane),
+        get(settings, 'period', lane),
+    )

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The records of compiled code, made from what laws, plant and parameters declare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import hashlib
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.law.law import Law
+from masmc_ros.law.registry import REACHING
+from masmc_ros.loop import control
+from masmc_ros.loop.controller_parameters import parameters
+from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.numerics.record import Field, fill, new_record
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.plant import tick as plant_tick
+
+Records = NDArray[np.void]
+
+_KINDS = {'bool': 'i8', 'integer': 'i8', 'double': 'f8', 'doubles': 'f8'}
+
+_CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
+
+
+def field_of(parameter: Parameter) -> Field | None:
+    """Return the field that compiled code reads a parameter from, None if it reads none.
+
+    A choice is read as its position among the choices.
+    """
+    if parameter.name in _CHOSEN_WHEN_COMPILED:
+        return None
+    kind = _KINDS.get(parameter.kind)
+    if parameter.kind == 'string' and parameter.choices and not callable(parameter.choices):
+        kind = 'i8'
+    if kind is None:
+        return None
+    size: str | int = parameter.size or parameter.length or ''
+    return Field(field_name(parameter.name), size, parameter.description, parameter.unit, kind)
+
+
+def field_name(parameter: str) -> str:
+    """Return the name of the field of a parameter."""
+    return parameter.replace('.', '_')
+
+
+def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
+    """Return settings of a law, all zero."""
+    declared = (field_of(p) for p in (*parameters(), *law.parameters))
+    fields = (*control.SETTINGS, *(field for field in declared if field is not None))
+    tags = {
+        'mechanism': mechanism.name,
+        # The digest keeps machine code apart that was made from other formulas.
+        'law': f'{law.name} {_digest(law)}'.rstrip(),
+        'switching': switching,
+    }
+    return new_record(fields, mechanism.sizes, lanes, tags)
+
+
+def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
+    """Return the memory of a law at its start."""
+    terms = (field for term in REACHING.values() for field in term.memory)
+    return new_record((*control.MEMORY, *law.memory, *terms), mechanism.sizes, lanes)
+
+
+def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:
+    """Return settings of a plant, all zero."""
+    tags = {'mechanism': mechanism.name}
+    return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags)
+
+
+def plant_memory(mechanism: Mechanism, lanes: int = 1) -> Records:
+    """Return the memory of a plant."""
+    return new_record(plant_tick.MEMORY, mechanism.sizes, lanes)
+
+
+def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
+    """Return the signals of a tick."""
+    return new_record(SIGNALS, mechanism.sizes, lanes)
+
+
+def write_parameters(
+    settings: Records, values: Mapping[str, Any], lane: int | None = None
+) -> None:
+    """Write checked values of parameters, by name, into the settings of a law."""
+    for parameter in parameters():
+        field = field_of(parameter)
+        if field is None or field.name not in (settings.dtype.names or ()):
+            continue
+        value = values[parameter.name]
+        if parameter.kind == 'string':
+            value = parameter.known_choices().index(value)
+        fill(settings, field.name, value, lane)
+
+
+def _digest(law: Law) -> str:
+    """Return what tells versions of a law from elsewhere apart; '' for one of the package."""
+    path = inspect.getsourcefile(getattr(law.torque, 'py_func', law.torque))
+    if path is None or Path(path).is_relative_to(Path(__file__).parents[1]):
+        return ''
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12]

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The named signals of a tick: what passes between plant, controller, log and report.
+
+Declared here once. A run is an array of such records, one a tick; a node has one.
+"""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.record import Field
+
+SIGNALS = (
+    Field('position', 'positions', 'Positions as measured', 'm, rad'),
+    Field('velocity', 'positions', 'Velocities as measured', 'm/s, rad/s'),
+    Field('true_position', 'positions', 'Positions as they are', 'm, rad'),
+    Field('true_velocity', 'positions', 'Velocities as they are', 'm/s, rad/s'),
+    Field('applied', 'joints', 'Torque held over the interval that ended at the tick', 'N·m'),
+    Field('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
+    Field('raw_torque', 'joints', 'Torque that the law asked for, before limits', 'N·m'),
+    Field('torque', 'joints', 'Torque commanded', 'N·m'),
+    Field('rates', 'joints', 'Rates commanded in place of a torque', 'm/s, rad/s'),
+    Field('error', 'axes', 'e = x - x_d', 'm'),
+    Field('surface', 'axes', 's = edot + sigma e', 'm/s'),
+    Field('estimate', 'parameters', 'theta_hat in the torque'),
+    Field('singular', description='Whether the task is close to singular', kind='i8'),
+)
+"""Every signal, in the order of their making."""

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How formulas become machine code, and where that code is kept.
+
+Two decorators for everything numerical in this package:
+
+* `formula`: a pure scalar function, numbers and tuples in, numbers and tuples out. It is
+  inlined into whatever compiled function calls it and can be called from Python as well.
+* `kernel`: a function over arrays that Python calls once per tick or once per run. Its
+  machine code is kept on disk between processes.
+
+Neither uses fast-math: LLVM must neither reassociate a sum nor contract a product into a
+fused multiply-add, because a run gives the same bits on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+from numba import __version__ as numba_version
+from numba import config, njit
+
+from masmc_ros.errors import UserError
+from masmc_ros.user_folder import runtime_folder
+
+OLDEST_NUMBA = (0, 58)
+"""That of Ubuntu 24.04; setup.py says the same."""
+
+if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
+    raise UserError(
+        f'numba {numba_version} is too old: expected {".".join(map(str, OLDEST_NUMBA))} or later;'
+        ' pip install --upgrade numba'
+    )
+
+_FOLDERS = ('numerics', 'robot', 'law', 'reference', 'loop')
+"""Folders of the package in which there is compiled code."""
+
+
+def formula(function: Callable[..., Any]) -> Any:
+    """Compile a pure scalar function, inlined where it is called from compiled code."""
+    return _compile(function, forceinline=True)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function over arrays and keep its machine code on disk."""
+    return _compile(function)
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Any:
+    # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
+    settings: Any = config  # its attributes are made when it is imported
+    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
+    try:
+        return njit(error_model='numpy', cache=True, **options)(function)
+    finally:
+        settings.CACHE_DIR = previous
+
+
+@cache
+def _cache_directory() -> Path:
+    """Directory of the machine code made from exactly these sources.
+
+    Numba renews a cached function when its own file changes, but not when a function that
+    it inlines does. A directory per content of all numerical sources closes that gap.
+    """
+    package = Path(__file__).parents[1]
+    sources = [path for name in _FOLDERS for path in sorted((package / name).rglob('*.py'))]
+    digest = hashlib.sha256()
+    for source in sources:
+        digest.update(source.read_bytes())
+    name = f'masmc_ros-{digest.hexdigest()[:16]}'
+    root = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
+    # The temporary folder is a shared one: machine code that is run must be one's own.
+    for parent in (lambda: root / 'masmc_ros', runtime_folder):
+        try:
+            directory = parent() / name
+            directory.mkdir(parents=True, exist_ok=True)
+        except (OSError, UserError):
+            continue
+        if os.access(directory, os.W_OK):
+            return directory
+    return package / '__pycache__'

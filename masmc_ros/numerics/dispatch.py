@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Functions of a contract: which formula is meant is chosen by the type of the first argument.
+
+A contract (of mechanisms, of laws, of reaching terms) names functions and says what they
+take and return. Whoever fulfils it is an object with formulas of these names. The choice is
+made when a kernel is compiled, by the type of what is passed first: the class of a named
+tuple, or a tag in the type of a record. It costs nothing when the kernel runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+from numba import types
+import numpy as np
+
+from masmc_ros.numerics.generated import called, Compiler, generated
+from masmc_ros.numerics.record import tag_of
+
+Finder = Callable[[Any], Any]
+
+
+def by_class(find: Callable[[type], Any]) -> Finder:
+    """Choose by the class of a named tuple; `find` returns who fulfils the contract for it."""
+
+    def choose(first: Any) -> Any:
+        is_type = isinstance(first, types.Type)
+        return find(first.instance_class if is_type else type(first))
+
+    return choose
+
+
+def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
+    """Choose by a record's tag of a name; `find` returns who fulfils the contract for it."""
+
+    def choose(first: Any) -> Any:
+        return find(tag_of(first.dtype if isinstance(first, np.void) else first, name))
+
+    return choose
+
+
+def contract(choose: Finder) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a function without a body to stand for the formulas of its name."""
+
+    def decorate(stub: Callable[..., Any]) -> Callable[..., Any]:
+        name = stub.__name__
+
+        @wraps(stub)
+        def plain(*arguments: Any) -> Any:
+            return getattr(choose(arguments[0]), name)(*arguments)
+
+        def target(context: Any, kinds: Any) -> types.Type:
+            return context.resolve_value_type(getattr(choose(kinds[0]), name))
+
+        def result(context: Any, *kinds: Any) -> types.Type:
+            found: types.Type = called(context, target(context, kinds), kinds).return_type
+            return found
+
+        @generated(plain, result)
+        def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+            of_call = target(compiler.context.typing_context, kinds)
+            return compiler.call(of_call, compiler.result, kinds, values)
+
+        return plain
+
+    return decorate

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Functions whose machine code is written out for the types that they are called with.
+
+A formula works on numbers and tuples, and compiled tuples have no loops. What is the same
+for every length of a tuple, every record and every choice among formulas is therefore told
+to the compiler as it is: the type of the result, and the instructions. Nothing is compiled
+by itself, so that it costs no time, and the kernel that calls it stays an ordinary function
+of a module, whose machine code is kept on disk (that of a closure would not be).
+
+The decorated function is plain Python, which runs where nothing is compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from numba.core import types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import lower_builtin
+
+Type = Any
+"""A type of Numba's, whose attributes depend on what it is the type of."""
+
+
+def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate `write(compiler, types, values)`, which emits the instructions of `plain`.
+
+    Args:
+        plain: the function in plain Python.
+        result: (typing context, types of the arguments) -> type of the result, or None where
+            the arguments are not such.
+    """
+
+    class Template(AbstractTemplate):
+        key = plain
+        prefer_literal = True
+
+        def generic(self, args: Sequence[Type], kws: Any) -> Any:
+            found = result(self.context, *args)
+            return None if found is None else signature(found, *args)
+
+    infer_global(plain, types.Function(type(f'Of_{plain.__name__}', (Template,), {})))
+
+    def decorate(write: Callable[..., Any]) -> Callable[..., Any]:
+        @lower_builtin(plain, types.VarArg(types.Any))
+        def lower(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
+            return write(Compiler(context, builder, sig.return_type), sig.args, args)
+
+        return plain
+
+    return decorate
+
+
+class Compiler:
+    """Emits the instructions of one call."""
+
+    def __init__(self, context: Any, builder: Any, result: Type) -> None:
+        """Emit into Numba's function that is being built; `result` is the call's type."""
+        self.context, self.builder, self.result = context, builder, result
+
+    def entries(self, value: Any, of: Type) -> list[Any]:
+        """Return the entries of a tuple."""
+        return [self.builder.extract_value(value, i) for i in range(len(of))]
+
+    def tuple(self, values: Sequence[Any], of: Type | None = None) -> Any:
+        """Return a tuple of values."""
+        return self.context.make_tuple(self.builder, of or self.result, values)
+
+    def number(self, value: float) -> Any:
+        """Return a constant."""
+        return self.context.get_constant(types.float64, value)
+
+    def cast(self, value: Any, given: Type, wanted: Type) -> Any:
+        """Return a value as one of another type."""
+        return self.context.cast(self.builder, value, given, wanted)
+
+    def call(self, function: Type, result: Type, given: Sequence[Type], values: Any) -> Any:
+        """Call a compiled function, `function` being its type."""
+        wanted = called(self.context.typing_context, function, given)
+        cast = [
+            self.cast(value, of, to)
+            for value, of, to in zip(values, given, wanted.args, strict=True)
+        ]
+        target = self.context.get_function(function, wanted)
+        self.context.add_linking_libs(getattr(target, 'libs', ()))
+        found = target(self.builder, cast)
+        return self.cast(found, wanted.return_type, result)
+
+
+def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:
+    """Return the signature of a function for arguments of some types."""
+    plain = tuple(types.unliteral(argument) for argument in arguments)
+    return function.get_call_type(context, plain, {})
+
+
+def like(values: Iterable[Type]) -> Type:
+    """Return the type of a tuple of values of some types."""
+    return types.BaseTuple.from_types(tuple(values))

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits of what is commanded: magnitude and rate, one joint at a time."""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+
+TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
+"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
+
+TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
+"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
+
+
+@formula
+def clipped(value: float, limit: float) -> float:
+    """Return the value within [-limit, limit]; a limit of 0 is none."""
+    within = limit if value > limit else (-limit if value < -limit else value)
+    return within if limit > 0.0 else value
+
+
+@formula
+def limited(
+    value: float, previous: float, limit: float, rate_limit: float, period: float
+) -> float:
+    """Return a command within its limits: of magnitude, and of change since `previous`.
+
+    Torques in N m, the rate in N m/s, the period in s; a limit of 0 is none. Magnitude has
+    the last word, so that a limit that was lowered holds at once.
+    """
+    step = rate_limit * period
+    change = value - previous
+    reached = previous + step if change > step else (previous - step if change < -step else value)
+    return clipped(reached if rate_limit > 0.0 else value, limit)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Elementary functions whose every bit is the same on every machine.
+
+The C library's sin, cos and tanh differ between machines in the last bit. These use only
+the IEEE operations + - * /, which do not. Argument reduction and minimax polynomials are
+the classical ones: W. J. Cody and W. Waite, Software Manual for the Elementary Functions
+(1980); coefficients as in FreeBSD's msun (sin, cos) and in S. L. Moshier's Cephes (tanh,
+exp). All are free of branches, so that they also run in vector lanes.
+"""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+
+# Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
+_ROUND = 6755399441055744.0
+_TWO_OVER_PI = 6.36619772367581382433e-01
+# pi/2 in three parts of 33 bits, n * part being exact for |n| < 2**20, and the rest.
+_HALF_PI_1 = 1.57079632673412561417e00
+_HALF_PI_2 = 6.07710050630396597660e-11
+_HALF_PI_3 = 2.02226624871116645580e-21
+_HALF_PI_REST = 8.47842766036889956997e-32
+# From here on the reduction would return noise; not-a-number says so. It is a constant because
+# older releases of Numba do not compile float('nan').
+_LARGEST_ANGLE = 1.0e9
+_NAN = float('nan')
+
+_LOG2_E = 1.44269504088896338700e00
+_LN2_HIGH = 6.93145751953125e-01
+_LN2_LOW = 1.42860682030941723212e-06
+# tanh is 1 to the last bit beyond 19.07.
+_TANH_SATURATION = 20.0
+
+
+@formula
+def sin_cos(angle: float) -> tuple[float, float]:
+    """Return (sin, cos) of an angle in rad.
+
+    Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
+    worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
+    """
+    angle = angle if abs(angle) < _LARGEST_ANGLE else _NAN
+    n = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
+    r = (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
+    z = r * r
+    tail = 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z * (
+            2.75573137070700676789e-06
+            + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+        )
+    )
+    sine = r + (z * r) * (-1.66666666666666324348e-01 + z * tail)
+    tail = z * (
+        4.16666666666666019037e-02
+        + z * (
+            -1.38888888888741095749e-03
+            + z * (
+                2.48015872894767294178e-05
+                + z * (
+                    -2.75573143513906633035e-07
+                    + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+                )
+            )
+        )
+    )
+    half = 0.5 * z
+    rest = 1.0 - half
+    cosine = rest + (((1.0 - rest) - half) + z * tail)
+    # Quadrant n mod 4, from the floor of n / 4.
+    quadrant = n - 4.0 * (((n * 0.25 - 0.375) + _ROUND) - _ROUND)
+    odd = (quadrant == 1.0) | (quadrant == 3.0)
+    sin_value = cosine if odd else sine
+    cos_value = sine if odd else cosine
+    sin_value = -sin_value if quadrant >= 2.0 else sin_value
+    cos_value = -cos_value if (quadrant == 1.0) | (quadrant == 2.0) else cos_value
+    return sin_value, cos_value
+
+
+@formula
+def sin(angle: float) -> float:
+    """Return the sine of an angle in rad; see `sin_cos`."""
+    return sin_cos(angle)[0]
+
+
+@formula
+def tanh(x: float) -> float:
+    """Return the hyperbolic tangent, within two ulp of the exact value."""
+    # Small arguments: a rational approximation without cancellation.
+    z = x * x
+    numerator = (
+        -9.64399179425052238628e-01 * z - 9.92877231001918586564e01
+    ) * z - 1.61468768441708447952e03
+    denominator = (
+        (z + 1.12811678491632931402e02) * z + 2.23548839060100448583e03
+    ) * z + 4.84406305325125486048e03
+    near = x + x * z * (numerator / denominator)
+    # Others: 1 - 2 / (exp(2 |x|) + 1), the exponential as 2**n exp(r).
+    magnitude = abs(x)
+    magnitude = magnitude if magnitude < _TANH_SATURATION else _TANH_SATURATION
+    y = magnitude + magnitude
+    n = (y * _LOG2_E + _ROUND) - _ROUND
+    r = (y - n * _LN2_HIGH) - n * _LN2_LOW
+    z = r * r
+    p = r * ((1.26177193074810590878e-04 * z + 3.02994407707441961300e-02) * z + 1.0)
+    q = (
+        (3.00198505138664455042e-06 * z + 2.52448340349684104192e-03) * z
+        + 2.27265548208155028766e-01
+    ) * z + 2.0
+    exponential = (1.0 + 2.0 * (p / (q - p))) * float(1 << int(n))
+    far = 1.0 - 2.0 / (exponential + 1.0)
+    far = far if x > 0.0 else -far
+    value = near if abs(x) < 0.625 else far
+    return value if x == x else x

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of declared fields, [component, lane], as compiled code and Python read them.
+
+A field is declared once, where what it belongs to stands: a gain, a setting, something to
+remember, a signal. Its size is a name (`axes`, `joints`, ...) that the mechanism gives a
+number to. A record holds a field of one component as (lanes), others as (components, lanes):
+one lane for the nodes, many for runs side by side, which compiled code goes through
+innermost.
+
+Which law, which mechanism a record belongs to is part of its type, as the name of an empty
+field: the compiler chooses formulas by it, and keeps what it makes of them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.numerics.generated import Compiler, generated
+
+ONE = ''
+"""Size of a field that is one number."""
+
+_TAG = ':'
+
+_CACHE_LINE = 64
+
+
+class Field(NamedTuple):
+    """A declared field of a record."""
+
+    name: str
+    size: str | int = ONE
+    """Name of the number of components, or that number; ONE for a single number."""
+    description: str = ''
+    unit: str = ''
+    kind: str = 'f8'
+    """NumPy's code of the type of a component: f8 or i8."""
+    initial: float = 0.0
+    """Value of every component in a new record."""
+
+
+def record_type(
+    fields: Iterable[Field],
+    sizes: Mapping[str, int],
+    lanes: int = 1,
+    tags: Mapping[str, str] | None = None,
+) -> np.dtype[Any]:
+    """Return the type of a record of some fields, each named once.
+
+    Args:
+        fields: those declared; of several of one name the first counts.
+        sizes: number of components by name of a size.
+        lanes: runs side by side.
+        tags: what the compiler is to choose by, by name.
+    """
+    known: dict[str, Field] = {}
+    for field in fields:
+        known.setdefault(field.name, field)
+    def shape(size: str | int) -> tuple[int, ...]:
+        components = sizes[size] if isinstance(size, str) and size else size
+        return (int(components), lanes) if components else (lanes,)
+
+    members: list[tuple[Any, ...]] = [
+        (field.name, field.kind, shape(field.size)) for field in known.values()
+    ]
+    # One byte at the end each, so that no number is moved by it.
+    members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]
+    return np.dtype(members, align=True)
+
+
+def new_record(
+    fields: Sequence[Field],
+    sizes: Mapping[str, int],
+    lanes: int = 1,
+    tags: Mapping[str, str] | None = None,
+) -> NDArray[np.void]:
+    """Return an array of one record with the initial values of its fields."""
+    record = np.zeros(1, record_type(fields, sizes, lanes, tags))
+    for field in fields:
+        record[field.name] = field.initial
+    return record
+
+
+def fill(record: NDArray[np.void], name: str, value: Any, lane: int | None = None) -> None:
+    """Write a number or a vector into a field of an array of one record.
+
+    Into one lane, or into all of them alike.
+    """
+    numbers = np.asarray(value)
+    lanes = slice(None) if lane is None else slice(lane, lane + 1)
+    record[name][0][..., lanes] = numbers[..., None]
+
+
+def take_over(record: NDArray[np.void], before: NDArray[np.void]) -> None:
+    """Copy the fields that two records have in common from the one before."""
+    for name in record.dtype.names or ():
+        if _TAG not in name and name in (before.dtype.names or ()):
+            record[name] = before[name]
+
+
+def tag_of(record: types.Record | np.dtype[Any], name: str) -> str:
+    """Return the tag of this name; KeyError for a record without it."""
+    fields = record.fields if isinstance(record, types.Record) else record.names or ()
+    for field in fields:
+        if field.startswith(name + _TAG):
+            return str(field[len(name) + 1 :])
+    raise KeyError(name)
+
+
+def lanes_of(record: np.ndarray[Any, Any]) -> int:
+    """Return the number of lanes of an array of records."""
+    assert record.dtype.names is not None
+    return int(record.dtype[record.dtype.names[0]].shape[-1])
+
+
+def lane_count(record: Any) -> int:
+    """Return the number of lanes of a record, in compiled code a constant."""
+    return lanes_of(record)
+
+
+def _shape(record: Any, name: str) -> tuple[int, ...]:
+    return tuple(record.fields[name].type.shape)
+
+
+@generated(lane_count, lambda context, record: types.intp)
+def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    lanes = next(iter(kinds[0].fields.values())).type.shape[-1]
+    number = compiler.context.get_constant(types.intp, lanes)
+    if lanes == 1:
+        return number
+    # Where the compiler knows how many, it writes a tick out once for each lane, and does not
+    # find out that one instruction does for several.
+    same = ir.FunctionType(number.type, [number.type])
+    return compiler.builder.asm(same, '', '=r,0', [number], False)
+
+
+def get(record: Any, name: str, lane: int) -> Any:
+    """Return a field of one lane: a number, or a tuple of its components."""
+    values = record[name]
+    if values.ndim == 1:
+        return values[lane]
+    return tuple(values[:, lane])
+
+
+def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
+    is_known = isinstance(record, types.Record) and isinstance(name, types.StringLiteral)
+    if not is_known:
+        return None
+    shape = _shape(record, name.literal_value)
+    kind = record.fields[name.literal_value].type.dtype
+    return kind if len(shape) == 1 else types.UniTuple(kind, shape[0])
+
+
+@generated(get, _type_of_field)
+def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    places = _places(compiler, kinds, values)
+    found = [compiler.builder.load(place) for place in places]
+    return compiler.tuple(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
+
+
+def put(record: Any, name: str, lane: int, value: Any) -> None:
+    """Write a number or a tuple into a field of one lane."""
+    values = record[name]
+    if values.ndim == 1:
+        values[lane] = value
+    else:
+        values[:, lane] = value
+
+
+@generated(put, lambda context, record, name, lane, value: types.none)
+def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    kind = kinds[0].fields[kinds[1].literal_value].type.dtype
+    value, given = values[3], kinds[3]
+    entries, of = [value], [given]
+    is_vector = isinstance(given, types.BaseTuple)
+    if is_vector:
+        entries, of = compiler.entries(value, given), list(given)
+    for place, entry, entry_kind in zip(
+        _places(compiler, kinds, values), entries, of, strict=True
+    ):
+        compiler.builder.store(compiler.cast(entry, entry_kind, kind), place)
+    return compiler.context.get_dummy_value()
+
+
+def _places(compiler: Compiler, kinds: Any, values: Any) -> list[Any]:
+    """Return pointers to the components of a field of one lane."""
+    record, name = kinds[0], kinds[1].literal_value
+    field, shape = record.fields[name], _shape(record, name)
+    number = compiler.context.get_data_type(field.type.dtype)
+    build = compiler.builder
+    start = cgutils.get_record_member(build, values[0], field.offset, number)
+    lane = compiler.cast(values[2], kinds[2], types.intp)
+    components = 1 if len(shape) == 1 else shape[0]
+    return [
+        build.gep(start, [build.add(lane, lane.type(i * shape[-1]))]) for i in range(components)
+    ]
+
+
+def copied(record: Any) -> Any:
+    """Return a copy of a record; in compiled code one that lives as long as the kernel runs.
+
+    It lies on the stack, where the compiler sees that nothing else refers to it.
+    """
+    return record.copy()
+
+
+@generated(copied, lambda context, record: record)
+def _copied(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    size = kinds[0].size
+    room = cgutils.alloca_once(compiler.builder, ir.ArrayType(ir.IntType(8), size))
+    room.align = _CACHE_LINE
+    _copy_bytes(compiler.builder, room, values[0], size)
+    return compiler.builder.bitcast(room, values[0].type)
+
+
+def copy_to(source: Any, target: Any) -> None:
+    """Copy all of a record into another one of the same type."""
+    for name in source.dtype.names:
+        target[name] = source[name]
+
+
+@generated(copy_to, lambda context, source, target: types.none)
+def _copy_to(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    _copy_bytes(compiler.builder, values[1], values[0], kinds[0].size)
+    return compiler.context.get_dummy_value()
+
+
+def _copy_bytes(builder: Any, target: Any, source: Any, size: int) -> None:
+    byte = ir.IntType(8).as_pointer()
+    cgutils.raw_memcpy(
+        builder, builder.bitcast(target, byte), builder.bitcast(source, byte),
+        ir.IntType(64)(size), 1,
+    )

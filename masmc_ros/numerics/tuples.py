@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tuples of any length in formulas: entry by entry, sums of products, parts.
+
+Sums go from the first entry on and begin with zero, so that they have the same bits wherever
+they are computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+
+from masmc_ros.numerics.generated import called, Compiler, generated, like
+
+Numbers = tuple[float, ...]
+FLOAT = types.float64
+
+
+def _floats(n: int) -> types.Type:
+    return types.UniTuple(FLOAT, n)
+
+
+def _is_tuple(kind: types.Type) -> bool:
+    return isinstance(kind, types.BaseTuple)
+
+
+def each(function: Callable[..., Any], *arguments: Any) -> tuple[Any, ...]:
+    """Return function(a, b, ...) of every entry; a number stands for a tuple of it."""
+    count = next(len(a) for a in arguments if isinstance(a, tuple))
+    return tuple(
+        function(*(a[i] if isinstance(a, tuple) else a for a in arguments)) for i in range(count)
+    )
+
+
+def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
+    return tuple(kind[i] if _is_tuple(kind) else kind for kind in kinds)
+
+
+def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
+    count = next(len(kind) for kind in kinds if _is_tuple(kind))
+    return like(
+        called(context, function, _types_of_entry(kinds, i)).return_type for i in range(count)
+    )
+
+
+@generated(each, _type_of_each)
+def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    function, kinds, values = kinds[0], kinds[1:], values[1:]
+    rows = [
+        compiler.entries(value, kind) if _is_tuple(kind) else value
+        for kind, value in zip(kinds, values, strict=True)
+    ]
+    return compiler.tuple([
+        compiler.call(
+            function,
+            compiler.result[i],
+            _types_of_entry(kinds, i),
+            [row[i] if isinstance(row, list) else row for row in rows],
+        )
+        for i in range(len(compiler.result))
+    ])
+
+
+def tabulate(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
+    """Return function(argument, i) for every place i of a tuple."""
+    return tuple(function(argument, i) for i in range(len(of)))
+
+
+def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types.Type:
+    row = called(context, function, (argument, types.intp)).return_type
+    return like([row] * len(of))
+
+
+@generated(tabulate, _type_of_table)
+def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    function, _, argument = kinds
+    return compiler.tuple([
+        compiler.call(
+            function,
+            compiler.result[i],
+            (argument, types.intp),
+            (values[2], compiler.context.get_constant(types.intp, i)),
+        )
+        for i in range(len(compiler.result))
+    ])
+
+
+def dot(a: Numbers, b: Numbers) -> float:
+    """Return the sum of the products of entries."""
+    total = 0.0
+    for x, y in zip(a, b, strict=True):
+        total += x * y
+    return total
+
+
+def _sum_of_products(compiler: Compiler, a: list[Any], b: list[Any]) -> Any:
+    total = compiler.number(0.0)
+    for x, y in zip(a, b, strict=True):
+        total = compiler.builder.fadd(total, compiler.builder.fmul(x, y))
+    return total
+
+
+@generated(dot, lambda context, a, b: FLOAT)
+def _dot(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    return _sum_of_products(
+        compiler, *(compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
+    )
+
+
+def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
+    """Return a matrix, given by its columns, times a vector."""
+    return tuple(dot(tuple(c[i] for c in columns), x) for i in range(len(columns[0])))
+
+
+@generated(matrix_times, lambda context, columns, x: _floats(len(columns[0])))
+def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
+    x = compiler.entries(values[1], kinds[1])
+    return compiler.tuple([
+        _sum_of_products(compiler, [column[i] for column in columns], x)
+        for i in range(len(columns[0]))
+    ])
+
+
+def unit(of: Numbers, i: int) -> Numbers:
+    """Return the i-th unit vector, as long as `of`."""
+    return tuple(1.0 if j == i else 0.0 for j in range(len(of)))
+
+
+@generated(unit, lambda context, of, i: _floats(len(of)))
+def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    place = compiler.cast(values[1], kinds[1], types.intp)
+    one, zero = compiler.number(1.0), compiler.number(0.0)
+    here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
+    build = compiler.builder
+    return compiler.tuple([
+        build.select(build.icmp_signed('==', place, j), one, zero) for j in here
+    ])
+
+
+def least(of: Numbers) -> float:
+    """Return the least entry."""
+    found = of[0]
+    for value in of:
+        found = value if value < found else found
+    return found
+
+
+@generated(least, lambda context, of: FLOAT)
+def _least(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    build = compiler.builder
+    found, *others = compiler.entries(values[0], kinds[0])
+    for value in others:
+        found = build.select(build.fcmp_ordered('<', value, found), value, found)
+    return found
+
+
+def head(of: Numbers, as_many: Numbers) -> Numbers:
+    """Return the first entries, as many as another tuple has."""
+    return of[: len(as_many)]
+
+
+@generated(head, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    return compiler.tuple(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
+
+
+def tail(of: Numbers, as_many: Numbers) -> Numbers:
+    """Return the last entries, as many as another tuple has."""
+    return of[len(of) - len(as_many) :]
+
+
+@generated(tail, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    return compiler.tuple(compiler.entries(values[0], kinds[0])[-len(kinds[1]) :])
+
+
+def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Return the three parts of equal length that a tuple is made of."""
+    n = len(of) // 3
+    return of[:n], of[n : 2 * n], of[2 * n :]
+
+
+@generated(thirds, lambda context, of: like([_floats(len(of) // 3)] * 3))
+def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
+    return compiler.tuple([
+        compiler.tuple(entries[k * n : k * n + n], _floats(n)) for k in range(3)
+    ])
+
+
+def joined(first: Numbers, second: Numbers) -> Numbers:
+    """Return one tuple after the other."""
+    return first + second
+
+
+@generated(joined, lambda context, first, second: _floats(len(first) + len(second)))
+def _joined(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    parts = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
+    return compiler.tuple([entry for part in parts for entry in part])
+
+
+def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
+    """Return entry i of every row; in compiled code i is written as a number."""
+    return tuple(row[i] for row in rows)
+
+
+@generated(column, lambda context, rows, i: like(row[i.literal_value] for row in rows))
+def _column(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    rows = compiler.entries(values[0], kinds[0])
+    return compiler.tuple([
+        compiler.builder.extract_value(row, kinds[1].literal_value) for row in rows
+    ])

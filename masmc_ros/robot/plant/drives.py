@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drives with a velocity loop: a PI controller on each joint, unknown to the controller.
+
+At every integration step, H_i being the inertia that joint i feels at the start and w the
+bandwidth,
+
+    torque = 2 w H_i (rate commanded - rate) + integral,   d integral / dt = w^2 H_i (...),
+
+with which the joint by itself has both poles at -w. The integral rests where it would push
+further into the motor's limit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.limits import clipped
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import tabulate, unit
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def felt_inertia(of: tuple[Any, Numbers, Any], joint: int) -> float:
+    """Return entry (joint, joint) of the reduced inertia H of (10), kg m2."""
+    model, like, h = of
+    v = mechanism.motion(model, unit(like, joint))
+    return mechanism.joint_torques(model, mechanism.inertia_times(model, h, v))[joint]
+
+
+@kernel
+def joint_inertias(plant: Any, angles: Any) -> NDArray[np.float64]:
+    """Return the diagonal (joints, lanes) of the reduced inertia H of (10), kg m2.
+
+    `plant` is an array of one record of the plant's settings, `angles` (joints, lanes) in rad.
+    """
+    record = plant[0]
+    diagonal = np.empty(angles.shape)
+    for lane in range(angles.shape[1]):
+        like = get(record, 'limit', lane)
+        model = mechanism.model_of(record, lane)
+        bend = mechanism.posture_of_joints(model, taken(angles[:, lane], like))
+        h = mechanism.inertia(model, bend, get(record, 'theta', lane))
+        entries = tabulate(felt_inertia, like, (model, like, h))
+        for i in range(len(entries)):
+            diagonal[i, lane] = entries[i]
+    return diagonal
+
+
+@formula
+def drive(
+    rate_error: float,
+    integral: float,
+    inertia_felt: float,
+    bandwidth: float,
+    limit: float,
+    h: float,
+) -> tuple[float, float]:
+    """Return the torque (N m) over one step of h seconds, and the integral after it."""
+    asked = 2.0 * bandwidth * inertia_felt * rate_error + integral
+    torque = clipped(asked, limit)
+    step = h * bandwidth * bandwidth * inertia_felt * rate_error
+    winds_up = (asked > torque and step > 0.0) or (asked < torque and step < 0.0)
+    return torque, integral if winds_up else integral + step

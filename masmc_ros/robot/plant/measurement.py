@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the plant's state is measured: encoders, odometry, noisy rates, delay.
+
+The encoders quantise the joints' angles. The pose of the base is what a robot without
+other sensors has: odometry from the quantised angles, exact where they are. Rates carry
+noise; those of the base are the joints' through the kinematics, so that everything measured
+agrees with itself. At last all is delayed by whole ticks.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.arrays import read_row, write_row
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.portable_random import gaussian
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each, head, joined, tabulate, tail
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+# Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
+_ROUND = 6755399441055744.0
+_LARGEST_COUNT = 2251799813685248.0
+
+
+@formula
+def quantised(angle: float, resolution: float) -> float:
+    """Return the multiple of the resolution nearest to an angle, both in rad; 0 is exact."""
+    count = angle / resolution
+    rounded = ((count + _ROUND) - _ROUND) * resolution
+    return rounded if resolution > 0.0 and abs(count) < _LARGEST_COUNT else angle
+
+
+@formula
+def _difference(a: float, b: float) -> float:
+    return a - b
+
+
+@formula
+def _noise(of: tuple[Any, Any], joint: int) -> float:
+    """Return a standard normal number of a seed, a tick and a joint."""
+    return gaussian(of[0], of[1], joint)
+
+
+@formula
+def _noisy(rate: float, deviation: float, noise: float) -> float:
+    """Return a rate as it is measured, rad/s."""
+    return rate + deviation * noise if deviation > 0.0 else rate
+
+
+@formula
+def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Numbers]:
+    """Return positions and velocities as they are measured now, before the delay."""
+    model = mechanism.model_of(plant, lane)
+    position, rates = get(memory, 'position', lane), get(memory, 'rates', lane)
+    resolution, pose = get(plant, 'resolution', lane), get(memory, 'odometry', lane)
+    angles = each(quantised, tail(position, rates), resolution)
+    counts = mechanism.counts_turns(model, resolution)
+    if (tick == 0) | (not counts):
+        pose = head(position, pose)
+    else:
+        turned = each(_difference, angles, get(memory, 'counted', lane))
+        pose = mechanism.dead_reckoned(model, pose, turned)
+    put(memory, 'odometry', lane, pose)
+    put(memory, 'counted', lane, angles)
+    noise = tabulate(_noise, rates, (get(plant, 'seed', lane), tick))
+    rates = each(_noisy, rates, get(plant, 'noise', lane), noise)
+    seen = joined(pose, angles)
+    posture = mechanism.posture(model, seen)
+    return seen, mechanism.position_rates(model, posture, rates)
+
+
+@formula
+def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: int) -> None:
+    """Write what is measured at a tick of the true state in `memory` into `now`.
+
+    `delayed` (most of all delays + 1, positions and velocities, lanes) holds the latest
+    measurements, that of tick k in row k mod (delay + 1).
+    """
+    position, velocity = measured(plant, memory, tick, lane)
+    delay = get(plant, 'delay', lane)
+    rows = delay + 1
+    n = len(position)
+    write_row(delayed, tick % rows, 0, lane, position)
+    write_row(delayed, tick % rows, n, lane, velocity)
+    # Until the first measurement has come through, it is what there is.
+    row = (tick - delay) % rows if tick > delay else 0
+    put(now, 'position', lane, read_row(delayed, row, 0, lane, position))
+    put(now, 'velocity', lane, read_row(delayed, row, n, lane, velocity))

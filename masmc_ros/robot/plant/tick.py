@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One tick of the plant, in all lanes: from a command to the next state, true and measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.record import Field, get, lane_count, put
+from masmc_ros.numerics.tuples import column, each
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.plant.disturbance import sinusoid
+from masmc_ros.robot.plant.drives import drive
+from masmc_ros.robot.plant.measurement import measure
+from masmc_ros.robot.plant.motion import rk4_step
+
+Numbers = tuple[float, ...]
+
+SETTINGS = (
+    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
+    Field('theta', 'parameters', 'Its base inertial parameters'),
+    Field('amplitude', 'joints', 'Disturbance torque', 'N·m'),
+    Field('frequency', 'joints', 'Disturbance torque', 'rad/s'),
+    Field('phase', 'joints', 'Disturbance torque', 'rad'),
+    Field('limit', 'joints', "Limit of each motor's torque; 0 is none", 'N·m'),
+    Field('rate_limit', 'joints', 'Limit of its change; 0 is none', 'N·m/s'),
+    Field('period', description='Control period, that of all lanes', unit='s'),
+    Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
+    Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
+    Field('is_exact', description='Whether the state is measured as it is', kind='i8'),
+    Field('resolution', 'joints', 'Step of the encoders; 0 is exact', 'rad'),
+    Field('noise', 'joints', 'Standard deviation of the measured rates', 'rad/s'),
+    Field('delay', description='Delay of the measurement in ticks', kind='i8'),
+    Field('seed', description='Which noise it is', kind='i8'),
+    Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
+    Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
+)
+"""The robot, what disturbs it, and how its state is measured."""
+
+MEMORY = (
+    Field('position', 'positions', 'True positions', 'm, rad'),
+    Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
+    Field('rates', 'joints', "True rates of the joints, the last of them again", 'rad/s'),
+    Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
+    Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
+    Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
+    Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
+    Field('counted', 'joints', 'Angles counted so far', 'rad'),
+)
+"""What one tick hands on to the next."""
+
+
+@formula
+def _sum(a: float, b: float) -> float:
+    return a + b
+
+
+@formula
+def _nothing(of: float) -> float:
+    return 0.0
+
+
+@formula
+def _difference(a: float, b: float) -> float:
+    return a - b
+
+
+@formula
+def _share(total: float, value: float, steps: float) -> float:
+    return total + value / steps
+
+
+@formula
+def _sinusoid(amplitude: float, frequency: float, phase: float, time: float) -> float:
+    return sinusoid(time, amplitude, frequency, phase)
+
+
+@formula
+def disturbance(plant: Any, lane: int, time: float) -> Numbers:
+    """Return the disturbance torques at a time, N m."""
+    return each(
+        _sinusoid,
+        get(plant, 'amplitude', lane),
+        get(plant, 'frequency', lane),
+        get(plant, 'phase', lane),
+        time,
+    )
+
+
+@formula
+def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: int) -> None:
+    """Let the drives follow the commanded rates for one step of h seconds."""
+    model = mechanism.model_of(plant, lane)
+    commanded = mechanism.commanded_joint_rates(model, get(now, 'rates', lane))
+    missing = each(_difference, commanded, get(memory, 'rates', lane))
+    found = each(
+        drive,
+        missing,
+        get(memory, 'wound', lane),
+        get(plant, 'inertia', lane),
+        get(plant, 'bandwidth', lane),
+        get(plant, 'limit', lane),
+        h,
+    )
+    torque = column(found, 0)
+    put(memory, 'driven', lane, torque)
+    put(memory, 'wound', lane, column(found, 1))
+    put(now, 'applied', lane, each(_share, get(now, 'applied', lane), torque, steps))
+
+
+@formula
+def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
+    """Move the true state on by one period under the command in `now`; nobody's if `holds`.
+
+    Writes the torque that it comes to as `applied`: within the motors' limits the command
+    itself, or the mean of what the drives make of commanded rates. Where nobody commands, the
+    drives hold the joints as with rates of zero; no torque is applied in anybody's name then.
+    """
+    lanes = lane_count(plant)
+    steps, period = plant['steps'][0], plant['period'][0]
+    takes_rates = (plant['takes_rates'][0] != 0) | holds
+    time = tick * period
+    h = period / steps
+    for lane in range(lanes):
+        asked = get(now, 'torque', lane)
+        nothing = each(_nothing, asked)
+        held = each(
+            limited,
+            asked,
+            get(memory, 'driven', lane),
+            get(plant, 'limit', lane),
+            get(plant, 'rate_limit', lane),
+            period,
+        )
+        put(now, 'applied', lane, nothing if takes_rates else held)
+        if holds:
+            put(now, 'rates', lane, nothing)
+        if not takes_rates:
+            put(memory, 'driven', lane, held)
+            put(memory, 'wound', lane, nothing)
+        put(memory, 'push', lane, disturbance(plant, lane, time))
+    for step in range(steps):
+        if takes_rates:
+            for lane in range(lanes):
+                _hold_rates(plant, memory, now, lane, h, steps)
+        for lane in range(lanes):
+            torque = get(memory, 'driven', lane)
+            end = disturbance(plant, lane, time + (step + 1.0) * h)
+            position, rates = rk4_step(
+                mechanism.model_of(plant, lane),
+                get(plant, 'theta', lane),
+                get(memory, 'position', lane),
+                get(memory, 'rates', lane),
+                h,
+                each(_sum, torque, get(memory, 'push', lane)),
+                each(_sum, torque, disturbance(plant, lane, time + (step + 0.5) * h)),
+                each(_sum, torque, end),
+            )
+            put(memory, 'position', lane, position)
+            put(memory, 'rates', lane, rates)
+            put(memory, 'push', lane, end)
+    write_velocity(plant, memory)
+    if holds & (plant['takes_rates'][0] == 0):
+        for lane in range(lanes):
+            nothing = each(_nothing, get(now, 'torque', lane))
+            put(now, 'applied', lane, nothing)
+            put(memory, 'driven', lane, nothing)
+
+
+@formula
+def write_velocity(plant: Any, memory: Any) -> None:
+    """Write the velocities of the true state."""
+    for lane in range(lane_count(plant)):
+        model = mechanism.model_of(plant, lane)
+        posture = mechanism.posture(model, get(memory, 'position', lane))
+        rates = mechanism.position_rates(model, posture, get(memory, 'rates', lane))
+        put(memory, 'velocity', lane, rates)
+
+
+@formula
+def observe(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> None:
+    """Write the true state, and what is known of it, into `now`."""
+    for lane in range(lane_count(plant)):
+        position, velocity = get(memory, 'position', lane), get(memory, 'velocity', lane)
+        put(now, 'true_position', lane, position)
+        put(now, 'true_velocity', lane, velocity)
+        put(now, 'position', lane, position)
+        put(now, 'velocity', lane, velocity)
+    for lane in range(lane_count(plant)):
+        if get(plant, 'is_exact', lane) == 0:
+            measure(plant, memory, delayed, tick, now, lane)

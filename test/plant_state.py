@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant's derivative as one vector, for tests that derive it in another way."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from robots import Quad
+
+from masmc_ros.robot.dynamics import BaseParameters
+from masmc_ros.robot.geometry import Geometry
+from masmc_ros.robot.plant import motion
+
+
+class PlantState(NamedTuple):
+    """Pose of the axle's middle O, wheel and arm angles, reduced velocity; SI, radians."""
+
+    x: float
+    y: float
+    yaw: float
+    wheel_right: float
+    wheel_left: float
+    arm_1: float
+    arm_2: float
+    v_right: float
+    v_left: float
+    v_arm_1: float
+    v_arm_2: float
+
+
+def derivative(
+    theta: BaseParameters, geometry: Geometry, state: PlantState, torque: Quad
+) -> PlantState:
+    """Return the state's time derivative under a torque (4) in N m."""
+    rates, accelerations = motion.derivative(
+        geometry, tuple(theta), tuple(state[:7]), tuple(state[7:]), torque
+    )
+    return PlantState(*rates, *accelerations)
