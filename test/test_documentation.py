@@ -40,7 +40,8 @@ def test_tables_are_those_of_the_package_alone(
     package.mkdir()
     (package / 'METADATA').write_text('Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n')
     (package / 'entry_points.txt').write_text(
-        '[masmc_ros.laws]\nacme = plugged_in_beside:Push\n[masmc_ros.references]\nacme = plugged_in_beside:Push\n'
+        '[masmc_ros.laws]\nacme = plugged_in_beside:Push\n'
+        '[masmc_ros.references]\nacme = plugged_in_beside:Push\n'
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     for node, name in ('controller', 'law'), ('trajectory', 'type'):
