@@ -72,7 +72,11 @@ class _Answering:
                 self.controller.skip(left_out)
         self._answered = tick
         stamp = round(1e9 * tick * self._period)
-        reference = self._approach.follow(stamp, position, self._reference[tick].copy())
+        reference = self._reference[tick].copy()
+        self._approach.watch(stamp, reference)
+        if self._approach.is_on:
+            rates = self.controller.rates(velocity)
+            reference = self._approach.follow(stamp, position, rates, reference)
         self.controller.tick(position, velocity, reference)
         self._free = max(self._free, sent) + _COMPUTING + self._delay()
         self._sent.append((self._free, tick, self.controller.torque.copy()))

@@ -8,8 +8,10 @@ from types import ModuleType
 
 import pytest
 
+from masmc_ros.control.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.nodes.parameters import declared, NODES
 from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.params.file import read
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]
@@ -61,10 +63,52 @@ def test_local_links_lead_somewhere(path: Path) -> None:
         assert (path.parent / target).exists(), f'{path.name} links to {target}'
 
 
-def test_paper_yaml_states_the_defaults() -> None:
-    scenario = load_scenario(str(ROOT / 'config' / 'paper.yaml'))
-    for node in NODES:
-        for parameter in declared(node):
-            stated = scenario[node][parameter.name]
-            if parameter.name != 'wait_for':
-                assert stated == parameter.default, f'{node}: {parameter.name}'
+EXPERIMENT = {
+    'plant': {
+        'control_period': 0.001,
+        'duration': 20.0,
+        'pacing': 'lockstep',
+        'integrator_step': 0.0005,
+        'torque_limit': (0.0,) * 4,
+        'torque_rate_limit': (0.0,) * 4,
+    },
+    'controller': {
+        'control_period': 0.001,
+        'pacing': 'lockstep',
+        'law': 'rasmc',
+        'k_s1': (100.0,) * 4,
+        'k_s2': (100.0,) * 4,
+        'sigma': (2.0,) * 4,
+        'gamma': (1.0,) * 7,
+        'switching': 'tanh',
+        'boundary_layer': 0.2,
+        'model_scale': 0.5,
+        'observer_gain': 0.0,
+        'leakage': 0.0,
+        'e_modification': 0.0,
+        'dead_zone': 0.0,
+        'projection.lower': 0.0,
+        'freeze_when_saturated': False,
+        'torque_limit': (0.0,) * 4,
+        'torque_rate_limit': (0.0,) * 4,
+    },
+}
+"""What makes the paper's experiment, whatever the nodes' defaults are."""
+
+
+@pytest.mark.parametrize('node', EXPERIMENT)
+def test_paper_yaml_states_all_that_makes_the_experiment(node: str) -> None:
+    path = str(ROOT / 'config' / 'paper.yaml')
+    assert EXPERIMENT[node].keys() <= read(path).for_node(node).keys()
+    assert EXPERIMENT[node].items() <= load_scenario(path)[node].items()
+
+
+def test_the_defaults_are_those_that_survive() -> None:
+    defaults = {node: {p.name: p.default for p in declared(node)} for node in NODES}
+    for node in ('plant', 'controller'):
+        assert defaults[node]['pacing'] == 'realtime'
+        assert defaults[node]['torque_limit'] == TORQUE_LIMIT
+        assert defaults[node]['torque_rate_limit'] == TORQUE_RATE_LIMIT
+    assert defaults['controller']['switching'] == 'implicit'
+    assert defaults['controller']['observer_gain'] > 0.0
+    assert defaults['controller']['projection.lower'] > 0.0

@@ -269,8 +269,9 @@ def test_a_run_with_nodes_that_were_killed_comes_to_its_end(tmp_path: Path) -> N
     with live_run(tmp_path, duration=last * 1e-9) as run:
         run.goes_on()
         pause(run, on=True)
-        # What the controller has told before is here by then.
-        run.is_told('fault: no usable joint_states for 0.2 s')
+        # What the controller has told before is here by then; the pause is no fault.
+        run.spin(0.5)
+        assert run.told[-1] == 'active'
         for name in ('trajectory', 'controller', 'recorder'):
             run.nodes[name].signal(signal.SIGKILL)
             run.nodes[name].wait()

@@ -105,6 +105,8 @@ class StillRobot:
         self.answers.setdefault(self._command.stamp_ns, []).append(self._command.data.copy())
 
     def _on_health(self, message: DiagnosticArray) -> None:
+        if message.status[0].name.strip('/') != 'controller':
+            return
         self.health = {each.key: each.value for each in message.status[0].values}
         made = message.header.stamp
         self._reported = made.sec * 10**9 + made.nanosec

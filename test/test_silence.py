@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 import signal
 import time
@@ -18,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.text import text_of
 
@@ -41,7 +41,8 @@ def test_a_stranger_does_not_switch_the_timeout_off(tmp_path: Path) -> None:
         tester.until(lambda: stamps[-1] > 500_000_000, 'motion')
         stranger = tester.publisher(String, 'plant/parameters', latched=True)
         tester.wait_for_subscribers(stranger)
-        stranger.publish(String(data=json.dumps({'parameters': {'pacing': 'lockstep'}})))
+        lie = ParameterRecord('/plant', 0, 0, {'pacing': 'lockstep'}, ())
+        stranger.publish(String(data=lie.to_text()))
         controller = nodes['controller']
         tester.until(lambda: controller.logged('WARN', 'a plant has lockstep'), 'the difference')
         nodes['plant'].abort()

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The README's tour, node by node without a file, on a machine that has other work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+import numpy as np
+from processes import NODES, PAPER, peer, processes, ros_arguments
+
+from masmc_ros.control.limits import TORQUE_LIMIT
+from masmc_ros.log.reader import read_run
+
+LENGTH = 20.0
+
+
+@contextmanager
+def other_work() -> Iterator[None]:
+    """Keep two cores busy."""
+    loops = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(2)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('is_paper', [False, True], ids=['no file', 'paper and realtime'])
+def test_a_run_by_the_wall_clock_survives(tmp_path: Path, *, is_paper: bool) -> None:
+    log = tmp_path / 'run.mcap'
+    arguments = ros_arguments(None, recorder__output=log)
+    if is_paper:
+        arguments = ros_arguments(PAPER, recorder__output=log, duration=0.0)
+        arguments += ['--params-file', str(PAPER.parent / 'realtime.yaml')]
+    with other_work(), processes(tmp_path) as started, peer(started.domain) as tester:
+        nodes = started.start_all(*arguments, nodes=NODES)
+        stamps = tester.watch_time()
+        tester.until(lambda: stamps[-1] > LENGTH * 1e9, f'{LENGTH} s of the robot')
+        for node in nodes.values():
+            node.signal(signal.SIGINT)
+        assert set(started.wait().values()) == {0}
+        warned = nodes['controller'].logged('WARN', 'boundary_layer')
+        assert bool(warned) == is_paper
+    run = read_run(log)
+    assert np.isfinite(run.position).all()
+    assert np.isfinite(run.velocity).all()
+    assert (np.abs(run.applied_effort) <= TORQUE_LIMIT).all()
+    assert run.tracking_error is not None
+    assert run.tracking_error_times is not None
+    error = run.tracking_error[run.tracking_error_times > 5.0]
+    assert np.abs(error).max() < (0.3 if is_paper else 0.05)
