@@ -6,12 +6,13 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
 
-.PHONY: help setup demo test test-all lint bench soak clean
+.PHONY: help setup demo test test-all test-oldest lint bench soak clean
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
 	@echo 'make test   set up and run the tests, without those that take long by their nature'
 	@echo 'make test-all   all of them'
+	@echo 'make test-oldest   the numerical tests and a live node with the oldest Numba and NumPy'
 	@echo 'make lint   style and types'
 	@echo 'make bench  speeds, as ratios within one run'
 	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try'
@@ -45,6 +46,19 @@ test: $(VENV)/.installed-dev
 test-all: $(VENV)/.installed-dev
 	@$(PYTEST)
 
+# An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.
+OLDEST := .venv-oldest
+OLDEST_TESTS := $(addprefix test/test_,portable_math.py kinematics.py dynamics.py implicit.py \
+	params_declaration.py same_bits.py)
+test-oldest:
+	@$${PYTHON:-python3.12} -m venv $(OLDEST)
+	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check setuptools wheel
+	@tools/install_ros.sh $(OLDEST)/bin/python
+	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-c constraints-oldest.txt --no-build-isolation -e . hypothesis mpmath pytest sympy
+	@$(OLDEST)/bin/python -m pytest -m 'not slow' $(OLDEST_TESTS) \
+		test/test_lockstep.py::test_separate_processes
+
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
@@ -57,5 +71,5 @@ soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m benchmarks.soak $(SECONDS)
 
 clean:
-	rm -rf $(VENV) build install demo report *.egg-info
+	rm -rf $(VENV) $(OLDEST) build install demo report *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

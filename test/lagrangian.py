@@ -85,7 +85,7 @@ class Matrices:
 
     @property
     def reduced_coriolis(self) -> Array:
-        """S'HSdot + S'CS."""
+        """Return S'HSdot + S'CS."""
         return self.printed_coriolis + self.null_space.T @ self.christoffel @ self.null_space
 
 

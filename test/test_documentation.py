@@ -33,6 +33,24 @@ def test_tables_are_current(path: Path) -> None:
     assert _tables().renewed(text) == text, 'run: python tools/tables.py'
 
 
+def test_tables_are_those_of_the_package_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = _tables().tables()
+    (tmp_path / 'plugged_in_beside.py').write_text('class Push:\n    parameters = ()\n')
+    package = tmp_path / 'acme-1.0.dist-info'
+    package.mkdir()
+    (package / 'METADATA').write_text('Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n')
+    (package / 'entry_points.txt').write_text(
+        '[masmc_ros.laws]\nacme = plugged_in_beside:Push\n'
+        '[masmc_ros.references]\nacme = plugged_in_beside:Push\n'
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for node, name in ('controller', 'law'), ('trajectory', 'type'):
+        assert 'acme' in next(p for p in declared(node) if p.name == name).choices
+    assert _tables().tables() == expected
+
+
 def test_every_table_is_shown_somewhere() -> None:
     shown = ' '.join(path.read_text(encoding='utf-8') for path in DOCUMENTS)
     for name in _tables().tables():

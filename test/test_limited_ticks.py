@@ -42,7 +42,6 @@ class Loop:
         """Let the robot move on for a period."""
         self.robot.advance(np.asarray(torque, dtype=np.float64))
 
-
     def rate_error(self) -> float:
         """Return the largest error of the estimated rates in rad/s."""
         estimated = self.controller.memory['rates'][0, :, 0]

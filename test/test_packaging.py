@@ -151,3 +151,18 @@ def test_an_old_numba_is_one_line() -> None:
         'masmc simulate: numba 0.57.1 is too old: expected 0.58 or later;'
         ' pip install --upgrade numba'
     )
+
+
+def test_a_test_that_lacks_a_package_is_skipped_and_stops_no_other() -> None:
+    script = (
+        'import sys\nsys.modules["mcap"] = sys.modules["websockets"] = None\n'
+        'import pytest\nsys.exit(pytest.main(sys.argv[1:]))'
+    )
+    files = ['test/test_log_writer.py', 'test/test_velocity_nodes.py', 'test/test_dynamics.py']
+    result = subprocess.run(
+        [sys.executable, '-c', script, '-q', '--collect-only', *files],
+        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+    )
+    assert result.returncode == 0, result.stdout
+    assert 'test_log_writer.py:1: mcap is not installed; pip install mcap' in result.stdout
+    assert 'test/test_dynamics.py::' in result.stdout

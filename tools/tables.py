@@ -9,9 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 import re
 import sys
+from unittest.mock import patch
 
 from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.nodes.parameters import declared, NODES, SHARED
+from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -19,7 +21,12 @@ _BLOCK = re.compile(r'(<!-- table: ([a-z ]+) -->\n).*?(<!-- end -->)', re.DOTALL
 
 
 def tables() -> dict[str, str]:
-    """Return every table by its name, Markdown."""
+    """Return every table by its name, Markdown, without what plug-ins of this machine bring."""
+    with patch.object(plug_ins, 'entry_points', lambda **_: ()):
+        return _tables()
+
+
+def _tables() -> dict[str, str]:
     shared = {parameter.name for parameter in SHARED}
     own = {
         node: tuple(p for p in declared(node) if p.name not in shared) for node in NODES

@@ -68,7 +68,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Send the file or a part of it."""
         self._answer(with_content=True)
 
-    def log_message(self, format: str, *args: object) -> None:
+    def log_message(self, *message: object) -> None:
         """Say nothing."""
 
     def _answer(self, *, with_content: bool) -> None:

@@ -17,8 +17,6 @@ from tqdm import tqdm
 from masmc_ros.errors import InputError
 from masmc_ros.log.overlap import check_apart
 from masmc_ros.log.reader import is_log, read_run, Run
-from masmc_ros.log.simulated import SimulationLog
-from masmc_ros.log.writer import check_log_path
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.nodes.scenario import activation, load_scenario, logged_scenario, strays
@@ -55,6 +53,9 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     simulation = Simulation(source.values, source.changes)
     log: AbstractContextManager[Any] = nullcontext()
     if output is not None:
+        # Who writes no log need not have what writes MCAP.
+        from masmc_ros.log.simulated import SimulationLog
+
         log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
     again = Recomputed(source.run) if source.run is not None else None
@@ -93,6 +94,8 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
 
 def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
     """Refuse a file that cannot be written or must not be, before anything is read."""
+    from masmc_ros.log.writer import check_log_path
+
     check_log_path(path)
     check_apart([path], [file])
     if path.exists() and not overwrite:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.contents import Topic
 from masmc_ros.log.decode import message_decoder, Series
 from masmc_ros.log.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
-from masmc_ros.log.scan import Topic
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.topics import TWIST_STAMPED
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.contents import Topic
 from masmc_ros.log.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.log.labelled_command import (
     CommandKind,
@@ -29,7 +30,6 @@ from masmc_ros.log.layout import (
 )
 from masmc_ros.log.names import JOINTS
 from masmc_ros.log.reference_window import ReferenceWindow
-from masmc_ros.log.scan import Topic
 from masmc_ros.log.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
 
 Rows = NDArray[np.uint8]

@@ -9,9 +9,9 @@ import json
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.contents import Records
 from masmc_ros.log.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.log.provenance import CHANGES, PARAMETERS
-from masmc_ros.log.scan import Records
 from masmc_ros.log.topics import PARAMETER_NODES, parameters_topic
 
 

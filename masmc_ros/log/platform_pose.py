@@ -8,11 +8,11 @@ from contextlib import suppress
 import numpy as np
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.contents import Topic
 from masmc_ros.log.decode import message_decoder, Series
 from masmc_ros.log.layout import checked_stamp
 from masmc_ros.log.names import JOINTS
 from masmc_ros.log.platform_motion import odometry_numbers
-from masmc_ros.log.scan import Topic
 from masmc_ros.log.timeline import last_pass
 from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 

@@ -10,11 +10,13 @@ import json
 from pathlib import Path
 import platform
 import subprocess
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from masmc_ros import __version__
 from masmc_ros.log.parameter_record import ParameterRecord
-from masmc_ros.log.writer import LogWriter
+
+if TYPE_CHECKING:
+    from masmc_ros.log.writer import LogWriter
 
 PARAMETERS = 'parameters'
 """Metadata record: the parameters at the start, a JSON object by node name."""

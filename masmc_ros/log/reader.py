@@ -15,6 +15,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.arm_velocity import ARM_VELOCITY
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.commanded_rates import twists
+from masmc_ros.log.contents import Records, Topic
 from masmc_ros.log.decode import (
     commands,
     decode,
@@ -42,7 +43,6 @@ from masmc_ros.log.names import (
 from masmc_ros.log.parameter_history import parameter_history
 from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.platform_pose import with_platform_pose
-from masmc_ros.log.scan import Records, scan, Topic
 from masmc_ros.log.timeline import last_pass, sample_reference
 from masmc_ros.log.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.robot.names import joint_names, JOINT_NAMES_PARAMETER, NAMES
@@ -152,6 +152,9 @@ def read_run(path: str | Path) -> Run:
         InputError: for a file that is missing, no MCAP file, damaged, incomplete, or without
             the states of exactly one robot.
     """
+    # Who reads no log need not have what reads MCAP.
+    from masmc_ros.log.scan import scan
+
     path = Path(path)
     records = scan(path)
     try:

@@ -66,6 +66,7 @@ _MADE_ANEW = frozenset(
 )
 """Records that say nothing which the others do not say."""
 
+
 class _DamagedError(ValueError):
     """A record is not what it says."""
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 import mmap
 import os
 from pathlib import Path
@@ -13,6 +12,7 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
+from masmc_ros.log.contents import Records, Topic
 from masmc_ros.log.records import (
     check_magic,
     cut_off,
@@ -30,42 +30,6 @@ from masmc_ros.log.records import (
 
 _MEMORY = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // 2
 """Bytes that a log may take at most: half of what the machine has."""
-
-
-@dataclass
-class Topic:
-    """One topic of a log and its messages.
-
-    Attributes:
-        name: its full name.
-        encoding: of the messages, `cdr` for ROS 2.
-        schema: the definition of the messages; None for a log without.
-        log_times: of each message, ns.
-        messages: each as it was received.
-        orders: position of each among all messages of the log.
-    """
-
-    name: str
-    encoding: str
-    schema: Schema | None
-    log_times: list[int] = field(default_factory=list)
-    messages: list[bytes] = field(default_factory=list)
-    orders: list[int] = field(default_factory=list)
-
-
-@dataclass
-class Records:
-    """What a log holds, in the order of the file.
-
-    Attributes:
-        topics: by name.
-        metadata: the records of each name.
-        attachments: the last file of each name.
-    """
-
-    topics: dict[str, Topic] = field(default_factory=dict)
-    metadata: dict[str, list[dict[str, str]]] = field(default_factory=dict)
-    attachments: dict[str, bytes] = field(default_factory=dict)
 
 
 def scan(path: Path) -> Records:

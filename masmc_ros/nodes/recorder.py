@@ -290,15 +290,14 @@ class RecorderNode(SuiteNode):
         )
         # Plain functions: rclpy looks at a callback's signature to see what it takes.
 
-        def take(raw: Any) -> None:
+        def take_any(raw: Any) -> None:
             callback(raw)
 
         def take_own(raw: Any) -> None:
             if self._is_own(raw):
                 callback(raw)
 
-        if topic == TRANSFORMS.name:
-            take = take_own
+        take = take_own if topic == TRANSFORMS.name else take_any
 
         if is_latched and not best_effort:
             subscribe_with_past(self.node, message_type, topic, take, _QUEUE)

@@ -196,7 +196,7 @@ def _settings(settings: Iterable[str]) -> dict[str, Values]:
     for setting in settings:
         name, equals, text = setting.partition('=')
         if not equals:
-            raise InputError(f"--set {setting}: expected NAME=VALUE, as in controller.k_s1=150")
+            raise InputError(f'--set {setting}: expected NAME=VALUE, as in controller.k_s1=150')
         value = parse_value(text, f'--set {setting}')
         node, _, parameter = name.partition('.')
         if name in shared:

@@ -72,7 +72,7 @@ def _check_format(file_format: str) -> None:
     """Raise InputError where a format cannot be written on this machine."""
     if file_format == 'parquet' and find_spec('pyarrow') is None:
         raise InputError(
-            "parquet: needs pyarrow, which is not installed; pip install pyarrow, or"
+            'parquet: needs pyarrow, which is not installed; pip install pyarrow, or'
             ' take csv or npz'
         )
 
