@@ -146,6 +146,7 @@ class Watched(Robot):
             Float64MultiArray,
             'controller/tracking_error',
             lambda m: self.errors.append(np.array(m.data[2:])),
+            past=False,
         )
 
     def set(self, **values: Any) -> None:

@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 import pytest
 
 from masmc_ros.loop.stamp_order import Order, StampOrder
-from masmc_ros.loop.supervisor import ACTIVE, FAULT, INACTIVE, Supervisor
+from masmc_ros.loop.supervisor import (
+    ACTIVE,
+    FAULT,
+    INACTIVE,
+    NO_REFERENCE,
+    Supervisor,
+    would_follow,
+)
 
 MS = 1_000_000
 EVENTS = {
@@ -17,11 +24,23 @@ EVENTS = {
     'stop': lambda s: s.stop(),
     'clear': lambda s: s.clear(),
     'fail states': lambda s: s.fail('states', 'no states'),
-    'fail reference': lambda s: s.fail('reference', 'no reference'),
+    'fail reference': lambda s: s.fail('reference', f'{NO_REFERENCE} for 1 s'),
     'fail law': lambda s: s.fail('law', 'not finite', is_latched=True),
     'recover states': lambda s: s.recover('states', is_anew=False),
     'recover reference': lambda s: s.recover('reference', is_anew=True),
 }
+
+
+@given(st.booleans(), st.lists(st.sampled_from(sorted(EVENTS)), max_size=30))
+def test_who_is_told_the_state_alone_knows_whether_a_reference_is_followed(
+    active: bool, events: list[str]
+) -> None:
+    supervisor = Supervisor(active=active)
+    for event in events:
+        EVENTS[event](supervisor)
+        told = would_follow(supervisor.text)
+        supervisor.recover('reference', is_anew=True)
+        assert told == supervisor.is_active
 
 
 @given(st.booleans(), st.lists(st.sampled_from(sorted(EVENTS)), max_size=30))

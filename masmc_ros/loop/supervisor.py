@@ -7,6 +7,17 @@ INACTIVE = 'inactive'
 ACTIVE = 'active'
 FAULT = 'fault'
 
+NO_REFERENCE = 'no reference'
+"""How the reason of the fault begins that a reference ends."""
+
+
+def would_follow(text: str) -> bool:
+    """Tell whether a controller in the state that this text tells follows what is sent to it.
+
+    One in the fault that a reference ends does: it becomes active by one alone.
+    """
+    return text == ACTIVE or text.startswith(f'{FAULT}: {NO_REFERENCE}')
+
 
 class Supervisor:
     """The state machine behind the controller's services and timeouts.

@@ -27,7 +27,7 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
-from masmc_ros.loop.supervisor import Supervisor
+from masmc_ros.loop.supervisor import NO_REFERENCE, Supervisor
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import Recorded, SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
@@ -313,7 +313,7 @@ class ControllerNode(SuiteNode):
             now = time.monotonic()
             self._held_since = since = self._held_since or now
             if 0.0 < timeout < now - since:
-                self._supervision.fail(REFERENCE, f'no reference for {timeout:g} s')
+                self._supervision.fail(REFERENCE, f'{NO_REFERENCE} for {timeout:g} s')
         return reference
 
     def _compute(self, stamp: int, reference: Any) -> None:

@@ -29,7 +29,7 @@ class StateOutput:
     """
 
     def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
-        """Let the robot live in the message: its arrays become views into the bytes sent."""
+        """Take the robot, whose state is sent."""
         self._robot, self._timing = robot, timing
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
@@ -41,9 +41,6 @@ class StateOutput:
         self._time = TimeCdr()
         self.stamp = -1
         platform_motion(robot.position[None], robot.velocity[None])  # compiled before it counts
-        robot.position, robot.velocity = self._state.position, self._state.velocity
-        robot.applied = self._state.effort[3:]
-        robot.reset()
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics."""
@@ -67,18 +64,21 @@ class StateOutput:
 
     def publish(self) -> None:
         """Publish what the robot's tick asks for."""
-        tick = self._robot.tick
+        robot, state = self._robot, self._state
+        tick = robot.tick
         self.stamp = stamp = self._timing.stamp(tick)
-        self._state.set_stamp(stamp)
+        state.set_stamp(stamp)
+        state.position[:], state.velocity[:] = robot.position, robot.velocity
+        state.effort[3:] = robot.applied
         # First of all the state: the controller computes while the rest is sent.
-        self._states.publish(self._state.to_bytes())
+        self._states.publish(state.to_bytes())
         last = tick == self._timing.last
         if last or tick % self._odom_decimation == 0:
             self._publish_motion(stamp)
         if self._clock_decimation and (last or tick % self._clock_decimation == 0):
             self._time.set_stamp(stamp)
             self._clock.publish(self._time.to_bytes())
-        self._display.show(tick, self._robot.position)
+        self._display.show(tick, robot.position)
 
     def send_again(self) -> None:
         """Publish the state at hand once more."""

@@ -18,7 +18,7 @@ from masmc_ros.log.names import DESIRED_PATH_TOPIC
 from masmc_ros.log.stamps import header_stamp
 from masmc_ros.log.traced_paths import DesiredPath
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.loop.supervisor import ACTIVE
+from masmc_ros.loop.supervisor import would_follow
 from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.command_line import CommandLine
@@ -92,9 +92,13 @@ class TrajectoryNode(SuiteNode):
             self._trajectory.sample(first, min(self._window, count - first))
 
     def _on_controller_state(self, raw: bytes) -> None:
-        """Note that the controller has become active: time 0 is the next state's stamp."""
+        """Note that the controller has become active: time 0 is the next state's stamp.
+
+        Who joins late is told the last state alone: a controller that has lost its reference
+        and waits for another was active before.
+        """
         try:
-            self._is_activated |= deserialized(raw, String).data == ACTIVE
+            self._is_activated |= would_follow(deserialized(raw, String).data)
         except InputError as error:
             self._refusals.add('controller/state', error)
         if self._is_activated and self._origin is None:
