@@ -49,15 +49,15 @@ class CommandOutput(Protocol):
 
 
 class TorqueOutput:
-    """Torques (4, N m) on effort_commands, computed into the message."""
+    """Torques (4, N m) on effort_commands."""
 
     def __init__(self, controller: Controller) -> None:
-        """Take the controller, which from now on computes into the message."""
+        """Take the controller, whose torques these are."""
         self.publishers: list[Publisher] = []
         self._effort, self._none = EffortCdr(), EffortCdr()
         self._none.is_void = True
         self._answered = b''
-        controller.torque = self._effort.data
+        self._torque = controller.torque
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
@@ -65,10 +65,11 @@ class TorqueOutput:
 
     def is_finite(self) -> bool:
         """Tell whether every torque is a finite number."""
-        return self._effort.is_finite()
+        return bool(np.isfinite(self._torque).all())
 
     def send(self, stamp: int) -> None:
         """Send the torques as the answer to the state of a stamp in ns."""
+        self._effort.data[:] = self._torque
         self._send(self._effort, stamp)
 
     def send_none(self, stamp: int) -> None:
@@ -81,7 +82,7 @@ class TorqueOutput:
 
     def figures(self) -> dict[str, str]:
         """Return the largest torque."""
-        return {'largest torque (N m)': f'{float(np.abs(self._effort.data).max()):.6g}'}
+        return {'largest torque (N m)': f'{float(np.abs(self._torque).max()):.6g}'}
 
     def _send(self, message: EffortCdr, stamp: int) -> None:
         message.set_stamp(stamp)

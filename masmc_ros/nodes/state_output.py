@@ -17,8 +17,10 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.nodes.base import SuiteNode
 from masmc_ros.nodes.qos import DEEP
 from masmc_ros.nodes.robot_display import RobotDisplay
-from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.names import BASE_JOINTS, joint_names
 from masmc_ros.robot.platform_motion import platform_motion
+
+_BASE = len(BASE_JOINTS)
 
 
 class StateOutput:
@@ -29,7 +31,7 @@ class StateOutput:
     """
 
     def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
-        """Let the robot live in the message: its arrays become views into the bytes sent."""
+        """Take the robot, its times and checked values of the plant."""
         self._robot, self._timing = robot, timing
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
@@ -41,9 +43,6 @@ class StateOutput:
         self._time = TimeCdr()
         self.stamp = -1
         platform_motion(robot.position[None], robot.velocity[None])  # compiled before it counts
-        robot.position, robot.velocity = self._state.position, self._state.velocity
-        robot.applied = self._state.effort[3:]
-        robot.reset()
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics."""
@@ -67,11 +66,14 @@ class StateOutput:
 
     def publish(self) -> None:
         """Publish what the robot's tick asks for."""
-        tick = self._robot.tick
+        robot, state = self._robot, self._state
+        tick = robot.tick
         self.stamp = stamp = self._timing.stamp(tick)
-        self._state.set_stamp(stamp)
+        state.set_stamp(stamp)
+        state.position[:], state.velocity[:] = robot.position, robot.velocity
+        state.effort[_BASE:] = robot.applied
         # First of all the state: the controller computes while the rest is sent.
-        self._states.publish(self._state.to_bytes())
+        self._states.publish(state.to_bytes())
         last = tick == self._timing.last
         if last or tick % self._odom_decimation == 0:
             self._publish_motion(stamp)
