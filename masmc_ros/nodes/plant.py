@@ -51,6 +51,7 @@ class PlantNode(SuiteNode):
         # To no consequence, so that the first real tick is not late: it is compiled here.
         for command in (np.zeros(4), None):
             self._robot.advance(command)
+        self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
         self._started = self._paused = self._runs = False
         self._single_steps = 0
