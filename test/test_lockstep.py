@@ -21,6 +21,7 @@ from masmc_ros.nodes.scenario import load_scenario
 OTHER = """
 /**:
   ros__parameters:
+    pacing: lockstep
     control_period: 0.002
     duration: 1.0
     frame_prefix: left/

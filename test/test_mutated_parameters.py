@@ -132,7 +132,7 @@ def test_what_cannot_be_meant_is_refused_with_its_number_of_steps(
 def test_some_mutated_files(tmp_path: Path) -> None:
     path = tmp_path / 'run.yaml'
     results = Counter()
-    for number in range(40):
+    for number in range(60):
         path.write_text(mutated(number), encoding='utf-8')
         results[offline(path)[0]] += 1
     assert min(results.values()) > 5

@@ -68,12 +68,17 @@ class Controlled:
         self.tester.until(arrived, f'the answer to {stamp} ns')
         return command.data
 
-    def torque(self, message: JointState) -> list[float]:
-        """Send a state with a new stamp; return the torque that answers it."""
+    def send(self, message: JointState, after: int = 0) -> int:
+        """Send a state with a new stamp, after another one in ns, and return it."""
+        self._tick = max(self._tick, after // 1_000_000)
         stamp = self.next_stamp()
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
         self.states.publish(message)
-        return list(self.answer(stamp).tolist())
+        return stamp
+
+    def torque(self, message: JointState) -> list[float]:
+        """Send a state with a new stamp; return the torque that answers it."""
+        return list(self.answer(self.send(message)).tolist())
 
     def computed(self, reference: NDArray[np.float64]) -> list[float]:
         """Return the torque that the law gives at the state of these tests."""
@@ -225,6 +230,15 @@ def test_a_window_is_followed_on_and_off_its_grid(controlled: Controlled) -> Non
         ]
         expected = controlled.computed(np.array(axes).T.reshape(-1))
         assert found == pytest.approx(expected, rel=1e-9)
+    # Beside a trajectory a set-point is refused; a state after its end waits for one.
+    stamp = controlled.send(state(), after=first + 4_000_000 * len(rows))
+
+    def is_answered() -> bool:
+        controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
+        return stamp in controlled.answers_in_order()
+
+    controlled.tester.until(is_answered, 'the set-point after the trajectory')
+    assert controlled.answer(stamp).tolist() == controlled.computed(SAMPLE)
 
 
 BAD_REFERENCES = {

@@ -65,6 +65,7 @@ STAMPED = {f'{node}__enable_stamped_cmd_vel': 'true' for node in ('plant', 'cont
 ANOTHER = """
 /**:
   ros__parameters:
+    pacing: lockstep
     control_period: 0.002
     duration: 1.0
     frame_prefix: left/

@@ -85,7 +85,8 @@ def _scan_data(path: Path, data: Data, found: Records) -> None:
             break
     if is_over and data[end:] == MAGIC:
         return
-    if MAGIC.startswith(data[end:]) if is_over else data[-len(MAGIC) :] != MAGIC:
+    is_cut = data[-len(MAGIC) :] != MAGIC or len(data) == len(MAGIC)
+    if MAGIC.startswith(data[end:]) if is_over else is_cut:
         raise InputError(cut_off(path))
     raise InputError(f'{path}: the log is damaged: no record can be read at byte {end}; {hint}')
 

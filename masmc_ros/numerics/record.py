@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -30,6 +29,8 @@ ONE = ''
 _TAG = ':'
 
 _CACHE_LINE = 64
+
+ir = cgutils.ir  # llvmlite's, with which Numba itself builds instructions
 
 
 class Field(NamedTuple):
