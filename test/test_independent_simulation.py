@@ -36,7 +36,7 @@ def random_robot(rng: np.random.Generator) -> Machine:
 
 def random_scenario(law: str, switching: str, observer_gain: float, seed: int) -> Scenario:
     """Draw a run that starts near its reference, with gains that its period is short for."""
-    rng = np.random.default_rng([seed, LAWS.index(law), SWITCHING.index(switching)])
+    rng = np.random.default_rng([seed, tuple(LAWS).index(law), SWITCHING.index(switching)])
     robot = random_robot(rng)
     pose = rng.uniform(-2.0, 2.0, 3)
     joints = rng.uniform(-2.0, 2.0, 4)
