@@ -13,39 +13,34 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from processes import PATIENCE, peer, processes
 from rclpy.duration import Duration
 from surroundings import domain_variables, surroundings
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from masmc_ros.log.definitions import definition
 
 WITHOUT = """
     import sys
-    sys.modules['diagnostic_msgs'] = sys.modules['diagnostic_msgs.msg'] = None
+    sys.modules['trajectory_msgs'] = sys.modules['trajectory_msgs.msg'] = None
     from masmc_ros.log import definitions
-    for name in [n for n in definitions._store().fielddefs if n.startswith('diagnostic_msgs/')]:
+    for name in [n for n in definitions._store().fielddefs if n.startswith('trajectory_msgs/')]:
         del definitions._store().fielddefs[name]
     from masmc_ros.nodes.recorder import main
     sys.exit(main(sys.argv[1:]))
 """
-"""A recorder on a machine where nobody knows diagnostic_msgs."""
+"""A recorder on a machine where nobody knows trajectory_msgs."""
 
 
 def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
-    sent = DiagnosticArray()
+    sent = JointTrajectory(joint_names=['shoulder', 'elbow'])
     sent.header.frame_id = 'somewhere'
-    sent.status = [
-        DiagnosticStatus(
-            level=b'\x02', name='motor', values=[KeyValue(key='heat', value=str(n))]
-        )
-        for n in range(3)
-    ]
+    sent.points = [JointTrajectoryPoint(positions=[0.5 * n, 1.0]) for n in range(3)]
     with processes(tmp_path) as started, peer(started.domain) as tester:
-        publisher = tester.publisher(DiagnosticArray, 'foreign', latched=True)
+        publisher = tester.publisher(JointTrajectory, 'foreign', latched=True)
         publisher.publish(sent)
         arguments = ['-p', f'output:={log}', '-p', 'extra_topics:=[foreign]']
         recorder = subprocess.Popen(
@@ -70,8 +65,8 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
     # The latched one and the one that was sent later.
     assert len(decoded) == 2
     for name, type_hash, message in decoded:
-        assert name == 'diagnostic_msgs/msg/DiagnosticArray'
+        assert name == 'trajectory_msgs/msg/JointTrajectory'
         assert type_hash == definition(name).hash
         assert message.header.frame_id == 'somewhere'
-        assert [status.level for status in message.status] == [2, 2, 2]
-        assert [status.values[0].value for status in message.status] == ['0', '1', '2']
+        assert list(message.joint_names) == ['shoulder', 'elbow']
+        assert [list(each.positions) for each in message.points] == [[0.0, 1.0], [0.5, 1.0], [1.0, 1.0]]

@@ -97,10 +97,10 @@ class Robot:
             return
         lost = max(0, ticks - self._robot.tick - MOST_TICKS)
         self._begun += lost * PERIOD
-        if time.monotonic() - self._commanded > WATCHDOG:
-            self._torque = np.zeros(4)
+        # Its drives hold where nobody commands, as those of robots do.
+        is_held = time.monotonic() - self._commanded > WATCHDOG
         while self._robot.tick < ticks - lost:
-            self._robot.advance(self._torque)
+            self._robot.advance(None if is_held else self._torque)
         stamp = time.time_ns() - round(LATE * 1e9)
         if self.tells_pose:
             self.tell_pose(stamp)

@@ -24,8 +24,8 @@ from masmc_ros.report.missing import missing
 from masmc_ros.report.tracking import tracking
 
 PERIOD = 10**6
-HELD_UP = 4 * 10**9
-"""Time in ns of the robot for which the recorder stands still: four times a sender's history."""
+HELD_UP = 8 * 10**9
+"""Time in ns of the robot for which the recorder stands still: more than buffers and histories of senders hold."""
 
 
 @pytest.mark.parametrize('ends', ['cut off', 'complete'])

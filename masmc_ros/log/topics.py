@@ -144,6 +144,7 @@ TOPICS = (
         'rosgraph_msgs/msg/Clock',
         'plant →',
         'simulated time, decimated: `/clock`, or that of the namespace',
+        is_latched=False,
     ),
     Topic(
         '/diagnostics',

@@ -38,8 +38,9 @@ def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
 
 
 def longest_hold(inertia: float, k_s1: float, k_s2: float, layer: float) -> float:
-    """Return the time in s for which a torque may be held: kg, N s/m, N, m/s."""
-    return 2.0 * inertia / (k_s1 + k_s2 / layer)
+    """Return the time in s for which a torque may be held: kg, N s/m, N, m/s; infinite for none."""
+    gain = k_s1 + k_s2 / layer
+    return 2.0 * inertia / gain if gain > 0.0 else math.inf
 
 
 def thinnest_layer(inertia: float, k_s1: float, k_s2: float, hold: float) -> float:

@@ -65,7 +65,10 @@ _PROGRESS = 100
 """Answered states between two reports of progress."""
 
 _LONG_QUIET = 3.0
-"""Time in s without a message after which a run that has reached its end is over."""
+"""Time in s without a message of the run itself after which one that reached its end is over.
+
+Others do not count: health is told every second, by this node too.
+"""
 
 _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
@@ -118,7 +121,7 @@ class RecorderNode(SuiteNode):
         self._reported = -1
         self._unreported = 0
         self._is_ready = False
-        self._last_arrival = time.monotonic()
+        self._last_arrival = self._last_of_run = time.monotonic()
         self._parameters: dict[str, Any] = {}
         self._heard_of: set[str] = set()
         self._frame_prefix: str = self.values['frame_prefix']
@@ -339,6 +342,7 @@ class RecorderNode(SuiteNode):
     def _on_state(self, raw: bytes, stamp: int | None) -> None:
         if stamp is None:
             return
+        self._last_of_run = self._last_arrival
         if self._latest is None:
             self._release_early(stamp)
         self._latest = stamp
@@ -349,6 +353,7 @@ class RecorderNode(SuiteNode):
         """Note which states are answered."""
         if stamp is None:
             return
+        self._last_of_run = self._last_arrival
         self._coverage.answered = stamp
         self._unreported += 1
         if self._unreported >= _PROGRESS:
@@ -369,6 +374,7 @@ class RecorderNode(SuiteNode):
 
     def _on_tick(self, topic: str, raw: bytes, stamp: int | None) -> None:
         if stamp is not None:
+            self._last_of_run = self._last_arrival
             self._coverage.add(topic, stamp)
 
     def _on_controller_state(self, raw: bytes, stamp: int | None) -> None:
@@ -440,7 +446,7 @@ class RecorderNode(SuiteNode):
             self._report_progress()
         is_over = self._last is not None and self._coverage.answered >= self._last
         # A sender that was killed counts as there for a while yet.
-        is_quiet = time.monotonic() - self._last_arrival > _LONG_QUIET
+        is_quiet = time.monotonic() - self._last_of_run > _LONG_QUIET
         if is_over and (is_quiet or not any(here)):
             self.finished = True
 

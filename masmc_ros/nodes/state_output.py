@@ -33,7 +33,6 @@ class StateOutput:
         self._robot, self._timing = robot, timing
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
-        self._is_lockstep: bool = values['pacing'] == 'lockstep'
         self._display = RobotDisplay(values)
         self._state = JointStateCdr(joint_names(values))
         self._odometry = OdometryCdr(values['frame_prefix'])
@@ -49,12 +48,7 @@ class StateOutput:
         depth = max(1, DEEP // self._odom_decimation)
         self._odom = node.publisher(Odometry, 'odom', depth)
         self._base_twist = node.publisher(Twist, 'base_twist', depth)
-        # By the wall clock, time does not wait for who misses it.
-        self._clock = (
-            node.latched(Clock, CLOCK_TOPIC)
-            if self._is_lockstep
-            else node.publisher(Clock, CLOCK_TOPIC, 1)
-        )
+        self._clock = node.stream(Clock, CLOCK_TOPIC)
         self._display.connect(node)
 
     @property
