@@ -69,4 +69,5 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
         assert type_hash == definition(name).hash
         assert message.header.frame_id == 'somewhere'
         assert list(message.joint_names) == ['shoulder', 'elbow']
-        assert [list(each.positions) for each in message.points] == [[0.0, 1.0], [0.5, 1.0], [1.0, 1.0]]
+        expected = [[0.0, 1.0], [0.5, 1.0], [1.0, 1.0]]
+        assert [list(each.positions) for each in message.points] == expected

@@ -25,7 +25,7 @@ from masmc_ros.report.tracking import tracking
 
 PERIOD = 10**6
 HELD_UP = 8 * 10**9
-"""Time in ns of the robot for which the recorder stands still: more than buffers and histories of senders hold."""
+"""Time in ns of the robot for which the recorder stands still: more than buffers can hold."""
 
 
 @pytest.mark.parametrize('ends', ['cut off', 'complete'])

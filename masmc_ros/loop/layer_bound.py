@@ -38,7 +38,10 @@ def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
 
 
 def longest_hold(inertia: float, k_s1: float, k_s2: float, layer: float) -> float:
-    """Return the time in s for which a torque may be held: kg, N s/m, N, m/s; infinite for none."""
+    """Return the time in s for which a torque may be held, infinite without gains.
+
+    Of kg, N s/m, N and m/s.
+    """
     gain = k_s1 + k_s2 / layer
     return 2.0 * inertia / gain if gain > 0.0 else math.inf
 

@@ -62,7 +62,12 @@ for await (const message of reader.readMessages()) {
   digest(topic.hash, topic.last);
   for (const script of scripts) {
     if (script.inputs.includes(topic.topic)) {
-      script.made.push(script.default({ topic: topic.topic, message: topic.last }));
+      const receiveTime = {
+        sec: Number(message.logTime / 1_000_000_000n),
+        nsec: Number(message.logTime % 1_000_000_000n),
+      };
+      const made = script.default({ topic: topic.topic, receiveTime, message: topic.last });
+      if (made != undefined) script.made.push(made);
     }
   }
 }

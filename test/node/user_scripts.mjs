@@ -73,6 +73,13 @@ function faultOfOutput(checker, node) {
   }
 }
 
+// A script may return `Output | undefined`: undefined is no message.
+function withoutNothing(type) {
+  if (!typescript.isUnionTypeNode(type)) return type;
+  const rest = type.types.filter(({ kind }) => kind !== typescript.SyntaxKind.UndefinedKeyword);
+  return rest.length === 1 ? rest[0] : type;
+}
+
 // Returns JavaScript (CommonJS) of a script, or throws what the viewer would complain of.
 export function compiled(sourceCode, topics) {
   const index = `${FOLDER}/index.ts`;
@@ -109,7 +116,7 @@ export function compiled(sourceCode, topics) {
       each.modifiers?.some(({ kind }) => kind === typescript.SyntaxKind.DefaultKeyword),
   );
   const fault = script?.type
-    ? faultOfOutput(checker, script.type)
+    ? faultOfOutput(checker, withoutNothing(script.type))
     : "expected a default export: a function with the type that it returns";
   if (faults.length > 0 || fault) throw new Error([...faults, fault].filter(Boolean).join("\n"));
   return text;
