@@ -17,8 +17,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.nodes.parameters import declared
 from masmc_ros.nodes.scenario import load_scenario, Values
-from masmc_ros.numerics.limits import TORQUE_LIMIT
 from masmc_ros.params.declaration import check_all
+from masmc_ros.robot.two_link import TORQUE_LIMIT
 
 CONFIG = Path(__file__).parent.parent / 'config'
 NODES = ('plant', 'trajectory', 'controller')

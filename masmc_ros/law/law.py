@@ -22,11 +22,11 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
+from masmc_ros.law.declared import Declared
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, contract
 from masmc_ros.numerics.record import Field
-from masmc_ros.params.declaration import Parameter
 
 
 @formula
@@ -49,8 +49,8 @@ class Law:
     """As `law` names it."""
     torque: Callable[..., Any]
     """Formula of the torques."""
-    parameters: tuple[Parameter, ...] = ()
-    """Its own and those of the parts that it is made of."""
+    parameters: tuple[Declared, ...] = ()
+    """Its gains. Those of the model, of adaptation and of limits are every law's."""
     memory: tuple[Field, ...] = ()
     """What a tick hands on to the next: its own and its parts'."""
     learn: Callable[..., Any] = _learns_nothing

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law.law import Law, register
-from masmc_ros.law.parts.adaptation import adapt, project
+from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
-from masmc_ros.law.smc import ESTIMATE, torque
+from masmc_ros.law.smc import SMC, torque
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 
@@ -26,4 +26,6 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held:
     adapt(settings, tick, memory, lane, raw, held)
 
 
-RASMC = register(Law('rasmc', torque, memory=(ESTIMATE,), learn=learn, settle=project))
+RASMC = register(
+    Law('rasmc', torque, (*SMC.parameters, GAMMA), SMC.memory, learn=learn, settle=project)
+)

@@ -11,10 +11,12 @@ from typing import Any
 
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.smc import ESTIMATE
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
@@ -28,16 +30,11 @@ def _ahead(velocity: float, acceleration: float, time: float) -> float:
 
 
 @formula
-def _none(of: float) -> float:
-    return 0.0
-
-
-@formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return no torque; write the command as a base and an arm take it to the memory."""
     v = each(_ahead, tick.reference_velocity, tick.reference_acceleration, 0.5 * tick.period)
     put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
-    return each(_none, get(memory, 'commanded', lane))
+    return each(zero, get(memory, 'commanded', lane))
 
 
-RATES = register(Law('rates', torque, memory=(ESTIMATE,), settle=project))
+RATES = register(Law('rates', torque, (SIGMA,), (ESTIMATE,), settle=project))

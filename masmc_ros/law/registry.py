@@ -9,7 +9,10 @@ from __future__ import annotations
 from functools import cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
+from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.rates import RATES
@@ -21,6 +24,7 @@ from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
+from masmc_ros.robot.mechanism import Mechanism
 
 LAWS = {law.name: law for law in (SMC, RASMC)}
 """The laws of this folder that `law` chooses among."""
@@ -59,6 +63,30 @@ def load(name: str) -> Law | type[PlugInLaw]:
     return law
 
 
-def parameters() -> tuple[Parameter, ...]:
-    """Return the declarations of the parameters that plugged-in laws bring."""
-    return tuple(p for name in plugged_in(ENTRY_POINTS) for p in load(name).parameters)
+def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Return the controller's declarations: of laws, reaching terms and parts, and of users' own.
+
+    Every name once, in the order in which nodes and tables show them.
+    """
+    return declared_for(
+        mechanism,
+        (
+            Parameter('law', 'rasmc', 'Control law', choices=names(), read_only=False),
+            *(p for law in LAWS.values() for p in law.parameters),
+            Parameter(
+                'switching',
+                'implicit',
+                'Switching term: the sign, a smooth approximation of it, or implicit Euler',
+                choices=SWITCHING,
+                read_only=False,
+            ),
+            *(p for term in REACHING.values() for p in term.parameters),
+            *model.PARAMETERS,
+            *adaptation.PARAMETERS,
+            *command_limits.PARAMETERS,
+            *velocity_estimator.PARAMETERS,
+            COMMAND_INTERFACE,
+            ENABLE_STAMPED_CMD_VEL,
+            *(p for name in plugged_in(ENTRY_POINTS) for p in load(name).parameters),
+        ),
+    )

@@ -12,6 +12,7 @@ from masmc_ros.law.parts.surface import (
 )
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, tabulate, unit
 from masmc_ros.robot import mechanism
 
@@ -35,12 +36,6 @@ class Tick(NamedTuple):
 
 
 @formula
-def subtracted(a: float, b: float) -> float:
-    """Return a - b."""
-    return a - b
-
-
-@formula
 def tick_of(
     settings: Any,
     lane: int,
@@ -57,14 +52,14 @@ def tick_of(
     sigma = get(settings, 'sigma', lane)
     x = mechanism.task_position(model, posture, position)
     x_dot = mechanism.task_velocity(model, posture, v)
-    error = each(subtracted, x, desired[0])
-    rate = each(subtracted, x_dot, desired[1])
+    error = each(minus, x, desired[0])
+    rate = each(minus, x_dot, desired[1])
     v_r = mechanism.motion_from_task(
         model, posture, each(reference_velocity, desired[1], error, sigma)
     )
     drift = mechanism.task_drift(model, posture, v, v_r)
     x_ddot_r = each(reference_acceleration, desired[2], rate, sigma)
-    a_r = mechanism.motion_from_task(model, posture, each(subtracted, x_ddot_r, drift))
+    a_r = mechanism.motion_from_task(model, posture, each(minus, x_ddot_r, drift))
     return Tick(
         get(settings, 'period', lane),
         model,

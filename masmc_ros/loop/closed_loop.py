@@ -6,8 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law import law
+from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
-from masmc_ros.loop.control import control, within_limits
+from masmc_ros.loop.control import control
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put

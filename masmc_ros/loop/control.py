@@ -7,11 +7,11 @@ from typing import Any
 
 from masmc_ros.law import law
 from masmc_ros.law.parts import velocity_estimator
+from masmc_ros.law.parts.command_limits import within_limits
+from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
-from masmc_ros.law.smc import ESTIMATE
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import Field, get, lane_count, put
 from masmc_ros.numerics.tuples import each, tail, thirds
 from masmc_ros.robot import mechanism
@@ -87,16 +87,3 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
 @formula
 def _chosen(is_first: bool, first: float, second: float) -> float:
     return first if is_first else second
-
-
-@formula
-def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
-    """Return a torque within the controller's limits, `before` being the last tick's."""
-    return each(
-        limited,
-        raw,
-        before,
-        get(settings, 'torque_limit', lane),
-        get(settings, 'torque_rate_limit', lane),
-        get(settings, 'period', lane),
-    )

@@ -196,7 +196,7 @@ class Controller:
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         self.values = dict(values)
-        records.write_parameters(self.settings, values)
+        records.write_parameters(self.settings, self.mechanism, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:
             settle(self.settings, self.memory)
 

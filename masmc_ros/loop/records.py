@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
-from masmc_ros.law.registry import REACHING
+from masmc_ros.law.registry import parameters, REACHING
 from masmc_ros.loop import control
-from masmc_ros.loop.controller_parameters import parameters
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.record import Field, fill, new_record
 from masmc_ros.params.declaration import Parameter
@@ -52,7 +52,7 @@ def field_name(parameter: str) -> str:
 
 def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
     """Return settings of a law, all zero."""
-    declared = (field_of(p) for p in (*parameters(), *law.parameters))
+    declared = map(field_of, declared_for(mechanism, (*parameters(mechanism), *law.parameters)))
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.name,
@@ -86,10 +86,10 @@ def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
 
 
 def write_parameters(
-    settings: Records, values: Mapping[str, Any], lane: int | None = None
+    settings: Records, mechanism: Mechanism, values: Mapping[str, Any], lane: int | None = None
 ) -> None:
-    """Write checked values of parameters, by name, into the settings of a law."""
-    for parameter in parameters():
+    """Write checked values of parameters, by name, into the settings of a mechanism's law."""
+    for parameter in parameters(mechanism):
         field = field_of(parameter)
         if field is None or field.name not in (settings.dtype.names or ()):
             continue

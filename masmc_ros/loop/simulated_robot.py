@@ -21,14 +21,13 @@ from masmc_ros.law.command_interface import (
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.timing import check_count, MOST_TICKS
-from masmc_ros.numerics.limits import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.mechanism import Mechanism
 from masmc_ros.robot.parameters import Robot
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT, TWO_LINK
 
 PLANT = (
     Parameter(

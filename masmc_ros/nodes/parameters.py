@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.loop import controller_parameters
+from masmc_ros.law import registry
 from masmc_ros.loop.simulated_robot import PLANT
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
@@ -17,6 +17,7 @@ from masmc_ros.reference import trajectory
 from masmc_ros.robot.frames import PREFIX
 from masmc_ros.robot.names import NAMES
 from masmc_ros.robot.parameters import ROBOT
+from masmc_ros.robot.two_link import TWO_LINK
 
 PACING = ('lockstep', 'realtime')
 
@@ -227,7 +228,7 @@ def declared(node: str) -> tuple[Parameter, ...]:
     if node == 'controller':
         return (
             *SHARED,
-            *controller_parameters.parameters(),
+            *registry.parameters(TWO_LINK),
             *_CONTROLLER_NODE,
         )
     if node == 'live':

@@ -5,12 +5,6 @@ from __future__ import annotations
 
 from masmc_ros.numerics.compiled import formula
 
-TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
-"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
-
-TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
-"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
-
 
 @formula
 def clipped(value: float, limit: float) -> float:

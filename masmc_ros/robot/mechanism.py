@@ -14,7 +14,7 @@ tuples, SI units, radians; world frame and REP-103 where a formula speaks of a t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from masmc_ros.numerics.dispatch import by_class, by_tag, contract
@@ -34,6 +34,10 @@ class Mechanism:
     """Class of the named tuple of its lengths."""
     formulas: Any
     """Module with the formulas."""
+    entries: Mapping[str, str] = field(default_factory=dict)
+    """What parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
+    drives: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Limits of drives that fit it: `torque_limit` (N m), `torque_rate_limit` (N m/s)."""
 
 
 _BY_NAME: dict[str, Mechanism] = {}

@@ -23,6 +23,12 @@ Pose = tuple[float, float, float]
 Positions = tuple[float, float, float, float, float, float, float]
 Theta = tuple[float, float, float, float, float, float, float]
 
+TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
+"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
+
+TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
+"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
+
 
 @formula
 def model_of(record: Any, lane: int) -> Geometry:
@@ -230,6 +236,12 @@ TWO_LINK = register(
         },
         Geometry,
         sys.modules[__name__],
+        {
+            'axes': 'per task axis x_E, y_E, x_F, y_F',
+            'joints': 'on wheel_right, wheel_left, arm_1, arm_2',
+            'parameters': 'per base inertial parameter',
+        },
+        {'torque_limit': TORQUE_LIMIT, 'torque_rate_limit': TORQUE_RATE_LIMIT},
     )
 )
 """Sizes and formulas of the paper's robot."""

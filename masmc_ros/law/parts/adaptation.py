@@ -17,12 +17,75 @@ from typing import Any
 
 import numpy as np
 
+from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+
+GAMMA = PerEntry(
+    'gamma',
+    'parameters',
+    1.0,
+    'Adaptation matrix Gamma',
+    'J·s/θ²',
+    note='; larger adapts more slowly',
+    is_positive=True,
+)
+
+PARAMETERS = (
+    Parameter(
+        'leakage',
+        0.02,
+        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0 is off',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'e_modification',
+        0.0,
+        'Leakage in proportion to |s| outside the dead zone; 0 is off',
+        unit='1/m',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'dead_zone',
+        0.0,
+        'Norm |s| within which nothing is learned; 0 is none',
+        unit='m/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'projection.lower',
+        0.2,
+        'Least theta_hat as a multiple of the nominal model; 0 is no projection',
+        minimum=0.0,
+        maximum=1.0,
+        exclusive_maximum=True,
+        read_only=False,
+    ),
+    Parameter(
+        'projection.upper',
+        5.0,
+        'Largest theta_hat as a multiple of the nominal model, with projection',
+        minimum=1.0,
+        exclusive_minimum=True,
+        read_only=False,
+    ),
+    Parameter(
+        'freeze_when_saturated',
+        True,
+        'Learn nothing while torque_limit or torque_rate_limit cuts the torque',
+        read_only=False,
+    ),
+)
+"""What lets adaptation last, whatever law adapts."""
 
 Numbers = tuple[float, ...]
 

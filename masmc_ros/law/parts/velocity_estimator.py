@@ -12,7 +12,9 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import column, each, tail
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -21,6 +23,25 @@ SOURCES = ('measured', 'estimated')
 """Choices of the parameter `velocity_source`; compiled code knows them by their position."""
 
 MEASURED, ESTIMATED = range(len(SOURCES))
+
+PARAMETERS = (
+    Parameter(
+        'velocity_source',
+        'measured',
+        'Rates as measured, or estimated from the joint angles alone',
+        choices=SOURCES,
+        read_only=False,
+    ),
+    Parameter(
+        'estimator_bandwidth',
+        1000.0,
+        'Bandwidth of the velocity estimator',
+        unit='rad/s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        read_only=False,
+    ),
+)
 
 _PUSH = 0.1
 """How fast the push follows, in proportion to what a filter of third order would have."""
@@ -77,29 +98,14 @@ MEMORY = (
 
 
 @formula
-def _sum(a: float, b: float) -> float:
-    return a + b
-
-
-@formula
-def _difference(a: float, b: float) -> float:
-    return a - b
-
-
-@formula
-def _nothing(of: float) -> float:
-    return 0.0
-
-
-@formula
 def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) -> Numbers:
     """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    torque = each(_sum, get(memory, 'commanded', lane), get(memory, 'felt', lane))
+    torque = each(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
     bend = mechanism.posture_of_joints(model, angles)
     v = mechanism.motion(model, rates)
     bias = mechanism.coriolis(model, bend, theta, v)
-    force = each(_difference, mechanism.forces(model, torque), bias)
+    force = each(minus, mechanism.forces(model, torque), bias)
     h = mechanism.inertia(model, bend, theta)
     return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))
 
@@ -138,11 +144,11 @@ def estimate_rates(
     if get(memory, 'follows', lane) == 0:
         put(memory, 'follows', lane, 1)
         put(memory, 'angles', lane, measured)
-        put(memory, 'rates', lane, each(_nothing, angles))
-        put(memory, 'push', lane, each(_nothing, angles))
+        put(memory, 'rates', lane, each(zero, angles))
+        put(memory, 'push', lane, each(zero, angles))
         return
     gain = gains(get(settings, 'estimator_bandwidth', lane), period)
-    a = each(_nothing, angles)
+    a = each(zero, angles)
     if knows_torques:
         model = mechanism.model_of(settings, lane)
         a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)

@@ -21,13 +21,24 @@ from typing import Any
 
 import numpy as np
 
-from masmc_ros.law.reaching.reaching import Reaching, register
+from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import task_inertia, Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import each, least, matrix_times
+from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+
+OBSERVER_GAIN = Parameter(
+    'observer_gain',
+    0.5,
+    'Gain beta of the disturbance estimate of the implicit law; 0 is off',
+    minimum=0.0,
+    maximum=1.0,
+    read_only=False,
+)
 
 Numbers = tuple[float, ...]
 Columns = tuple[Numbers, ...]
@@ -37,12 +48,6 @@ _STEPS = 200
 _TOLERANCE = 1.0e-13
 _NO_SIDE = 2.0
 _NO_PIVOT = 1.0e300
-
-
-@formula
-def _difference(s: float, predicted: float) -> float:
-    """Return what was not predicted of s on one axis."""
-    return s - predicted
 
 
 @formula
@@ -60,7 +65,7 @@ def disturbance_estimate(
     `inertia` is H_x in kg by its columns, `predicted` the s+ of the previous tick in m/s,
     not-a-number where there is none; `gain_per_period` is beta / T in 1/s.
     """
-    impulse = matrix_times(inertia, each(_difference, s, predicted))
+    impulse = matrix_times(inertia, each(minus, s, predicted))
     following = each(_followed, disturbance, impulse, gain_per_period)
     is_off = (gain_per_period == 0.0) | (predicted[0] != predicted[0])
     return disturbance if is_off else following
@@ -80,11 +85,6 @@ def _times(a: float, b: float) -> float:
 
 
 @formula
-def _nothing(a: float) -> float:
-    return 0.0
-
-
-@formula
 def solution(
     inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
 ) -> tuple[Numbers, Numbers]:
@@ -93,7 +93,7 @@ def solution(
     box = each(_times, k_s2, period)
     # On the surface all boxes hold, and there is nothing to be solved.
     if least(each(_holds, force, box)) > 0.0:
-        return each(_nothing, s), each(_within, force, box)
+        return each(zero, s), each(_within, force, box)
     return _solved(inertia, period, k_s1, k_s2, s)
 
 
@@ -150,7 +150,7 @@ def correct(
     The disturbance estimate then takes for a disturbance only what is one.
     """
     if torque != raw:
-        force = mechanism.forces(tick.model, each(_difference, torque, raw))
+        force = mechanism.forces(tick.model, each(minus, torque, raw))
         h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
         a = mechanism.inertia_solve(tick.model, h, force)
         change = mechanism.task_velocity(tick.model, tick.posture, a)
@@ -294,7 +294,8 @@ IMPLICIT = register(
         'implicit',
         reach,
         correct,
-        memory=(
+        (*GAINS, OBSERVER_GAIN),
+        (
             Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
             Field('predicted', 'axes', 's+; not-a-number: there is none', 'm/s', initial=math.nan),
         ),

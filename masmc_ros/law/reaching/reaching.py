@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
+from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, contract
@@ -16,6 +17,24 @@ from masmc_ros.numerics.tuples import each
 from masmc_ros.params.declaration import Parameter
 
 Numbers = tuple[float, ...]
+
+K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m')
+
+K_S2 = PerEntry('k_s2', 'axes', 100.0, 'Gain K_s2 of the switching term', 'N')
+
+GAINS = (K_S1, K_S2)
+"""What every reaching term reads."""
+
+BOUNDARY_LAYER = Parameter(
+    'boundary_layer',
+    0.2,
+    'Thickness delta of the boundary layer of the smooth approximations',
+    unit='m/s',
+    minimum=0.0,
+    exclusive_minimum=True,
+    read_only=False,
+)
+"""What the smooth ones read too."""
 
 
 @formula
@@ -34,7 +53,7 @@ class Reaching:
     """(settings, tick, memory, lane) -> u, a tuple in N."""
     correct: Callable[..., Any] = _nothing_to_correct
     """(settings, tick, memory, lane, raw, torque): the law asked for `raw`, `torque` is held."""
-    parameters: tuple[Parameter, ...] = ()
+    parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()
 
     @property

@@ -5,7 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.law.reaching.reaching import force_of, Reaching, register
+from masmc_ros.law.reaching.reaching import (
+    BOUNDARY_LAYER,
+    force_of,
+    GAINS,
+    Reaching,
+    register,
+)
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics import portable_math
 from masmc_ros.numerics.compiled import formula
@@ -26,4 +32,4 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...
     return force_of(settings, tick, lane, each(smooth, tick.surface, delta))
 
 
-TANH = register(Reaching('tanh', reach))
+TANH = register(Reaching('tanh', reach, parameters=(*GAINS, BOUNDARY_LAYER)))

@@ -15,6 +15,7 @@ from masmc_ros.numerics.arrays import read_row, write_row
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, head, joined, tabulate, tail
 from masmc_ros.robot import mechanism
 
@@ -31,11 +32,6 @@ def quantised(angle: float, resolution: float) -> float:
     count = angle / resolution
     rounded = ((count + _ROUND) - _ROUND) * resolution
     return rounded if resolution > 0.0 and abs(count) < _LARGEST_COUNT else angle
-
-
-@formula
-def _difference(a: float, b: float) -> float:
-    return a - b
 
 
 @formula
@@ -61,7 +57,7 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
     if (tick == 0) | (not counts):
         pose = head(position, pose)
     else:
-        turned = each(_difference, angles, get(memory, 'counted', lane))
+        turned = each(minus, angles, get(memory, 'counted', lane))
         pose = mechanism.dead_reckoned(model, pose, turned)
     put(memory, 'odometry', lane, pose)
     put(memory, 'counted', lane, angles)

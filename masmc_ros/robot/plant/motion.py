@@ -6,22 +6,13 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
 State = tuple[Numbers, Numbers]
 """Positions, and the joints' rates."""
-
-
-@formula
-def _sum(a: float, b: float) -> float:
-    return a + b
-
-
-@formula
-def _difference(a: float, b: float) -> float:
-    return a - b
 
 
 @formula
@@ -44,7 +35,7 @@ def derivative(
     posture = mechanism.posture(model, position)
     v = mechanism.motion(model, rates)
     bias = mechanism.coriolis(model, posture, theta, v)
-    force = each(_difference, mechanism.forces(model, torque), bias)
+    force = each(minus, mechanism.forces(model, torque), bias)
     h = mechanism.inertia(model, posture, theta)
     v_dot = mechanism.inertia_solve(model, h, force)
     return (

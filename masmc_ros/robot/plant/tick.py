@@ -8,6 +8,7 @@ from typing import Any
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import Field, get, lane_count, put
+from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import column, each
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.disturbance import sinusoid
@@ -52,21 +53,6 @@ MEMORY = (
 
 
 @formula
-def _sum(a: float, b: float) -> float:
-    return a + b
-
-
-@formula
-def _nothing(of: float) -> float:
-    return 0.0
-
-
-@formula
-def _difference(a: float, b: float) -> float:
-    return a - b
-
-
-@formula
 def _share(total: float, value: float, steps: float) -> float:
     return total + value / steps
 
@@ -93,7 +79,7 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
     """Let the drives follow the commanded rates for one step of h seconds."""
     model = mechanism.model_of(plant, lane)
     commanded = mechanism.commanded_joint_rates(model, get(now, 'rates', lane))
-    missing = each(_difference, commanded, get(memory, 'rates', lane))
+    missing = each(minus, commanded, get(memory, 'rates', lane))
     found = each(
         drive,
         missing,
@@ -124,7 +110,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     h = period / steps
     for lane in range(lanes):
         asked = get(now, 'torque', lane)
-        nothing = each(_nothing, asked)
+        nothing = each(zero, asked)
         held = each(
             limited,
             asked,
@@ -153,9 +139,9 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
                 get(memory, 'position', lane),
                 get(memory, 'rates', lane),
                 h,
-                each(_sum, torque, get(memory, 'push', lane)),
-                each(_sum, torque, disturbance(plant, lane, time + (step + 0.5) * h)),
-                each(_sum, torque, end),
+                each(plus, torque, get(memory, 'push', lane)),
+                each(plus, torque, disturbance(plant, lane, time + (step + 0.5) * h)),
+                each(plus, torque, end),
             )
             put(memory, 'position', lane, position)
             put(memory, 'rates', lane, rates)
@@ -163,7 +149,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     write_velocity(plant, memory)
     if holds & (plant['takes_rates'][0] == 0):
         for lane in range(lanes):
-            nothing = each(_nothing, get(now, 'torque', lane))
+            nothing = each(zero, get(now, 'torque', lane))
             put(now, 'applied', lane, nothing)
             put(memory, 'driven', lane, nothing)
 

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller's limits of what it commands: magnitude and rate of the torques."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry(
+        'torque_limit',
+        'joints',
+        'torque_limit',
+        'Limit of the commanded torque',
+        'N·m',
+        note='; 0 is none',
+    ),
+    PerEntry(
+        'torque_rate_limit',
+        'joints',
+        'torque_rate_limit',
+        'Limit of its change per time',
+        'N·m/s',
+        note='; 0 is none',
+    ),
+)
+
+
+@formula
+def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
+    """Return a torque within the controller's limits, `before` being the last tick's."""
+    return each(
+        limited,
+        raw,
+        before,
+        get(settings, 'torque_limit', lane),
+        get(settings, 'torque_rate_limit', lane),
+        get(settings, 'period', lane),
+    )

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model that laws compute with: theta_hat, what it begins as, and its torque."""
+
+from __future__ import annotations
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import Field
+from masmc_ros.numerics.scalars import plus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    Parameter(
+        'model_scale',
+        0.5,
+        'Nominal model as a multiple of the robot parameters, and the start of theta_hat',
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
+)
+
+ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
+"""What was learned, whatever law learned it; a change of law takes it on."""
+
+
+@formula
+def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
+    """Return Y theta + J' u in N m: of a model, and of a force u (N) on the task's axes."""
+    model = mechanism.regressor_times(tick.model, tick.regressor, theta)
+    force = mechanism.forces_from_task(tick.model, tick.posture, u)
+    return mechanism.joint_torques(tick.model, each(plus, model, force))

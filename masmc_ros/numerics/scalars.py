@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Formulas of one or two numbers, to be applied to tuples entry by entry: `each(plus, a, b)`."""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+
+
+@formula
+def plus(a: float, b: float) -> float:
+    """Return a + b."""
+    return a + b
+
+
+@formula
+def minus(a: float, b: float) -> float:
+    """Return a - b."""
+    return a - b
+
+
+@formula
+def zero(of: float) -> float:
+    """Return 0, whatever the number is."""
+    return 0.0
