@@ -25,7 +25,7 @@ shims = []
 if is_wheel:
     shims = [(f'lib/{NAME}', sorted(glob('shims/*')))]
 else:
-    scripts += [f'{node} = masmc_ros.cli.run:{node}' for node in NODES]
+    scripts += [f'{node} = masmc_ros.cli.executables:{node}' for node in NODES]
     shims = [('bin', ['scripts/masmc'])]
 
 setup(
@@ -39,7 +39,7 @@ setup(
     url='https://github.com/masmc-ros/masmc_ros',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['nodes/fast_dds/*', 'report/page/*']},
+    package_data={NAME: ['nodes/middleware/fast_dds/*', 'report/page/*']},
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.

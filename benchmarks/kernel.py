@@ -10,7 +10,7 @@ import tempfile
 import time
 
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 
 CASES = {

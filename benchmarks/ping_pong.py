@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from masmc_ros.nodes.transport import prepare_transport
+from masmc_ros.nodes.middleware.transport import prepare_transport
 
 _QOS = QoSProfile(depth=1)
 

@@ -23,9 +23,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.live_nodes import end, realtime_nodes
-from masmc_ros.log.cdr import EffortCdr
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.qos import subscription_qos
 
 NODES = ('trajectory', 'controller', 'plant')
 RATES = (500, 1000)

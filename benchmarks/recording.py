@@ -21,8 +21,8 @@ from sensor_msgs.msg import JointState
 
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.log.cdr import JointStateCdr
-from masmc_ros.nodes.qos import publisher_qos
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.nodes.middleware.qos import publisher_qos
 
 TOPICS = 20
 RATE = 500

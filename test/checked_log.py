@@ -12,8 +12,10 @@ from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, JointStateCdr
-from masmc_ros.log.text import text_of
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.text import text_of
 
 LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
 """Limits in N m of the torques that are commanded and applied."""

@@ -18,10 +18,10 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import LATE_TICKS
-from masmc_ros.nodes.scenario import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.scenario.scenario import Values
 
 Array = NDArray[np.float64]
 Delay = Callable[[], float]

@@ -23,7 +23,7 @@ PATIENCE = 180.0
 """Longest time in s that a command may take; machines may be slow and busy."""
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_IMPORTED = ['forked', 'masmc_ros.nodes.composed', 'masmc_ros.nodes.recorder', 'warm']
+_IMPORTED = ['forked', 'masmc_ros.nodes.composed.node', 'masmc_ros.nodes.recorder.node', 'warm']
 """Those that cannot be imported, where there is no rclpy, are left out."""
 
 

@@ -20,7 +20,7 @@ from surroundings import domain, domain_variables, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _NODES = ('plant', 'recorder', 'controller', 'trajectory')
-_IMPORTED = ['forks', *(f'masmc_ros.nodes.{name}' for name in _NODES)]
+_IMPORTED = ['forks', *(f'masmc_ros.nodes.{name}.node' for name in _NODES)]
 
 
 class Forks:

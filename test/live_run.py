@@ -18,9 +18,10 @@ from processes import NodeProcess, NODES, PAPER, Peer, peer, Processes, processe
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.log.text import text_of
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
 
 
 class LiveRun:

@@ -9,7 +9,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.summary import Summary
 
-from masmc_ros.log.stamps import stamp_reader
+from masmc_ros.messages.stamps import stamp_reader
 
 
 @dataclass(frozen=True)

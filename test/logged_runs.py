@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.cdr import ReferenceWindow
-from masmc_ros.log.names import (
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.write.writer import ChannelRows, LogWriter
+from masmc_ros.messages.names import (
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.qos import Qos
-from masmc_ros.log.rows import effort_rows, joint_state_rows, telemetry_rows
-from masmc_ros.log.writer import ChannelRows, LogWriter
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.rows import effort_rows, joint_state_rows, telemetry_rows
 
 STATE = 'sensor_msgs/msg/JointState'
 ARRAY = 'std_msgs/msg/Float64MultiArray'

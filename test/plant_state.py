@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from robots import Quad
 
-from masmc_ros.robot.dynamics import BaseParameters
-from masmc_ros.robot.geometry import Geometry
 from masmc_ros.robot.plant import motion
+from masmc_ros.robot.two_link.dynamics import BaseParameters
+from masmc_ros.robot.two_link.geometry import Geometry
 
 
 class PlantState(NamedTuple):

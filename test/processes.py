@@ -30,7 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from surroundings import domain, domain_variables, surroundings
 
-from masmc_ros.log.stamps import header_stamp
+from masmc_ros.messages.stamps import header_stamp
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'

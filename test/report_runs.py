@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.parameter_record import ParameterRecord
-from masmc_ros.log.reader import Run
-from masmc_ros.robot.parameters import ROBOT
+from masmc_ros.log.read.reader import Run
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.robot.two_link.parameters import ROBOT
 
 Floats = NDArray[np.float64]
 

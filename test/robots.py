@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from masmc_ros.robot.dynamics import BaseParameters
-from masmc_ros.robot.geometry import Geometry, Posture, quasi_velocity
-from masmc_ros.robot.kinematics import SINGULAR_SINE
-from masmc_ros.robot.parameters import base_parameters
+from masmc_ros.robot.two_link.dynamics import BaseParameters
+from masmc_ros.robot.two_link.geometry import Geometry, Posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import SINGULAR_SINE
+from masmc_ros.robot.two_link.parameters import base_parameters
 
 Quad = tuple[float, float, float, float]
 Array = NDArray[np.float64]

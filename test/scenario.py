@@ -17,8 +17,8 @@ from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
-from masmc_ros.robot import AXES, BASE_PARAMETERS
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 

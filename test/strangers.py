@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from masmc_ros.log.cdr import ArmVelocityCdr, EffortCdr, JointStateCdr, ReferenceWindow
-from masmc_ros.log.names import (
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
@@ -20,11 +22,12 @@ from masmc_ros.log.names import (
     TELEMETRY,
     telemetry_topic,
 )
-from masmc_ros.log.telemetry import TelemetryCdr
-from masmc_ros.log.text import string_message
-from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.log.transforms import TransformsCdr
-from masmc_ros.nodes.messages import message_class
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.text import string_message
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.nodes.middleware.messages import message_class
 
 TYPES = {
     topic.name: topic.type_name

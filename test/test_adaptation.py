@@ -15,7 +15,7 @@ from scenario import axes, Scenario, whole
 
 from masmc_ros.law.parts.adaptation import beyond_dead_zone, moved_estimate
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
 

@@ -11,10 +11,10 @@ import pytest
 
 from masmc_ros.loop.base_pose import BasePose
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.reference.approach import Approach, SHORTEST
-from masmc_ros.robot.forward_kinematics import task_positions
-from masmc_ros.robot.platform_motion import platform_motion
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.scenario.scenario import load_scenario
 
 SPEED = 0.25
 MS = 1_000_000

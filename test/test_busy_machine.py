@@ -17,8 +17,8 @@ pytest.importorskip('rclpy')
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
 
-from masmc_ros.log.reader import read_run
-from masmc_ros.robot.two_link import TORQUE_LIMIT
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
 
 LENGTH = 20.0
 

@@ -10,31 +10,24 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 
-from masmc_ros.log.arm_velocity import ARM_VELOCITY
-from masmc_ros.log.cdr import (
-    ArmVelocityCdr,
-    EffortCdr,
-    JointStateCdr,
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
+from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.layout import Layout
+from masmc_ros.messages.multi_array import MultiArrayLayout
+from masmc_ros.messages.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
+from masmc_ros.messages.platform_motion import (
+    odometry_layout,
     OdometryCdr,
-    ReferenceWindow,
-    TelemetryCdr,
+    time_layout,
     TimeCdr,
+    twist_layout,
+    twist_stamped_layout,
     TwistCdr,
     TwistStampedCdr,
 )
-from masmc_ros.log.effort import EFFORT
-from masmc_ros.log.joint_state import joint_state_layout
-from masmc_ros.log.layout import Layout
-from masmc_ros.log.multi_array import MultiArrayLayout
-from masmc_ros.log.names import DRIVEN_JOINTS, JOINTS, TELEMETRY
-from masmc_ros.log.platform_motion import (
-    odometry_layout,
-    time_layout,
-    twist_layout,
-    twist_stamped_layout,
-)
-from masmc_ros.log.reference_window import reference_layout
-from masmc_ros.log.telemetry import telemetry_layout
+from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
+from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
 
 pytest.importorskip('rclpy', reason='compares with ROS 2')
 

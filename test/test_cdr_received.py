@@ -11,21 +11,13 @@ import numpy as np
 import pytest
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.arm_velocity import ARM_VELOCITY
-from masmc_ros.log.cdr import (
-    ArmVelocityCdr,
-    EffortCdr,
-    JointStateCdr,
-    ReferenceWindow,
-    TelemetryCdr,
-    TwistStampedCdr,
-)
-from masmc_ros.log.effort import EFFORT
-from masmc_ros.log.joint_state import joint_state_layout
-from masmc_ros.log.names import JOINTS
-from masmc_ros.log.platform_motion import twist_stamped_layout
-from masmc_ros.log.reference_window import reference_layout
-from masmc_ros.log.telemetry import telemetry_layout
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
+from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.platform_motion import twist_stamped_layout, TwistStampedCdr
+from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
+from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
 
 
 def state() -> JointStateCdr:

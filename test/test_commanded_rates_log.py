@@ -13,11 +13,13 @@ from report_html import lines, Page
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import ArmVelocityCdr, JointStateCdr, TwistCdr, TwistStampedCdr
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.reader import read_run, Run
-from masmc_ros.log.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
-from masmc_ros.log.writer import LogWriter
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 
 PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
 TICK = 1_000_000

@@ -18,10 +18,10 @@ from robots import (
     PROPERTY,
 )
 
-from masmc_ros.robot.consistency import is_consistent, normal, weakest_motion
-from masmc_ros.robot.dynamics import BaseParameters, inertia, inertia_times
-from masmc_ros.robot.geometry import Geometry, posture
-from masmc_ros.robot.parameters import base_parameters
+from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
+from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import Geometry, posture
+from masmc_ros.robot.two_link.parameters import base_parameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from masmc_ros.nodes import coverage
-from masmc_ros.nodes.coverage import Coverage
+from masmc_ros.nodes.recorder import coverage
+from masmc_ros.nodes.recorder.coverage import Coverage
 
 
 def recorded(last: int, *, frames: int, decimation: int = 1) -> Coverage:

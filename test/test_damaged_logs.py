@@ -20,9 +20,9 @@ from test_recover import read
 import zstandard
 
 from masmc_ros.cli.main import main
+from masmc_ros.log.read.scan import scan
 from masmc_ros.log.records import RECORD_HEAD
-from masmc_ros.log.recover import recover
-from masmc_ros.log.scan import scan
+from masmc_ros.log.recover.recover import recover
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES, LIMIT = 400, 900.0

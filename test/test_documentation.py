@@ -8,10 +8,10 @@ from types import ModuleType
 
 import pytest
 
-from masmc_ros.nodes.parameters import declared, NODES
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.params.file import read
-from masmc_ros.robot.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]

@@ -11,7 +11,7 @@ from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, joined, Stretch
-from masmc_ros.nodes.scenario import activation, load_scenario
+from masmc_ros.scenario.scenario import activation, load_scenario
 
 DURATION = 8.0
 LIMITS = (

@@ -19,9 +19,9 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.cdr import EffortCdr
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
+from masmc_ros.messages.effort import EffortCdr
 
 NAMES = ('base_x', 'base_y', 'yaw', 'front/right', 'front/left', 'shoulder', 'elbow')
 RATE_LIMIT = 1000.0

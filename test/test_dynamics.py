@@ -34,8 +34,8 @@ from scenario import law_records, Scenario
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot import AXES, BASE_PARAMETERS
-from masmc_ros.robot.dynamics import (
+from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
+from masmc_ros.robot.two_link.dynamics import (
     BaseParameters,
     coriolis,
     Inertia,
@@ -46,9 +46,9 @@ from masmc_ros.robot.dynamics import (
     regressor_times,
     regressor_transpose_times,
 )
-from masmc_ros.robot.geometry import Posture, posture, quasi_velocity
-from masmc_ros.robot.kinematics import quasi_from_task, task_drift, task_force_from_quasi
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 ROBOT = Machine(DEFAULT)
 

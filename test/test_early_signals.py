@@ -109,7 +109,7 @@ def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
 
 def test_every_executable_of_colcon_is_there() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    assert "f'{node} = masmc_ros.cli.run:{node}'" in setup
+    assert "f'{node} = masmc_ros.cli.executables:{node}'" in setup
     named = re.search(r'^NODES = \((.*)\)$', setup, re.MULTILINE)
     assert named is not None
     assert re.findall(r"'(\w+)'", named[1]) == list(NODES)

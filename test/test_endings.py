@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from surroundings import surroundings
 
-from masmc_ros.log.cdr import EffortCdr
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.listening import take_rest
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.recorder.listening import take_rest
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -132,7 +132,7 @@ def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_pa
 
 HELD = """
 import ctypes
-from masmc_ros.nodes.exit_timer import exit_after
+from masmc_ros.nodes.process.exit_timer import exit_after
 with exit_after(0.2, 9):
     pass
 with exit_after(0.2, {status}):

@@ -20,7 +20,7 @@ from report_runs import paper_like, run_of
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.reader import read_run, Run
+from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.columns import columns_of
 from masmc_ros.report.export import FORMATS, write_export
 

@@ -24,8 +24,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 from std_srvs.srv import SetBool
 
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, ReferenceWindow
-from masmc_ros.log.names import JOINTS
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
 
 GARBAGE = b'\x00\x01\x00\x00\xff\xff\xff\x7f'
 """A message that promises more than it holds."""

@@ -20,15 +20,15 @@ from rclpy.duration import Duration
 from surroundings import domain_variables, surroundings
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from masmc_ros.log.definitions import definition
+from masmc_ros.messages.definitions import definition
 
 WITHOUT = """
     import sys
     sys.modules['trajectory_msgs'] = sys.modules['trajectory_msgs.msg'] = None
-    from masmc_ros.log import definitions
+    from masmc_ros.messages import definitions
     for name in [n for n in definitions._store().fielddefs if n.startswith('trajectory_msgs/')]:
         del definitions._store().fielddefs[name]
-    from masmc_ros.nodes.recorder import main
+    from masmc_ros.nodes.recorder.node import main
     sys.exit(main(sys.argv[1:]))
 """
 """A recorder on a machine where nobody knows trajectory_msgs."""

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from viewed_run import computed_run, decoded, ROOT
 
-from masmc_ros.log.names import ODOM_FRAME
-from masmc_ros.log.topics import SYSTEM_TOPICS
+from masmc_ros.messages.names import ODOM_FRAME
+from masmc_ros.messages.topics import SYSTEM_TOPICS
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 SETTINGS = Path(__file__).with_name('viewer_settings.json')

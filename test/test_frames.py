@@ -15,17 +15,17 @@ from rosbags.highlevel import AnyReader
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.joint_state import JointStateCdr
-from masmc_ros.log.state_transforms import StateTransforms
-from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.robot.forward_kinematics import task_positions
-from masmc_ros.robot.frames import (
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.frames import (
     check_frame_prefix,
     end_effector_height,
     frame_origins,
     frame_transforms,
 )
-from masmc_ros.robot.names import FRAMES
+from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'
 POSITION = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)

@@ -25,7 +25,8 @@ from processes import NodeProcess, Peer, peer, Processes, processes, ros_argumen
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
 
 MS = 1_000_000
 PERIOD = 2 * MS

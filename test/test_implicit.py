@@ -17,7 +17,7 @@ from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reach
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 MOST_AXES = 6
 

@@ -24,7 +24,7 @@ from robots import (
     trigonometry,
 )
 
-from masmc_ros.robot.geometry import (
+from masmc_ros.robot.two_link.geometry import (
     Geometry,
     joint_torque,
     posture,
@@ -32,7 +32,7 @@ from masmc_ros.robot.geometry import (
     quasi_velocity,
     reduced_velocity,
 )
-from masmc_ros.robot.kinematics import (
+from masmc_ros.robot.two_link.kinematics import (
     is_singular,
     quasi_force_from_task,
     quasi_from_task,

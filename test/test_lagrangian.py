@@ -22,15 +22,15 @@ from robots import (
     regular_angles,
 )
 
-from masmc_ros.robot.dynamics import (
+from masmc_ros.robot.two_link.dynamics import (
     coriolis,
     inertia,
     inertia_times,
     regressor,
     regressor_times,
 )
-from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
-from masmc_ros.robot.kinematics import (
+from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import (
     quasi_force_from_task,
     quasi_from_task,
     task_drift,

@@ -15,10 +15,10 @@ from test_stability_bounds import CHATTERING, SMOOTH, variation
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
-from masmc_ros.nodes.parameters import declared
-from masmc_ros.nodes.scenario import load_scenario, Values
 from masmc_ros.params.declaration import check_all
-from masmc_ros.robot.two_link import TORQUE_LIMIT
+from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario, Values
 
 CONFIG = Path(__file__).parent.parent / 'config'
 NODES = ('plant', 'trajectory', 'controller')

@@ -15,9 +15,9 @@ from processes import PAPER
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.nodes.saturation import Saturation
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.scenario.scenario import load_scenario
 
 PERIOD = 1e-3
 GENTLE = ('controller.k_s1=20', 'controller.k_s2=20', 'controller.law=smc')

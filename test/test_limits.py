@@ -16,8 +16,8 @@ from scenario import axes, Scenario, whole
 
 from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.numerics.limits import limited
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

@@ -19,8 +19,8 @@ from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from masmc_ros.log.cdr import EffortCdr
-from masmc_ros.log.stamps import header_stamp
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.stamps import header_stamp
 
 KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
 AT_ONCE = 4

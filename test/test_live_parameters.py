@@ -18,7 +18,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersA
 from rclpy.parameter import Parameter
 
 from masmc_ros.cli.main import main
-from masmc_ros.nodes.parameters import declared
+from masmc_ros.scenario.node_parameters import declared
 
 Call = Callable[[Any, str, Any], Any]
 

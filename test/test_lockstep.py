@@ -15,8 +15,8 @@ from processes import NODES, PAPER, peer, processes, ros_arguments
 from std_msgs.msg import String
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.state_transforms import StateTransforms
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.scenario.scenario import load_scenario
 
 OTHER = """
 /**:

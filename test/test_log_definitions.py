@@ -7,7 +7,7 @@ from time import monotonic
 import pytest
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.definitions import definition
+from masmc_ros.messages.definitions import definition
 
 TYPES = (
     'builtin_interfaces/msg/Time',

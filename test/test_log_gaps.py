@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from masmc_ros.log.gaps import Gaps, gaps_in
+from masmc_ros.log.read.gaps import Gaps, gaps_in
 
 MS = 10**6
 

@@ -10,14 +10,14 @@ import pytest
 from robots import DEFAULT
 from rosbags.typesys import get_typestore, Stores
 
-from masmc_ros.log.path import path_message
-from masmc_ros.log.stamps import stamp_reader
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath, MOST_POSES, thinned
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.path import path_message
+from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.reference.trajectory import parameters, Trajectory
-from masmc_ros.robot.forward_kinematics import task_positions
-from masmc_ros.robot.frames import end_effector_height
-from masmc_ros.robot.parameters import Robot
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.frames import end_effector_height
+from masmc_ros.robot.two_link.parameters import Robot
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = 'nav_msgs/msg/Path'

@@ -14,12 +14,15 @@ import pytest
 from rosbags.typesys import get_typestore, Stores
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, OdometryCdr, ReferenceWindow
-from masmc_ros.log.definitions import definition
-from masmc_ros.log.names import JOINTS, TELEMETRY
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.topics import ODOMETRY
-from masmc_ros.log.writer import LogWriter
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import JOINTS, TELEMETRY
+from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import ODOMETRY
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -306,7 +309,7 @@ def test_reading_needs_no_ros(tmp_path: Path) -> None:
         '        if package in ("rclpy", "std_msgs", "sensor_msgs", "builtin_interfaces"):\n'
         '            raise ImportError(name)\n'
         'sys.meta_path.insert(0, NoRos())\n'
-        'from masmc_ros.log.reader import read_run\n'
+        'from masmc_ros.log.read.reader import read_run\n'
         'print(len(read_run(sys.argv[1]).times), "numba" in sys.modules)\n'
     )
     done = subprocess.run(

@@ -6,18 +6,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 import numpy as np
 
-from masmc_ros.log.arm_velocity import ARM_VELOCITY
-from masmc_ros.log.cdr import (
-    ArmVelocityCdr,
-    EffortCdr,
-    JointStateCdr,
-    OdometryCdr,
-    TelemetryCdr,
-    TimeCdr,
-    TwistCdr,
-    TwistStampedCdr,
-)
-from masmc_ros.log.rows import (
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr, TwistStampedCdr
+from masmc_ros.messages.rows import (
     command_rows,
     effort_rows,
     joint_state_rows,
@@ -27,6 +20,7 @@ from masmc_ros.log.rows import (
     twist_rows,
     twist_stamped_rows,
 )
+from masmc_ros.messages.telemetry import TelemetryCdr
 
 STAMPS = hnp.arrays(np.int64, st.integers(0, 12), elements=st.integers(0, 2**31 * 10**9 - 1))
 

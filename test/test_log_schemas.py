@@ -12,8 +12,8 @@ from mcap_ros2._vendor.rosidl_adapter.parser import Field, parse_message_string
 import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.log.writer import LogWriter
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 
 TYPES = sorted({topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)})
 _CLASS_NAMES = {'float64': 'double', 'float32': 'float', 'byte': 'octet', 'bool': 'boolean'}

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from masmc_ros.log.cdr import ReferenceWindow
-from masmc_ros.log.timeline import last_pass, sample_reference
+from masmc_ros.log.read.timeline import last_pass, sample_reference
+from masmc_ros.messages.reference_window import ReferenceWindow
 
 MS = 1_000_000
 

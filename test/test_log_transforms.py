@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 
-from masmc_ros.log.rows import transforms_rows
-from masmc_ros.log.stamps import stamp_reader
-from masmc_ros.log.transforms import (
+from masmc_ros.messages.rows import transforms_rows
+from masmc_ros.messages.stamps import stamp_reader
+from masmc_ros.messages.transforms import (
     first_frames,
     is_of_robot,
     transforms_layout,
     TransformsCdr,
 )
-from masmc_ros.robot.names import FRAMES
+from masmc_ros.robot.two_link.names import FRAMES
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = 'tf2_msgs/msg/TFMessage'

@@ -22,11 +22,11 @@ import yaml
 
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.definitions import definition
-from masmc_ros.log.names import JOINTS
 from masmc_ros.log.qos import LATCHED, Qos
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.write.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.names import JOINTS
 
 TICKS = 2000
 PER_TICK = 6
@@ -261,7 +261,7 @@ def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     script = (
         'import sys, time\n'
-        'from masmc_ros.log.writer import LogWriter\n'
+        'from masmc_ros.log.write.writer import LogWriter\n'
         'log = LogWriter(sys.argv[1], live=True)\n'
         'channel = log.channel("/text", "std_msgs/msg/String")\n'
         'for number in range(100):\n'

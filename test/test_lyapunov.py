@@ -27,10 +27,10 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot.dynamics import coriolis
-from masmc_ros.robot.geometry import joint_torque, posture, quasi_velocity
-from masmc_ros.robot.kinematics import task_drift, task_position
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.dynamics import coriolis
+from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_drift, task_position
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from scenario import axes, in_pieces, Run, Scenario, tick_by_tick, whole
 
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Stretch
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.numerics.portable_random import gaussian, philox
 from masmc_ros.robot.plant.measurement import quantised
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

@@ -14,8 +14,8 @@ import pytest
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.parameters import declared, NODES
-from masmc_ros.nodes.scenario import activation, load_scenario
+from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.scenario.scenario import activation, load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = [ROOT / 'config' / name for name in ('paper.yaml', 'robust.yaml')]
@@ -164,8 +164,8 @@ def refusal_of_nodes(path: Path) -> str | None:
     from rclpy.node import Node
 
     from masmc_ros.loop.timing import Timing
-    from masmc_ros.nodes.command_line import parse
-    from masmc_ros.nodes.ros_parameters import RosParameters
+    from masmc_ros.nodes.parameters.ros_parameters import RosParameters
+    from masmc_ros.nodes.process.command_line import parse
 
     arguments = ['--ros-args', '--params-file', str(path)]
     context = Context()

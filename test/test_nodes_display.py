@@ -18,9 +18,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from masmc_ros.log.state_transforms import StateTransforms
-from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.robot.description import robot_description
+from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.robot.two_link.description import robot_description
+from masmc_ros.scenario.scenario import load_scenario
 
 
 def stamp(message: Path, pose: int | None = None) -> int:

@@ -30,11 +30,11 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
-from masmc_ros.log.names import TELEMETRY, telemetry_topic
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.log.text import text_of
-from masmc_ros.nodes.latched import Latched
-from masmc_ros.nodes.qos import publisher_qos
+from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.qos import publisher_qos
 
 LATCHED: dict[str, Any] = {
     'controller/state': String,

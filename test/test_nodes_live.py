@@ -40,14 +40,14 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from surroundings import domain_variables, surroundings
 
-from masmc_ros.log.cdr import JointStateCdr
-from masmc_ros.log.definitions import definition
-from masmc_ros.log.stamps import header_stamp, transforms_stamp
-from masmc_ros.log.text import text_of
-from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.live import SAMPLED
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp, transforms_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.nodes.live.node import SAMPLED
+from masmc_ros.scenario.scenario import load_scenario
 
 NODES = ('trajectory', 'controller', 'plant')
 PERIOD = 1_000_000

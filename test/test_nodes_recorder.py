@@ -31,11 +31,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
 
-from masmc_ros.log.names import TELEMETRY
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.log.text import text_of
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.messages.names import TELEMETRY
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
 
 LAST = 700
 """Last tick of the recorded runs; on no grid of a decimated topic."""

@@ -18,12 +18,14 @@ from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr, ReferenceWindow
-from masmc_ros.log.names import JOINTS
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.hermite import quintic
+from masmc_ros.scenario.scenario import load_scenario
 
 POSITION = np.array([0.1, -0.2, 1.4, 3.0, -2.0, 0.7, -1.2])
 VELOCITY = np.array([0.3, 0.1, -0.2, 1.0, 2.0, 0.4, -0.5])

@@ -21,8 +21,9 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.cdr import EffortCdr, JointStateCdr
-from masmc_ros.log.stamps import header_stamp
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp
 
 PERIOD = 1_000_000
 

@@ -22,12 +22,12 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from masmc_ros.log.cdr import EffortCdr
-from masmc_ros.log.names import JOINTS
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.robot.platform_motion import platform_motion
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.scenario.scenario import load_scenario
 
 PERIOD = 0.005
 LATE = 0.03

@@ -21,8 +21,8 @@ from robots import (
     PROPERTY,
 )
 
-from masmc_ros.robot.geometry import posture, quasi_velocity
-from masmc_ros.robot.kinematics import task_velocity
+from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_velocity
 
 SWAP = [1, 0, 2, 3]
 """Exchanges the columns of the right and of the left wheel."""

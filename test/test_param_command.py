@@ -22,8 +22,8 @@ from std_msgs.msg import String
 from surroundings import domain_variables, surroundings
 import yaml
 
-from masmc_ros.nodes.parameters import declared
 from masmc_ros.params.file import read
+from masmc_ros.scenario.node_parameters import declared
 
 
 @pytest.fixture(scope='module')

@@ -14,9 +14,9 @@ from rosbags.typesys import get_typestore, Stores
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.scan import scan
-from masmc_ros.log.writer import LogWriter
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.read.scan import scan
+from masmc_ros.log.write.writer import LogWriter
 
 PAPER = str(Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml')
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -12,8 +12,8 @@ from scenario import Scenario
 from test_consistency import reduced_inertia, stretched
 
 from masmc_ros.law.parts.adaptation import MARGIN, projected
-from masmc_ros.robot.consistency import is_consistent
-from masmc_ros.robot.dynamics import BaseParameters
+from masmc_ros.robot.two_link.consistency import is_consistent
+from masmc_ros.robot.two_link.dynamics import BaseParameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 

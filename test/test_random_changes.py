@@ -20,8 +20,8 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.parameter_record import read_record
-from masmc_ros.nodes.parameters import declared
+from masmc_ros.messages.parameter_record import read_record
+from masmc_ros.scenario.node_parameters import declared
 
 EXAMPLES, FEW, CHANGES = 400, 12, 25
 AT_ONCE = 5

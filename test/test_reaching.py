@@ -13,11 +13,7 @@ from robots import between, PROPERTY
 from scenario import Scenario, whole
 
 from masmc_ros.law.parts.adaptation import moved_estimate
-from masmc_ros.law.parts.surface import (
-    reference_acceleration,
-    reference_velocity,
-    sliding_surface,
-)
+from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.law.reaching.reaching import reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.reaching.sigmoid import sigmoid

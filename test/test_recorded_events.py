@@ -12,8 +12,7 @@ import pytest
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.parameter_record import ParameterRecord, read_record
-from masmc_ros.log.reader import read_run, Run
+from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.loop.controller_events import (
     ACTIVATED,
     ADAPTATION_RESET,
@@ -23,7 +22,8 @@ from masmc_ros.loop.controller_events import (
 )
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.nodes.scenario import load_scenario, logged_scenario
+from masmc_ros.messages.parameter_record import ParameterRecord, read_record
+from masmc_ros.scenario.scenario import load_scenario, logged_scenario
 
 PAPER = str(Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml')
 LEARNING = (
@@ -83,7 +83,7 @@ def test_a_reset_of_the_adaptation_forgets_what_was_learned_alone(source: str) -
 
 def logged(tmp_path: Path, *settings: str, changes: tuple[Change, ...] = ()) -> Path:
     """Simulate to a log what the nodes would record."""
-    from masmc_ros.log.simulated import SimulationLog
+    from masmc_ros.log.write.simulated import SimulationLog
 
     values = load_scenario(PAPER, (*LEARNING, *settings))
     simulation = Simulation(values, changes)
@@ -119,8 +119,8 @@ def test_the_log_of_a_simulation_tells_events_too(
 
 def from_metadata(run: Run) -> list[ParameterRecord]:
     """Return what the metadata say changed, as for a log without the topics."""
-    from masmc_ros.log.parameter_history import _from_metadata
-    from masmc_ros.log.scan import scan
+    from masmc_ros.log.read.parameter_history import _from_metadata
+    from masmc_ros.log.read.scan import scan
 
     history = _from_metadata(scan(run.path))
     return [

@@ -16,10 +16,10 @@ from sensor_msgs.msg import JointState
 from test_recorder_killed import recorder, ROBOT
 
 from masmc_ros.cli.recover import recover
-from masmc_ros.log.gaps import MISSING, state_gaps
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.log.read.gaps import MISSING, state_gaps
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.report.missing import missing
 from masmc_ros.report.tracking import tracking
 

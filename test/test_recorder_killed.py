@@ -17,10 +17,10 @@ from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.recover import recover
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.qos import subscription_qos
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import recover
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.qos import subscription_qos
 
 ROUNDS, AT_ONCE = 17, 3
 MOST_LOST = 0.6

@@ -14,13 +14,13 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.cdr import JointStateCdr
-from masmc_ros.log.parameter_record import ParameterRecord
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.recording import LOST, Options, Recording
-from masmc_ros.log.recover import recover
-from masmc_ros.log.text import string_message
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.write.recording import LOST, Options, Recording
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.text import string_message
 
 TICKS = 3000
 
@@ -126,7 +126,7 @@ FULL = """
     import json, os, random, resource, signal, sys, time
     from pathlib import Path
     from masmc_ros.log.qos import Qos
-    from masmc_ros.log.recording import Options, Recording
+    from masmc_ros.log.write.recording import Options, Recording
 
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)

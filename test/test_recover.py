@@ -20,10 +20,10 @@ from rosbags.highlevel import AnyReader
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.recover import is_complete, recover, recover_all
-from masmc_ros.log.rows import effort_rows, joint_state_rows
-from masmc_ros.log.writer import ChannelRows, COMPRESSIONS, LogWriter
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import is_complete, recover, recover_all
+from masmc_ros.log.write.writer import ChannelRows, COMPRESSIONS, LogWriter
+from masmc_ros.messages.rows import effort_rows, joint_state_rows
 
 TICKS = 160
 COMMIT = 20

@@ -17,9 +17,9 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.names import TELEMETRY, telemetry_topic
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
+from masmc_ros.messages.names import TELEMETRY, telemetry_topic
 
 LEARNING = {
     # A place to stay at, so that a robot that nobody steers is not far from it.

@@ -9,7 +9,7 @@ import numpy as np
 from report_html import lines, Page
 from report_runs import paper_like, with_change
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.labels import labels

@@ -21,7 +21,7 @@ from robots import all_angles, Angles, Machine, machines, PROPERTY
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
 from masmc_ros.report.error_figure import end_effector_figure, platform_figure
 from masmc_ros.report.figures import draw_figures, figure_names
@@ -31,7 +31,7 @@ from masmc_ros.report.report import write_report
 from masmc_ros.report.robot_drawing import arm_points
 from masmc_ros.report.style import paper_style, png
 from masmc_ros.report.tracking import tracking
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)

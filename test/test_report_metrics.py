@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from report_runs import paper_like, PARAMETERS, run_of, ticks, without_error
 
-from masmc_ros.log.reader import read_run, Run
-from masmc_ros.log.simulated import SimulationLog
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.report.metrics import metrics, total_variation
 from masmc_ros.report.tracking import tracking
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
 

@@ -16,10 +16,12 @@ from report_html import lines, numbers, Page
 from report_runs import paper_like, run_of, ticks, with_change, without_error
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.cdr import ArmVelocityCdr, JointStateCdr, TwistCdr
-from masmc_ros.log.reader import Run
-from masmc_ros.log.topics import TWIST
-from masmc_ros.log.writer import LogWriter
+from masmc_ros.log.read.reader import Run
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import TwistCdr
+from masmc_ros.messages.topics import TWIST
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics

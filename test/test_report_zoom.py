@@ -15,7 +15,7 @@ import pytest
 from report_runs import run_of, ticks
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.reader import read_run, Run
+from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.report import write_report
 from masmc_ros.report.samples import MOST
 from masmc_ros.report.tracking import tracking

@@ -13,10 +13,10 @@ import pytest
 from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.names import DRIVEN_JOINTS
-from masmc_ros.robot.description import robot_description
-from masmc_ros.robot.forward_kinematics import task_positions
-from masmc_ros.robot.parameters import base_parameters
+from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.robot.two_link.description import robot_description
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.parameters import base_parameters
 
 POSITIONS = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
 

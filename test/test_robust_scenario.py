@@ -10,7 +10,7 @@ import pytest
 from robots import Array
 
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 
 ROBUST = str(Path(__file__).parent.parent / 'config' / 'robust.yaml')
 

@@ -9,8 +9,8 @@ import pytest
 from viewed_run import computed_run, decoded, ROOT
 import yaml
 
-from masmc_ros.log.names import ODOM_FRAME
-from masmc_ros.log.topics import TOPICS, TRANSFORMS
+from masmc_ros.messages.names import ODOM_FRAME
+from masmc_ros.messages.topics import TOPICS, TRANSFORMS
 
 PLUGINS = 'rviz_default_plugins/'
 KIND = {'RobotModel': 'std_msgs/msg/String', 'Path': 'nav_msgs/msg/Path'}

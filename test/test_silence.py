@@ -17,9 +17,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from masmc_ros.log.parameter_record import ParameterRecord
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.log.text import text_of
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
 
 NODES = ('plant', 'trajectory', 'controller')
 

@@ -21,19 +21,19 @@ from strangers import NESTED, record, right_message, strange_message, TEXTS, TYP
 from test_recover import read
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.joint_state import JointStateCdr
-from masmc_ros.log.layout import END_OF_TIME
-from masmc_ros.log.parameter_record import read_record, record_of
-from masmc_ros.log.reader import read_run
-from masmc_ros.log.recording import NOT_UNDERSTOOD
-from masmc_ros.log.recover import recover
-from masmc_ros.log.stamps import stamp_reader
-from masmc_ros.log.telemetry import TelemetryCdr
-from masmc_ros.log.text import string_message
-from masmc_ros.log.transforms import TransformsCdr
-from masmc_ros.nodes.command_parts import rate_parts, torque_parts
-from masmc_ros.nodes.raw_types import raw_class
-from masmc_ros.robot.names import ARM_JOINTS, DRIVEN_JOINTS
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import recover
+from masmc_ros.log.write.recording import NOT_UNDERSTOOD
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.layout import END_OF_TIME
+from masmc_ros.messages.parameter_record import read_record, record_of
+from masmc_ros.messages.stamps import stamp_reader
+from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.text import string_message
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.plant.command_parts import rate_parts, torque_parts
+from masmc_ros.robot.two_link.names import ARM_JOINTS, DRIVEN_JOINTS
 
 ROUNDS, LIMIT = 40, 400.0
 """Batches of messages that are sent, and the time in s for them."""

@@ -18,14 +18,10 @@ from processes import peer, processes, ros_arguments, shortened
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
-from masmc_ros.log.cdr import EffortCdr, ReferenceWindow
-from masmc_ros.log.parameter_record import read_record
-from masmc_ros.loop.controller_events import (
-    ACTIVATED,
-    ADAPTATION_RESET,
-    DEACTIVATED,
-    RESUMED,
-)
+from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.parameter_record import read_record
+from masmc_ros.messages.reference_window import ReferenceWindow
 
 
 def call(run: LiveRun, name: str, value: bool | None = None) -> Any:

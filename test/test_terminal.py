@@ -20,7 +20,7 @@ from test_bad_input import PAPER, PATIENCE, the_line
 from viewed_run import computed_run
 
 from masmc_ros.cli.main import main
-from masmc_ros.nodes.parameters import declared, NODES
+from masmc_ros.scenario.node_parameters import declared, NODES
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': os.pathsep.join(e or os.getcwd() for e in sys.path)}
 

@@ -23,7 +23,7 @@ VARIABLES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE', RAN
 
 PREPARE = f"""
 import os
-from masmc_ros.nodes.transport import prepare_transport
+from masmc_ros.nodes.middleware.transport import prepare_transport
 prepare_transport()
 print(*(os.environ.get(name, '-') for name in {VARIABLES}), sep='|')
 """

@@ -13,10 +13,10 @@ from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Stretch
-from masmc_ros.nodes.scenario import load_scenario
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.plant.drives import drive, joint_inertias
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 RATES = 'plant.command_interface=velocity', 'controller.command_interface=velocity'

@@ -36,19 +36,16 @@ from test_lockstep import (
 from test_nodes_live import listening
 
 from masmc_ros.cli.main import main
-from masmc_ros.log.cdr import (
-    ArmVelocityCdr,
-    JointStateCdr,
-    ReferenceWindow,
-    TwistCdr,
-    TwistStampedCdr,
-)
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.report.parameters import run_robot
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.scenario.scenario import load_scenario
 
 TOPICS = (
     'cmd_vel',

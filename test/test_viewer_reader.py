@@ -21,10 +21,10 @@ pytest.importorskip('rosbags')
 from node_readers import read_log, run_read_log, SOURCES
 from viewed_run import computed_run, decoded, ROOT
 
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.scenario.scenario import load_scenario
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 

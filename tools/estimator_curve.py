@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.nodes.scenario import load_scenario
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 SETTINGS = (

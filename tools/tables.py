@@ -11,10 +11,10 @@ import re
 import sys
 from unittest.mock import patch
 
-from masmc_ros.log.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.nodes.parameters import declared, NODES, SHARED
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
+from masmc_ros.scenario.node_parameters import declared, NODES, SHARED
 
 ROOT = Path(__file__).resolve().parent.parent
 _BLOCK = re.compile(r'(<!-- table: ([a-z ]+) -->\n).*?(<!-- end -->)', re.DOTALL)

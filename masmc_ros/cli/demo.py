@@ -18,7 +18,7 @@ from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
-from masmc_ros.nodes.scenario import load_scenario
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 
 LAWS = ('smc', 'rasmc')

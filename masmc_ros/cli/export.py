@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from tqdm import tqdm
 
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.report.export import check_export, write_export
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import shutil
 import textwrap
 
-from masmc_ros.nodes.parameters import declared, SHARED
 from masmc_ros.params.documentation import plain_list
+from masmc_ros.scenario.node_parameters import declared, SHARED
 
 _DOES = {
     'plant': 'The simulated robot: takes commands, sends its states.',

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def param(options: argparse.Namespace) -> int:
     """Do what `masmc param` was told; return the exit status."""
     require_rclpy()
-    from masmc_ros.nodes.parameter_session import ParameterSession
+    from masmc_ros.nodes.parameters.session import ParameterSession
 
     node = None if options.node is None else _node(options.node)
     value = _value(options.value) if options.verb == 'set' else None

@@ -15,8 +15,8 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.stamps import header_stamp
-from masmc_ros.nodes.transport import prepare_transport
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.transport import prepare_transport
 
 
 class RunProgress:

@@ -8,9 +8,9 @@ from pathlib import Path
 import sys
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.gaps import state_gaps
-from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.recover import recover as recover_file
+from masmc_ros.log.read.gaps import state_gaps
+from masmc_ros.log.recover.recover import recover as recover_file
+from masmc_ros.messages.layout import NANOSECONDS
 
 
 def recover(logs: Sequence[str]) -> int:

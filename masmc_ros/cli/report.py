@@ -9,7 +9,7 @@ import sys
 
 from tqdm import tqdm
 
-from masmc_ros.log.reader import read_run
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.report.missing import unread
 from masmc_ros.report.report import check_report, write_report
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How nodes are started: `masmc run` where the `ros2` command is not installed, and `ros2 run`.
+"""How nodes are started: `masmc run`, where the `ros2` command is not installed.
 
 Nothing of weight is imported before signals are taken care of.
 """
@@ -7,7 +7,6 @@ Nothing of weight is imported before signals are taken care of.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 import importlib
 from itertools import takewhile
 import os
@@ -17,7 +16,7 @@ from types import FrameType
 from masmc_ros.cli.endings import end_with_parent
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import suggestion, UserError
-from masmc_ros.nodes.ending import on_end
+from masmc_ros.nodes.process.ending import on_end
 from masmc_ros.optional import explained
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
@@ -39,7 +38,7 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
     on_end(_end)
     try:
         require_rclpy()
-        status: int = importlib.import_module(f'masmc_ros.nodes.{name}').main(list(arguments))
+        status: int = importlib.import_module(f'masmc_ros.nodes.{name}.node').main(list(arguments))
     except ModuleNotFoundError as missing:
         print(f'masmc run: {explained(missing)}', file=sys.stderr)
         return 2
@@ -51,14 +50,3 @@ def run_node(name: str, arguments: Sequence[str]) -> int:
 
 def _end(number: int, frame: FrameType | None) -> None:
     os._exit(0)
-
-
-def _executable(name: str) -> int:
-    from masmc_ros.cli.main import main
-
-    return main(['run', name, *sys.argv[1:]])
-
-
-plant, trajectory, controller, recorder, live, composed = (
-    partial(_executable, name) for name in NODES
-)

@@ -15,16 +15,16 @@ import numpy as np
 from tqdm import tqdm
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.overlap import check_apart
-from masmc_ros.log.reader import is_log, read_run, Run
+from masmc_ros.log.read.reader import is_log, read_run, Run
+from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.nodes.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
-from masmc_ros.robot import AXES
+from masmc_ros.robot.two_link import AXES
+from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
 
 _PROGRESS_FROM = 200_000
@@ -54,7 +54,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     log: AbstractContextManager[Any] = nullcontext()
     if output is not None:
         # Who writes no log need not have what writes MCAP.
-        from masmc_ros.log.simulated import SimulationLog
+        from masmc_ros.log.write.simulated import SimulationLog
 
         log = SimulationLog(path, simulation, source.values, source.files)
     ticks = (simulation.timing.last or 0) + 1
@@ -94,7 +94,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
 
 def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
     """Refuse a file that cannot be written or must not be, before anything is read."""
-    from masmc_ros.log.writer import check_log_path
+    from masmc_ros.log.write.writer import check_log_path
 
     check_log_path(path)
     check_apart([path], [file])

@@ -15,7 +15,7 @@ from urllib.parse import urlencode
 from masmc_ros.cli.file_server import FileServer, HOST
 from masmc_ros.errors import InputError
 from masmc_ros.log.records import check_magic, cut_off, MAGIC
-from masmc_ros.log.recover import is_complete
+from masmc_ros.log.recover.recover import is_complete
 from masmc_ros.share import shared_file
 
 _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')

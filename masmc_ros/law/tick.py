@@ -5,11 +5,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.law.parts.surface import (
-    reference_acceleration,
-    reference_velocity,
-    sliding_surface,
-)
+from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus

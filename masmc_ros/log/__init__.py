@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What travels and what is kept: CDR messages, and runs in MCAP files; needs no ROS."""
+"""What is kept: runs in MCAP files; needs no ROS."""

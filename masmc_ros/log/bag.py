@@ -11,8 +11,8 @@ from typing import NamedTuple
 import yaml
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.definitions import Definition, definition
 from masmc_ros.log.qos import Qos
+from masmc_ros.messages.definitions import Definition, definition
 
 METADATA_FILE = 'metadata.yaml'
 

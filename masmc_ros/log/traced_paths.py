@@ -12,13 +12,13 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.path import path_message
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.path import path_message
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.forward_kinematics import task_positions
-from masmc_ros.robot.frames import end_effector_height
-from masmc_ros.robot.names import ODOM_FRAME
-from masmc_ros.robot.parameters import Robot
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.frames import end_effector_height
+from masmc_ros.robot.two_link.names import ODOM_FRAME
+from masmc_ros.robot.two_link.parameters import Robot
 
 MOST_POSES = 1000
 """The largest number of poses in a path."""

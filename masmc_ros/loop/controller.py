@@ -21,8 +21,8 @@ from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_to
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.record import fill, take_over
-from masmc_ros.robot.parameters import Robot
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.parameters import Robot
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 VELOCITY_INTERFACE = COMMAND_INTERFACES[VELOCITY]
 ESTIMATED_RATES = SOURCES[ESTIMATED]

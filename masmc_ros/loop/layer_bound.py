@@ -17,7 +17,7 @@ from masmc_ros.loop import records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.record import fill, get
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.two_link import TWO_LINK
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 
 @kernel

@@ -25,9 +25,9 @@ from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.mechanism import Mechanism
-from masmc_ros.robot.parameters import Robot
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT, TWO_LINK
+from masmc_ros.robot.two_link.parameters import Robot
+from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT, TWO_LINK
 
 PLANT = (
     Parameter(

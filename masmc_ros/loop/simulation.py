@@ -14,18 +14,13 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.controller_events import (
-    ACTIVATED,
-    ADAPTATION_RESET,
-    DEACTIVATED,
-    RESUMED,
-)
+from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
 from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.parameters import ROBOT, Robot
+from masmc_ros.robot.two_link.parameters import ROBOT, Robot
 
 _OF_PLANT = ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
 _COMPUTED = ('raw_torque', 'torque', 'error', 'surface', 'estimate', 'singular')

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.robot import AXES
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link import AXES
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]

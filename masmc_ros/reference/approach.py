@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.reference.hermite import quintic
-from masmc_ros.robot.geometry import Geometry, posture, quasi_velocity
-from masmc_ros.robot.kinematics import task_position, task_velocity
+from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_position, task_velocity
 
 SHORTEST = 0.5
 """Least time in s that an approach takes, and in which a robot that moves is braked."""

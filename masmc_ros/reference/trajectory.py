@@ -15,7 +15,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.line_sine import line_sine
-from masmc_ros.robot.parameters import Robot
+from masmc_ros.robot.two_link.parameters import Robot
 
 ENTRY_POINTS = 'masmc_ros.references'
 """Group of entry points through which a user's own trajectory types plug in."""

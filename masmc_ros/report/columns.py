@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.names import (
+from masmc_ros.log.read.reader import Run
+from masmc_ros.messages.names import (
     ARM_JOINTS,
     BASE_JOINTS,
     DERIVATIVES,
@@ -17,8 +18,7 @@ from masmc_ros.log.names import (
     JOINTS,
     TASK_AXES,
 )
-from masmc_ros.log.reader import Run
-from masmc_ros.robot.dynamics import BaseParameters
+from masmc_ros.robot.two_link.dynamics import BaseParameters
 
 Floats = NDArray[np.float64]
 _Part = tuple[Floats, NDArray[np.bool_]]

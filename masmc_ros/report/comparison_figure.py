@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.metrics import total_variation
 from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
 from masmc_ros.report.tracking import Tracking

@@ -8,15 +8,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from masmc_ros.report.metrics import Metrics
-from masmc_ros.report.style import (
-    BLUE,
-    caption,
-    COLUMN,
-    GREY,
-    new_figure,
-    time_axis,
-    VERMILLION,
-)
+from masmc_ros.report.style import BLUE, caption, COLUMN, GREY, new_figure, time_axis, VERMILLION
 from masmc_ros.report.tracking import Tracking
 
 _HEIGHT = 78.0

@@ -13,8 +13,8 @@ from typing import BinaryIO
 import numpy as np
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.overlap import check_apart
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
+from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.report.columns import columns_of, table_of
 from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
 from masmc_ros.report.error_figure import end_effector_figure, platform_figure
 from masmc_ros.report.files import file_stem

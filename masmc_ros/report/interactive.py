@@ -12,19 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 import plotly.graph_objects as go
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.parameters import Change, run_changes
 from masmc_ros.report.samples import packed_path
-from masmc_ros.report.time_plot import (
-    COLOURS,
-    INK,
-    Line,
-    lines,
-    page_layout,
-    scatter,
-    time_plot,
-)
+from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, scatter, time_plot
 from masmc_ros.report.tracking import Tracking
 
 Floats = NDArray[np.float64]

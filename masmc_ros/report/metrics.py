@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_changes
 from masmc_ros.report.settling import settling_time
 from masmc_ros.report.tracking import Tracking, tracking

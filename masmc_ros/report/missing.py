@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from masmc_ros.log.gaps import gaps_in
-from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.names import (
+from masmc_ros.log.read.gaps import gaps_in
+from masmc_ros.log.read.reader import Run
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
@@ -17,7 +18,6 @@ from masmc_ros.log.names import (
     STATE_TOPIC,
     telemetry_topic,
 )
-from masmc_ros.log.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.report.tracking import Tracking
 

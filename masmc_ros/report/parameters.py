@@ -6,9 +6,9 @@ from __future__ import annotations
 import json
 from typing import Any, NamedTuple
 
-from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.reader import Run
-from masmc_ros.robot.parameters import ROBOT, Robot
+from masmc_ros.log.read.reader import Run
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.robot.two_link.parameters import ROBOT, Robot
 
 
 class Change(NamedTuple):

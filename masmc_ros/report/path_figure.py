@@ -8,20 +8,12 @@ from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.report.robot_drawing import draw_robot
-from masmc_ros.report.style import (
-    BLACK,
-    BLUE,
-    caption,
-    GREY,
-    new_figure,
-    PAGE,
-    VERMILLION,
-)
+from masmc_ros.report.style import BLACK, BLUE, caption, GREY, new_figure, PAGE, VERMILLION
 from masmc_ros.report.tracking import Tracking
-from masmc_ros.robot.geometry import Geometry
+from masmc_ros.robot.two_link.geometry import Geometry
 
 Floats = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.layout import NANOSECONDS
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.stretch import Stretch
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.layout import NANOSECONDS
 
 
 class Recomputed:

@@ -9,8 +9,8 @@ import os
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.overlap import check_apart
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
+from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.figures import draw_figures
 from masmc_ros.report.files import check_folder, make_folder, whole_file

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from masmc_ros.report.style import BLACK, GREY
-from masmc_ros.robot.geometry import Geometry
+from masmc_ros.robot.two_link.geometry import Geometry
 
 Floats = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from masmc_ros.log.reader import Run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
-from masmc_ros.robot.forward_kinematics import task_positions
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
 
 Floats = NDArray[np.float64]
 

@@ -5,13 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.law.reaching.reaching import (
-    BOUNDARY_LAYER,
-    force_of,
-    GAINS,
-    Reaching,
-    register,
-)
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics import portable_math
 from masmc_ros.numerics.compiled import formula

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `ros2 run masmc_ros NODE` calls: `masmc run NODE`."""
+
+from __future__ import annotations
+
+from functools import partial
+import sys
+
+from masmc_ros.cli.main import main
+from masmc_ros.cli.run import NODES
+
+
+def _executable(name: str) -> int:
+    return main(['run', name, *sys.argv[1:]])
+
+
+plant, trajectory, controller, recorder, live, composed = (
+    partial(_executable, name) for name in NODES
+)

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns the messages of a topic into arrays: ours in bulk, those of others one by one."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.contents import Topic
+from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.labelled_command import (
+    CommandKind,
+    LABEL_SIZE,
+    LabelledCdr,
+    LabelledLayout,
+    NANOSECOND_DIGITS,
+)
+from masmc_ros.messages.layout import (
+    checked_stamp,
+    ENCAPSULATION,
+    END_OF_TIME,
+    Layout,
+    NANOSECONDS,
+)
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
+
+Rows = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+_STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
+"""Of the seconds and nanoseconds of a stamp."""
+
+
+class Series(NamedTuple):
+    """Stamped values in the order of the log.
+
+    Attributes:
+        stamps: (n) in ns.
+        values: (n, k).
+    """
+
+    stamps: Stamps
+    values: Floats
+
+
+class Bulk(NamedTuple):
+    """The rows that had the expected layout.
+
+    Attributes:
+        usable: (n) which they are.
+        series: of all rows, meaningless where not usable.
+    """
+
+    usable: NDArray[np.bool_]
+    series: Series
+
+
+@dataclass
+class Topical:
+    """How the messages of one kind are read.
+
+    Attributes:
+        width: how many values each has.
+        kind: tells apart the layouts that they may come in, together with their size.
+        bulk: reads messages (n, size) of one kind and size.
+        single: reads a decoded message and its log time in ns: stamp in ns and values.
+    """
+
+    width: int
+    kind: Callable[[bytes], Hashable]
+    bulk: Callable[[Rows], Bulk | None]
+    single: Callable[[Any, int], tuple[int, Floats]]
+
+
+def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
+    """Return what makes an object of each message of a topic by the log's own definition.
+
+    Raises:
+        InputError: where the log holds no ROS 2 definition.
+    """
+    # Imported here: only messages that others laid out need it.
+    from mcap_ros2.decoder import DecoderFactory
+
+    try:
+        decoder = DecoderFactory().decoder_for(topic.encoding, topic.schema)
+    except Exception as error:  # whatever the library says of a damaged definition
+        raise _undecodable(topic, error) from error
+    if decoder is None:
+        raise InputError(
+            f"{topic.name}: messages in '{topic.encoding}' with definitions in"
+            f" '{topic.schema.encoding if topic.schema else ''}';"
+            ' it takes cdr with ros2msg, as ROS 2 records them'
+        )
+
+    def decode(raw: bytes) -> Any:
+        try:
+            return decoder(raw)
+        except Exception as error:  # whatever the library says of bytes of another type
+            raise _undecodable(topic, error) from error
+
+    return decode
+
+
+def _undecodable(topic: Topic, error: Exception) -> InputError:
+    return InputError(f'{topic.name}: a message cannot be decoded: {type(error).__name__} {error}')
+
+
+def decode(topic: Topic, how: Topical) -> Series:
+    """Read a topic, leaving out the messages that every receiver refuses.
+
+    Raises:
+        InputError: where no message at all can be used: why the first cannot.
+    """
+    count = len(topic.messages)
+    stamps = np.zeros(count, np.int64)
+    values = np.zeros((count, how.width))
+    usable = np.zeros(count, bool)
+    groups: dict[Hashable, list[int]] = defaultdict(list)
+    for index, raw in enumerate(topic.messages):
+        groups[len(raw), how.kind(raw)].append(index)
+    for members in groups.values():
+        joined = b''.join([topic.messages[index] for index in members])
+        bulk = how.bulk(np.frombuffer(joined, np.uint8).reshape(len(members), -1))
+        if bulk is not None:
+            usable[members] = bulk.usable
+            stamps[members] = bulk.series.stamps
+            values[members] = bulk.series.values
+    others = np.flatnonzero(~usable).tolist()
+    refusal = _decode_singly(topic, how, others, stamps, values, usable)
+    if refusal is not None and not usable.any():
+        raise refusal
+    return Series(stamps[usable], values[usable])
+
+
+def _decode_singly(
+    topic: Topic,
+    how: Topical,
+    indices: list[int],
+    stamps: Stamps,
+    values: Floats,
+    usable: NDArray[np.bool_],
+) -> InputError | None:
+    """Read the messages at `indices` into the arrays; return the first refusal."""
+    refusal = None
+    make = message_decoder(topic) if indices else None
+    for index in indices:
+        assert make is not None
+        try:
+            message = make(topic.messages[index])
+            stamp, numbers = how.single(message, topic.log_times[index])
+            stamps[index] = checked_stamp(stamp)
+            values[index] = numbers
+        except InputError as error:
+            refusal = refusal or error
+            continue
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+            # The log's own definition of the type has other fields, or fields of other types.
+            refusal = refusal or _undecodable(topic, error)
+            continue
+        usable[index] = True
+    return refusal
+
+
+def _numbers(rows: Rows, offset: int, count: int, kind: str = '<f8') -> NDArray[Any]:
+    """Return `count` numbers of each row, (n, count)."""
+    size = np.dtype(kind).itemsize * count
+    return np.ascontiguousarray(rows[:, offset : offset + size]).view(kind)
+
+
+def _usable(rows: Rows, layout: Layout) -> NDArray[np.bool_] | None:
+    return layout.rows_match(rows) if rows.shape[1] == layout.size else None
+
+
+def _are_times(stamps: Stamps) -> NDArray[np.bool_]:
+    """Tell which stamps (n) in ns are times, as `checked_stamp`."""
+    return (stamps >= 0) & (stamps < END_OF_TIME)
+
+
+def _same(_: bytes) -> Hashable:
+    return None
+
+
+def joint_states(
+    names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
+) -> Topical:
+    """Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
+
+    `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
+    of others mean nothing.
+    """
+    message = JointStateCdr(names)
+
+    def bulk(rows: Rows) -> Bulk | None:
+        layout, *offsets = joint_state_layout(names)
+        usable = _usable(rows, layout)
+        if usable is None:
+            return None
+        seconds = _numbers(rows, len(ENCAPSULATION), 1, '<i4')[:, 0].astype(np.int64)
+        nanoseconds = _numbers(rows, len(ENCAPSULATION) + 4, 1, '<u4')[:, 0].astype(np.int64)
+        stamps = seconds * NANOSECONDS + nanoseconds
+        numbers = np.hstack([_numbers(rows, offset, len(JOINTS)) for offset in offsets])
+        return Bulk(usable & _are_times(stamps), Series(stamps, numbers))
+
+    def single(received: Any, _: int) -> tuple[int, Floats]:
+        message.load_message(received, joints, unknown_velocity=np.nan)
+        return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
+
+    return Topical(3 * len(JOINTS), _same, bulk, single)
+
+
+def commands(kind: CommandKind) -> Topical:
+    """Read commands of a kind, a number a joint; those without a label take their log time."""
+    message = LabelledCdr(kind)
+    width = len(kind.joints)
+
+    def size(raw: bytes) -> Hashable:
+        return raw[LABEL_SIZE]
+
+    def bulk(rows: Rows) -> Bulk | None:
+        layout = kind.layout_of_label(rows[0, LABEL_SIZE].tobytes())
+        usable = None if layout is None else _usable(rows, layout)
+        if layout is None or usable is None:
+            return None
+        plain, stamps = _label_stamps(rows, layout)
+        usable &= plain & _are_times(stamps)
+        return Bulk(usable, Series(stamps, _numbers(rows, layout.data, width)))
+
+    def single(received: Any, log_time: int) -> tuple[int, Floats]:
+        message.load_message(received)
+        stamp = log_time if message.stamp_ns is None else message.stamp_ns
+        return stamp, message.data.copy()
+
+    return Topical(width, size, bulk, single)
+
+
+def _label_stamps(rows: Rows, layout: LabelledLayout) -> tuple[NDArray[np.bool_], Stamps]:
+    """Return which labels have nine digits of nanoseconds, and the stamps in ns of those."""
+    point = layout.digits.stop - NANOSECOND_DIGITS - 1
+    if point <= layout.digits.start:
+        return np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
+    text = np.delete(rows[:, layout.digits], point - layout.digits.start, axis=1)
+    plain = (rows[:, point] == ord('.')) & ((text >= ord('0')) & (text <= ord('9'))).all(axis=1)
+    powers = 10 ** np.arange(text.shape[1] - 1, -1, -1)
+    return plain, (text.astype(np.int64) - ord('0')) @ powers
+
+
+def telemetry(label: str, count: int) -> Topical:
+    """Read telemetry: `count` values called `label`."""
+    message = TelemetryCdr(label, count)
+
+    def bulk(rows: Rows) -> Bulk | None:
+        layout = telemetry_layout(label, count)
+        usable = _usable(rows, layout)
+        if usable is None:
+            return None
+        numbers = _numbers(rows, layout.data, layout.count)
+        parts = numbers[:, :STAMP_NUMBERS]
+        # False for what is not a number, too.
+        usable &= ((parts >= 0.0) & (parts < _STAMP_LIMITS)).all(axis=1)
+        seconds, nanoseconds = np.where(usable[:, None], parts, 0.0).astype(np.int64).T
+        stamps = seconds * NANOSECONDS + nanoseconds
+        return Bulk(usable, Series(stamps, numbers[:, STAMP_NUMBERS:]))
+
+    def single(received: Any, _: int) -> tuple[int, Floats]:
+        message.load_message(received)
+        return message.stamp_ns, message.values.copy()
+
+    return Topical(count, _same, bulk, single)
+
+
+def decode_references(topic: Topic) -> list[tuple[int, ReferenceWindow]]:
+    """Read windows and set-points, each with its log time in ns, leaving out refused ones."""
+    windows = []
+    make = None
+    for log_time, raw in zip(topic.log_times, topic.messages, strict=True):
+        try:
+            window = ReferenceWindow.from_bytes(raw)
+            if window is None:
+                make = make or message_decoder(topic)
+                window = ReferenceWindow.from_message(make(raw))
+        except (InputError, AttributeError, TypeError, ValueError, OverflowError):
+            continue  # the latter where the log's own definition of the type is another
+        windows.append((log_time, window))
+    return windows

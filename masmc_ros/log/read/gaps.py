@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that are missing from a topic that is sent at a steady rate, by their stamps."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+from mcap.reader import make_reader
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.names import STATE_TOPIC
+
+MISSING = 'missing_messages'
+"""Metadata record: what is missing of each topic in which something is."""
+
+_BLOCK = 1000
+"""Messages over which a rate is taken for steady."""
+
+_FEWEST = 20
+"""Messages that tell a rate."""
+
+_USUAL = 0.9
+"""Share of the intervals that are no gaps: joints of several drivers come in turns."""
+
+_GAP = 1.5
+"""Times the usual interval from which on something is missing."""
+
+
+class Gaps:
+    """Counts what is missing between the first and the last message of a topic.
+
+    Whether it was never sent, lost on its way or not taken, the stamps do not tell.
+
+    Attributes:
+        count: gaps.
+        missing: messages that would have come in them at the rate around them.
+        longest: the longest interval between two messages in ns, of those that are gaps.
+        at: stamp in ns at which that begins.
+    """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.count = self.missing = self.longest = self.at = 0
+        self._waiting: list[int] = []
+        self.add = self._waiting.append
+        """Take the next stamp in ns, in the order of arrival; looked at by `look`."""
+
+    def look(self) -> None:
+        """Count in what has come, where it is enough to tell a rate."""
+        stamps = self._waiting.copy()
+        while len(stamps) >= _FEWEST:
+            block = stamps[: _BLOCK + 1]
+            self._count(np.array(block, np.int64))
+            # The last one is the first of the next block.
+            taken = len(block) - 1
+            del stamps[:taken], self._waiting[:taken]
+
+    def _count(self, stamps: NDArray[np.int64]) -> None:
+        steps = np.diff(stamps)
+        # A robot that is set back, and a message that comes twice, leave no gap.
+        forward = steps[steps > 0]
+        if not len(forward):
+            return
+        usual = np.quantile(forward, _USUAL, method='lower')
+        found = np.flatnonzero(steps > _GAP * usual)
+        if not len(found):
+            return
+        self.count += len(found)
+        self.missing += int((np.rint(steps[found] / np.median(forward)) - 1).sum())
+        worst = found[np.argmax(steps[found])]
+        if steps[worst] > self.longest:
+            self.longest, self.at = int(steps[worst]), int(stamps[worst])
+
+    def text(self) -> str:
+        """Return it in words."""
+        gaps = 'a gap' if self.count == 1 else f'{self.count} gaps'
+        return (
+            f'{self.missing} missing in {gaps}, the longest of {self.longest / NANOSECONDS:.3f} s'
+            f' from t = {self.at / NANOSECONDS:.3f} s'
+        )
+
+
+def gaps_in(stamps: Sequence[int] | NDArray[np.int64]) -> Gaps:
+    """Return the gaps among stamps in ns, in the order of arrival."""
+    gaps = Gaps()
+    for stamp in np.asarray(stamps, np.int64).tolist():
+        gaps.add(stamp)
+    gaps.look()
+    return gaps
+
+
+def state_gaps(path: Path) -> dict[str, Gaps]:
+    """Return the gaps of each topic of joint states of a complete log that has any."""
+    found: dict[str, Gaps] = defaultdict(Gaps)
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        channels = summary.channels.values() if summary is not None else ()
+        topics = [c.topic for c in channels if f'/{c.topic}'.endswith(f'/{STATE_TOPIC}')]
+        if topics:
+            for _, channel, message in reader.iter_messages(topics, log_time_order=False):
+                found[channel.topic].add(message.log_time)
+    for gaps in found.values():
+        gaps.look()
+    return {topic: gaps for topic, gaps in found.items() if gaps.count}

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States whose joints are the driven ones alone, with the platform's pose from odometry."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.contents import Topic
+from masmc_ros.log.read.decode import message_decoder, Series
+from masmc_ros.log.read.timeline import last_pass
+from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.platform_motion import odometry_numbers
+
+
+def with_platform_pose(states: Series, odometry: Topic) -> Series:
+    """Add the platform's pose to states, as a controller with `pose_source: odom` does.
+
+    Args:
+        states: (N, 21) positions, velocities and efforts; stamps ascend.
+        odometry: messages of nav_msgs/Odometry; those that a controller refuses are left out.
+
+    Returns:
+        The states that odometry is near enough to in time.
+
+    Raises:
+        InputError: where it is near none, or cannot be decoded.
+    """
+    decode = message_decoder(odometry)
+    poses = []
+    for raw in odometry.messages:
+        with suppress(InputError, AttributeError, TypeError, ValueError, OverflowError):
+            stamp, pose, twist = odometry_numbers(decode(raw))
+            poses.append((checked_stamp(stamp), pose, twist))
+    kept = last_pass(np.array([stamp for stamp, _, _ in poses], np.int64))
+    waiting = [poses[index] for index in reversed(kept.tolist())]
+    base, values = BasePose(), states.values.copy()
+    posed = np.zeros(len(states.stamps), bool)
+    for index, stamp in enumerate(states.stamps.tolist()):
+        # The last one until then; before the first, the first.
+        while waiting and (base.stamp_ns is None or waiting[-1][0] <= stamp):
+            with suppress(InputError):
+                base.update(*waiting.pop())
+        if base.stamp_ns is not None:
+            posed[index] = abs(stamp - base.stamp_ns) <= OLDEST_POSE_NS
+            base.write(stamp, values[index], values[index, len(JOINTS) :])
+    if not posed.any():
+        raise InputError(
+            f'{odometry.name}: nothing within {OLDEST_POSE_NS * 1e-9:g} s of a joint state, and'
+            ' these have no base joints'
+        )
+    return Series(states.stamps[posed], values[posed])

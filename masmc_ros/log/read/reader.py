@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a run back out of its log, whoever recorded it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.bag import METADATA_FILE
+from masmc_ros.log.read.commanded_rates import twists
+from masmc_ros.log.read.contents import Records, Topic
+from masmc_ros.log.read.decode import (
+    commands,
+    decode,
+    decode_references,
+    joint_states,
+    Series,
+    telemetry,
+    Topical,
+)
+from masmc_ros.log.read.parameter_history import parameter_history
+from masmc_ros.log.read.platform_pose import with_platform_pose
+from masmc_ros.log.read.timeline import last_pass, sample_reference
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.names import (
+    ARM_JOINTS,
+    ARM_VELOCITY_TOPIC,
+    BASE_JOINTS,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    DRIVEN_JOINTS,
+    JOINTS,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
+from masmc_ros.robot.two_link.names import joint_names, JOINT_NAMES_PARAMETER, NAMES
+
+Floats = NDArray[np.float64]
+
+_TWIST = 2
+"""Forward speed and yaw rate."""
+
+_STATE_TYPE = 'sensor_msgs/msg/JointState'
+
+_TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
+"""Of what a run is read from."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One robot's run, N states long. Times are in s and ascend strictly.
+
+    After a reset, only what the last pass wrote is kept.
+
+    Attributes:
+        path: the log.
+        times: (N) stamps of the states.
+        position: (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        velocity: (N, 7) their rates in m/s and rad/s, NaN where they were not measured.
+        applied_effort: (N, 4) torques applied over the interval that ends with the state, N m.
+        torque: (M, 4) commanded torques in N m; M = 0 where rates were commanded.
+        torque_times: (M) stamps of the states that they answer.
+        cmd_vel: (P, 2) commanded forward speed in m/s and yaw rate in rad/s of the platform;
+            P = 0 where torques were commanded.
+        cmd_vel_times: (P) stamps of the states that they answer, or else of the log.
+        arm_rates: (Q, 2) commanded rates of the arm's joints in rad/s; Q = 0 likewise.
+        arm_rate_times: (Q) stamps of the states that they answer.
+        reference: (N, 12) position (m), velocity (m/s) and acceleration (m/s^2) of x_E, y_E,
+            x_F, y_F at the time of each state; None where the log has none, NaN before it
+            begins.
+        tracking_error: (K, 4) e in m; None where the log has none.
+        tracking_error_times: (K) of these; None likewise.
+        sliding_surface: (K, 4) s in m/s; None where the log has none.
+        sliding_surface_times: (K) of these; None likewise.
+        parameter_estimate: (K, 7) base inertial parameters used; None where the log has none.
+        parameter_estimate_times: (K) of these; None likewise.
+        raw_torque: (K, 4) torque in N m that the law asked for before its limits; None where
+            the log has none.
+        raw_torque_times: (K) of these; None likewise.
+        parameters: with which every node began.
+        changes: of parameters while the robot ran, and events, in the order of the log.
+        restarted: nodes that were started again while the robot ran.
+        joint_names: (7) by which the states are read, in the order of `position`.
+        topics: number of messages of every topic of the log.
+        elsewhere: topics of types that a run has, under names that it does not have.
+        metadata: records of each name, in the order of the log.
+        attachments: files by name.
+    """
+
+    path: Path
+    times: Floats
+    position: Floats
+    velocity: Floats
+    applied_effort: Floats
+    torque: Floats
+    torque_times: Floats
+    cmd_vel: Floats
+    cmd_vel_times: Floats
+    arm_rates: Floats
+    arm_rate_times: Floats
+    reference: Floats | None
+    tracking_error: Floats | None
+    tracking_error_times: Floats | None
+    sliding_surface: Floats | None
+    sliding_surface_times: Floats | None
+    parameter_estimate: Floats | None
+    parameter_estimate_times: Floats | None
+    raw_torque: Floats | None
+    raw_torque_times: Floats | None
+    parameters: dict[str, dict[str, Any]]
+    changes: tuple[ParameterRecord, ...]
+    restarted: tuple[str, ...]
+    topics: dict[str, int]
+    metadata: dict[str, list[dict[str, str]]]
+    attachments: dict[str, bytes]
+    joint_names: tuple[str, ...] = JOINTS
+    elsewhere: tuple[str, ...] = ()
+
+    @property
+    def commands_rates(self) -> bool:
+        """Whether rates were commanded, and no torques."""
+        return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
+
+
+def is_log(path: Path) -> bool:
+    """Tell by its name whether a path is a log, or by what is in it for a folder."""
+    if path.is_dir():
+        return (path / METADATA_FILE).exists() or any(path.glob('*.mcap'))
+    return path.suffix == '.mcap'
+
+
+def read_run(path: str | Path) -> Run:
+    """Read the log of one robot, in whatever namespace it ran.
+
+    Args:
+        path: an MCAP file that this package, `ros2 bag record` or another tool wrote, or the
+            folder of a recording in several.
+
+    Raises:
+        InputError: for a file that is missing, no MCAP file, damaged, incomplete, or without
+            the states of exactly one robot.
+    """
+    # Who reads no log need not have what reads MCAP.
+    from masmc_ros.log.read.scan import scan
+
+    path = Path(path)
+    records = scan(path)
+    try:
+        return _run(path, records)
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from error
+
+
+def _run(path: Path, records: Records) -> Run:
+    states_topic = _only_states(records)
+    namespace = states_topic.name.removesuffix(STATE_TOPIC)
+
+    def series(name: str, how: Topical) -> Series | None:
+        topic = _topic(records, namespace + name, FLOAT_ARRAY)
+        # A topic on which strangers alone have sent is as one that nobody has sent on.
+        with suppress(InputError):
+            return None if topic is None else decode(topic, how)
+        return None
+
+    names = _joint_names(records, namespace)
+    every_state, odometry = _states(records, namespace, states_topic, names)
+    states = _last_pass(every_state, 3 * len(JOINTS))
+    if odometry is not None:
+        states = with_platform_pose(states, odometry)
+    history = parameter_history(records, namespace, _begun(states_topic, every_state))
+    position, velocity, effort = np.hsplit(states.values, 3)
+    torques = _last_pass(series(COMMAND_TOPIC, commands(EFFORT)), len(DRIVEN_JOINTS))
+    every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY))
+    arm_rates = _last_pass(every_arm_rate, len(ARM_JOINTS))
+    cmd_vel_topic = _topic(records, namespace + CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
+    every_twist = None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate)
+    cmd_vel = _last_pass(every_twist, _TWIST)
+    references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
+    told = {
+        label: None if each is None else _last_pass(each, count)
+        for label, count in TELEMETRY.items()
+        for each in (series(telemetry_topic(label), telemetry(label, count)),)
+    }
+    values = {label: None if each is None else each.values for label, each in told.items()}
+    times = {label: None if each is None else _seconds(each) for label, each in told.items()}
+    return Run(
+        path=path,
+        times=_seconds(states),
+        position=position,
+        velocity=velocity,
+        applied_effort=effort[:, len(BASE_JOINTS) :],
+        torque=torques.values,
+        torque_times=_seconds(torques),
+        cmd_vel=cmd_vel.values,
+        cmd_vel_times=_seconds(cmd_vel),
+        arm_rates=arm_rates.values,
+        arm_rate_times=_seconds(arm_rates),
+        reference=(
+            None
+            if references is None
+            else sample_reference(decode_references(references), states.stamps)
+        ),
+        tracking_error=values['tracking_error'],
+        tracking_error_times=times['tracking_error'],
+        sliding_surface=values['sliding_surface'],
+        sliding_surface_times=times['sliding_surface'],
+        parameter_estimate=values['parameter_estimate'],
+        parameter_estimate_times=times['parameter_estimate'],
+        raw_torque=values['raw_torque'],
+        raw_torque_times=times['raw_torque'],
+        parameters=history.start,
+        changes=history.changes,
+        restarted=history.restarted,
+        topics={topic.name: len(topic.messages) for topic in records.topics.values()},
+        metadata=records.metadata,
+        attachments=records.attachments,
+        joint_names=names,
+        elsewhere=tuple(_elsewhere(records, namespace, *_TYPES)),
+    )
+
+
+def _joint_names(records: Records, namespace: str) -> tuple[str, ...]:
+    """Return the names of the joints, as the plant or else the controller was told them."""
+    start = parameter_history(records, namespace, 0).start
+    for node in ('plant', 'controller'):
+        told = start.get(node, {}).get(JOINT_NAMES_PARAMETER)
+        if told is not None:
+            return joint_names({JOINT_NAMES_PARAMETER: NAMES[0].check(told)})
+    return JOINTS
+
+
+def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:
+    """Return the topics of some types that are none of the robot's, and have messages."""
+    ours = {namespace + topic.name for topic in TOPICS}
+    return sorted(
+        topic.name
+        for topic in records.topics.values()
+        if topic.messages
+        and topic.schema is not None
+        and topic.schema.name in type_names
+        and topic.name not in ours
+    )
+
+
+def _hint(topics: list[str], name: str) -> str:
+    """Return what to add to a line about a topic that is missing."""
+    if not topics:
+        return ''
+    return f'; {" and ".join(topics)}, of that type, would have to be called {name}'
+
+
+def _only_states(records: Records) -> Topic:
+    """Return the topic of the joint states, of which there must be one."""
+    found = [
+        topic
+        for topic in records.topics.values()
+        if f'/{topic.name}'.endswith(f'/{STATE_TOPIC}') and topic.messages
+    ]
+    if not found:
+        raise InputError(
+            f'no {STATE_TOPIC} in it; a run has at least these, recorded with the other topics'
+            f' of the robot{_hint(_elsewhere(records, "/", _STATE_TYPE), STATE_TOPIC)}'
+        )
+    if len(found) > 1:
+        names = ', '.join(sorted(topic.name for topic in found))
+        raise InputError(f'states of several robots ({names}); a run is the log of one robot')
+    topic = _topic(records, found[0].name, _STATE_TYPE)
+    assert topic is not None
+    return topic
+
+
+def _states(
+    records: Records, namespace: str, topic: Topic, names: tuple[str, ...]
+) -> tuple[Series, Topic | None]:
+    """Read the states, and return odometry too where the base's joints are not among theirs."""
+    try:
+        return decode(topic, joint_states(names)), None
+    except InputError as error:
+        odometry = _topic(records, namespace + 'odom', ODOMETRY)
+        if odometry is None:
+            hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
+            raise InputError(f'{error}{hint}') from None
+        driven = names[len(BASE_JOINTS) :]
+        return decode(topic, joint_states(names, driven)), odometry
+
+
+def _topic(records: Records, name: str, *type_names: str) -> Topic | None:
+    """Return a topic that has messages, None where there is none such."""
+    topic = records.topics.get(name)
+    if topic is None or not topic.messages:
+        return None
+    found = topic.schema.name if topic.schema else 'no type'
+    if found not in type_names:
+        raise InputError(f'{name} is {found}; it takes {" or ".join(type_names)}')
+    return topic
+
+
+def _last_pass(series: Series | None, width: int) -> Series:
+    """Return what still holds at the end; nothing, `width` wide, of a topic that is missing."""
+    if series is None:
+        return Series(np.zeros(0, np.int64), np.zeros((0, width)))
+    kept = last_pass(series.stamps)
+    return Series(series.stamps[kept], series.values[kept])
+
+
+def _begun(topic: Topic, states: Series) -> int:
+    """Return the position in the log at which the last pass began; 0 for the only one."""
+    back = np.flatnonzero(np.diff(states.stamps) < 0)
+    return topic.orders[back[-1] + 1] if len(back) else 0
+
+
+def _seconds(series: Series) -> Floats:
+    return series.stamps / NANOSECONDS

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Completing files that were cut off or damaged."""

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A live recording: messages are queued here, and a thread of its own writes them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+import errno
+from functools import partial
+import os
+from pathlib import Path
+import threading
+import time
+from typing import Any, NamedTuple
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.bag import METADATA_FILE, Part, TopicCount, write_bag_metadata
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.definitions import Definition
+
+_TURN = 0.02
+"""Time in s between two looks into the queue."""
+
+_SYNC = 1.0
+"""Time in s between two times at which the file is made safe from a power cut."""
+
+_BATCH = 2**20
+"""Bytes of complete chunks that are handed to the disk without waiting for a flush."""
+
+_OVERHEAD = 64
+"""Bytes that a queued message takes beside its data."""
+
+_LAST_TRIES = 3.0
+"""Time in s for which a disk that takes nothing is asked again at the end."""
+
+_REASONS = {errno.ENOSPC: 'the disk is full', errno.EDQUOT: "the user's quota is used up"}
+
+LOST = 'lost_messages'
+"""Metadata record: how many messages of each topic found no place in the queue."""
+
+NOT_UNDERSTOOD = 'messages_not_understood'
+"""Metadata record: how many messages of each topic are recorded as they came, unread."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a recording is written.
+
+    Attributes:
+        compression: of chunks, `zstd`, `lz4` or `none`.
+        flush_period: time in s after which what came is on the disk.
+        max_size: bytes after which a new part begins; 0 is one file.
+        max_duration: time in ns of the messages after which a new part begins; 0 is one file.
+        queue_size: bytes of messages that wait for the disk at most.
+    """
+
+    compression: str = 'zstd'
+    flush_period: float = 0.2
+    max_size: int = 0
+    max_duration: int = 0
+    queue_size: int = 64_000_000
+
+    @property
+    def is_split(self) -> bool:
+        """Whether the recording is a folder of parts."""
+        return bool(self.max_size or self.max_duration)
+
+
+class _Channel(NamedTuple):
+    topic: str
+    type_name: str
+    qos: tuple[Qos, ...]
+    defined: Definition | None
+    holds: bool
+
+
+@dataclass
+class _PartCount:
+    """What a part has so far."""
+
+    path: Path
+    counts: dict[int, int] = field(default_factory=dict)
+    first: int | None = None
+    last: int = 0
+
+    def add(self, channel: int, time_ns: int) -> None:
+        self.counts[channel] = self.counts.get(channel, 0) + 1
+        if self.first is None:
+            self.first = self.last = time_ns
+        else:
+            self.first = min(self.first, time_ns)
+            self.last = max(self.last, time_ns)
+
+
+class Recording:
+    """Messages on their way into one file, or into the parts of a folder.
+
+    What does not fit into the queue is counted and left out: a slow or full disk never holds
+    up who records. A full disk is asked again and again, and the recording goes on where it
+    was as soon as there is space.
+
+    One part is `NAME.mcap`; several are `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap`, ... beside the
+    `metadata.yaml` by which ROS 2 knows them for one recording. Every part can be read alone:
+    it begins with the last message of each topic that `holds`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        options: Options,
+        opening: Callable[[LogWriter], None] = lambda _: None,
+        closing: Callable[[LogWriter], None] = lambda _: None,
+    ) -> None:
+        """Open the first file.
+
+        Args:
+            path: the file, `NAME.mcap`.
+            options: how to write.
+            opening: writes into each part what is known at its start.
+            closing: writes into each part what is known at its end; called from the thread
+                that writes.
+
+        Raises:
+            InputError: where there can be no such file.
+        """
+        self.path = path
+        self._options = options
+        self._opening, self._closing = opening, closing
+        if options.is_split:
+            self.path = path.with_suffix('')
+            _make(self.path)
+        self._channels: list[_Channel] = []
+        self._held: dict[int, bytes] = {}
+        self._parts: list[_PartCount] = []
+        self._queue: deque[Any] = deque()
+        self._queued = self._taken = 0
+        self._stop = threading.Event()
+        self.lost: dict[str, int] = {}
+        self.not_understood: Mapping[str, int] = {}
+        """How many messages of each topic whoever records could not read."""
+        self.trouble: str | None = None
+        """What the disk says, None while it takes everything."""
+        self.failure: BaseException | None = None
+        """What ended the writing thread, None for nothing."""
+        self._log = self._open()
+        self._thread = threading.Thread(target=self._run, name='recording')
+        self._thread.start()
+        # A disk may take its time for this: a thread of its own, so that flushes go on.
+        self._syncing = threading.Thread(target=self._sync, name='recording sync', daemon=True)
+        self._syncing.start()
+
+    def channel(
+        self,
+        topic: str,
+        type_name: str,
+        *qos: Qos,
+        defined: Definition | None = None,
+        holds: bool = False,
+    ) -> int:
+        """Add a topic, as `LogWriter.channel`; return the number by which `write` knows it.
+
+        `holds` tells that a message is valid until the next one, however long that takes.
+        """
+        self._channels.append(_Channel(topic, type_name, qos, defined, holds))
+        number = len(self._channels) - 1
+        self._queue.append(partial(self._add_channel, number))
+        return number
+
+    def write(self, channel: int, time_ns: int, data: bytes) -> bool:
+        """Queue a message; False where it found no place and is lost."""
+        size = len(data) + _OVERHEAD
+        if self.backlog + size > self._options.queue_size:
+            topic = self._channels[channel].topic
+            self.lost[topic] = self.lost.get(topic, 0) + 1
+            return False
+        self._queued += size
+        self._queue.append((channel, time_ns, data))
+        return True
+
+    @property
+    def backlog(self) -> int:
+        """Bytes that wait, in the queue or for the disk."""
+        return self._queued - self._taken + self._log.pending
+
+    @property
+    def is_congested(self) -> bool:
+        """Whether so much waits that whoever can should send less."""
+        return self.backlog > self._options.queue_size // 2
+
+    def close(self) -> None:
+        """Write what is queued, complete the file.
+
+        Raises:
+            InputError: where the disk does not take it; what it has taken can be recovered.
+        """
+        self._stop.set()
+        self._thread.join()
+        if self.failure is not None:
+            raise self.failure
+
+    # In the thread that writes.
+
+    def _run(self) -> None:
+        due = time.monotonic() + self._options.flush_period
+        try:
+            while not self._stop.wait(_TURN):
+                self._drain()
+                now = time.monotonic()
+                if now >= due:
+                    self._commit()
+                    due = now + self._options.flush_period
+            self._drain()
+            self._end_part(self._log)
+        except BaseException as error:  # told by close()
+            self.failure = error
+            self._log.discard()
+
+    def _sync(self) -> None:
+        """Bring what is in the file behind what a power cut can harm, now and then."""
+        while not self._stop.wait(_SYNC):
+            with suppress(OSError):
+                self._log.sync()
+
+    def _drain(self) -> None:
+        queue = self._queue
+        while queue:
+            item = queue.popleft()
+            if isinstance(item, tuple):
+                self._write(*item)
+            else:
+                item()
+            if self._log.pending > _BATCH and self.trouble is None:
+                self._commit(whole=False)
+
+    def _write(self, channel: int, time_ns: int, data: bytes) -> None:
+        part = self._parts[-1]
+        if self._is_full(part, time_ns):
+            part = self._next_part(time_ns)
+        self._log.write(self._numbers[channel], time_ns, time_ns, data)
+        part.add(channel, time_ns)
+        if self._channels[channel].holds:
+            self._held[channel] = data
+        self._taken += len(data) + _OVERHEAD
+
+    def _is_full(self, part: _PartCount, time_ns: int) -> bool:
+        size, duration = self._options.max_size, self._options.max_duration
+        if self.trouble is not None or part.first is None:
+            return False
+        return bool(
+            (size and self._log.size >= size) or (duration and time_ns - part.first >= duration)
+        )
+
+    def _commit(self, *, whole: bool = True) -> bool:
+        try:
+            self._log.commit(whole=whole)
+        except OSError as error:
+            self.trouble = _REASONS.get(error.errno or 0, error.strerror or str(error))
+            return False
+        self.trouble = None
+        return True
+
+    def _open(self) -> LogWriter:
+        """Open the next part, with everything in it that the earlier ones had."""
+        number = len(self._parts)
+        path = self.path
+        if self._options.is_split:
+            path = self.path / f'{self.path.name}_{number}.mcap'
+        log = LogWriter(path, self._options.compression, live=True)
+        self._parts.append(_PartCount(path))
+        self._numbers: dict[int, int] = {}
+        self._opening(log)
+        return log
+
+    def _next_part(self, time_ns: int) -> _PartCount:
+        """Complete the part and begin the next; go on with the old one where that fails."""
+        old, numbers = self._log, self._numbers
+        try:
+            new = self._open()
+        except InputError as error:
+            self.trouble = str(error)
+            self._numbers = numbers
+            return self._parts[-1]
+        self._end_part(old)
+        self._log = new
+        part = self._parts[-1]
+        for number in range(len(self._channels)):
+            if number in numbers:
+                self._add_channel(number)
+        for channel, data in self._held.items():
+            new.write(self._numbers[channel], time_ns, time_ns, data)
+            part.add(channel, time_ns)
+        return part
+
+    def _add_channel(self, number: int) -> None:
+        topic, type_name, qos, defined, _ = self._channels[number]
+        self._numbers[number] = self._log.channel(topic, type_name, *qos, defined=defined)
+
+    def _end_part(self, log: LogWriter) -> None:
+        if self.lost:
+            log.metadata(LOST, {topic: str(count) for topic, count in self.lost.items()})
+        unclear = dict(self.not_understood)
+        if unclear:
+            log.metadata(NOT_UNDERSTOOD, {topic: str(count) for topic, count in unclear.items()})
+        self._closing(log)
+        log.finish()
+        limit = time.monotonic() + _LAST_TRIES
+        while True:
+            try:
+                log.commit(whole=False, durable=True)
+                break
+            except OSError as error:
+                reason = _REASONS.get(error.errno or 0, error.strerror or str(error))
+                if time.monotonic() > limit:
+                    log.discard()
+                    raise InputError(
+                        f'{log.path}: {reason}; what it took is there, and'
+                        f' `masmc recover {log.path}` makes a complete log of it'
+                    ) from error
+                time.sleep(_TURN)
+        log.close_file()
+        if self._options.is_split:
+            self._write_bag_metadata()
+
+    def _write_bag_metadata(self) -> None:
+        topics = [
+            TopicCount(
+                channel.topic,
+                channel.type_name,
+                channel.qos,
+                channel.defined,
+                sum(part.counts.get(number, 0) for part in self._parts),
+            )
+            for number, channel in enumerate(self._channels)
+            if number in self._numbers or any(number in part.counts for part in self._parts)
+        ]
+        parts = [
+            Part(part.path.name, part.first or 0, part.last, sum(part.counts.values()))
+            for part in self._parts
+        ]
+        write_bag_metadata(self.path, parts, topics)
+
+
+def clear_recording(folder: Path) -> None:
+    """Remove the parts of an earlier recording from its folder.
+
+    Raises:
+        InputError: where something else is there, or where it cannot be removed.
+    """
+    try:
+        if not folder.is_dir():
+            raise InputError(f'{folder}: is not a folder; name another')
+        for path in folder.iterdir():
+            if path.suffix != '.mcap' and path.name != METADATA_FILE:
+                raise InputError(f'{path}: is no part of a recording; name another folder')
+        for path in folder.iterdir():
+            path.unlink()
+    except OSError as error:
+        raise InputError(f'{folder}: cannot be replaced: {error.strerror}') from error
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError as error:
+        raise InputError(
+            f'{folder}: folder {folder.parent} does not exist; create it or name another'
+        ) from error
+    except OSError as error:
+        raise InputError(f'{folder}: cannot be made: {error.strerror}') from error
+    if not os.access(folder, os.W_OK):
+        raise InputError(f'{folder}: cannot be written; name a folder of yours')

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Computed runs in the log format of live ones: the same topics, stamps and bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.traced_paths import ActualPath, DesiredPath
+from masmc_ros.log.write.provenance import write_origin, write_parameters
+from masmc_ros.log.write.writer import ChannelRows, LogWriter
+from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.messages import rows
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.names import (
+    ACTUAL_PATH_TOPIC,
+    ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    DESIRED_PATH_TOPIC,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.text import string_message
+from masmc_ros.messages.topics import (
+    PARAMETER_NODES,
+    parameters_topic,
+    TOPICS,
+    TRANSFORMS,
+    TWIST_STAMPED,
+)
+from masmc_ros.robot.two_link.description import robot_description
+from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.two_link.names import joint_names
+from masmc_ros.robot.two_link.platform_motion import platform_motion
+
+Values = Mapping[str, Any]
+
+
+class SimulationLog:
+    """Writes the stretches of a computed run; a context manager.
+
+    A run that ends by an exception leaves no file.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        simulation: Simulation,
+        values: Mapping[str, Values],
+        files: Mapping[str, bytes],
+    ) -> None:
+        """Start a log at `path` of a run with these values by node, read from `files`."""
+        self._simulation = simulation
+        self._values = values
+        self._changes: list[ParameterRecord] = []
+        recorder, plant = values['recorder'], values['plant']
+        robot = robot_of(plant)
+        self._prefix = check_frame_prefix(plant['frame_prefix'])
+        self._joints = joint_names(plant)
+        self._files = {
+            **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
+        }
+        self._origins = frame_origins(robot.geometry)
+        self._actual = ActualPath(simulation.timing, robot, self._prefix)
+        self._desired = self._desired_path()
+        self._writer = LogWriter(path, compression=recorder['compression'])
+        controller = values['controller']
+        self._is_stamped: bool = controller['enable_stamped_cmd_vel']
+        self._command_prefix = check_frame_prefix(controller['frame_prefix'])
+        types = {topic.name: topic.type_name for topic in TOPICS}
+        latched = {topic.name for topic in TOPICS if topic.is_latched}
+        if self._is_stamped:
+            types[CMD_VEL_TOPIC] = TWIST_STAMPED
+        rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
+        torques = COMMAND_TOPIC, telemetry_topic('raw_torque')
+        for name in torques if simulation.controller.commands_rates else rates:
+            del types[name]
+        self._channels = {
+            name: self._writer.channel(
+                f'/{name.lstrip("/")}',
+                type_name,
+                Qos(durability='transient_local' if name in latched else 'volatile'),
+            )
+            for name, type_name in types.items()
+        }
+
+    def _desired_path(self) -> bytes | None:
+        values = self._values['trajectory']
+        prefix = check_frame_prefix(values['frame_prefix'])
+        desired = DesiredPath(self._simulation.timing, robot_of(values), prefix)
+        return desired.whole(self._simulation.trajectory)
+
+    def __enter__(self) -> SimulationLog:
+        """Write what is known before the first tick."""
+        self._writer.__enter__()
+        write_origin(self._writer, self._files)
+        for node in PARAMETER_NODES:
+            self._tell(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
+        urdf = string_message(robot_description(self._values['plant'], self._prefix))
+        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, 0, urdf)
+        if self._desired is not None:
+            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, 0, self._desired)
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        """Complete the file, or leave none."""
+        if exception[0] is None:
+            parameters = {node: self._values[node] for node in PARAMETER_NODES}
+            write_parameters(self._writer, parameters, self._changes)
+        self._writer.__exit__(*exception)
+
+    def write(self, stretch: Stretch) -> None:
+        """Write all messages of consecutive ticks."""
+        ticks = np.arange(stretch.first, stretch.first + len(stretch.torque))
+        timing = self._simulation.timing
+        stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
+        for change in stretch.changes:
+            self._change(change)
+        self._writer.write_rows(
+            [
+                *self._reference(stretch, stamps),
+                *self._motion(stretch, ticks, stamps),
+                *self._clock(ticks, stamps),
+                *self._transforms(stretch, ticks, stamps),
+                *self._path(stretch, ticks, stamps),
+                self._states(stretch, stamps),
+                *self._commands(stretch, stamps),
+                *self._telemetry(stretch, ticks, stamps),
+            ]
+        )
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, as in `LogWriter`."""
+        return self._writer.size
+
+    def _change(self, change: Change) -> None:
+        """Write a change of the controller at its first tick."""
+        before = self._changes[-1].parameters if self._changes else self._values['controller']
+        record = ParameterRecord(
+            '/controller',
+            change.tick,
+            self._simulation.timing.stamp(change.tick),
+            {**before, **change.values},
+            tuple(change.values),
+            change.event,
+        )
+        self._changes.append(record)
+        self._tell(record)
+
+    def _tell(self, record: ParameterRecord) -> None:
+        channel = self._channels[parameters_topic(record.node.lstrip('/'))]
+        message = string_message(record.to_text())
+        self._writer.write(channel, record.stamp, record.stamp, message)
+
+    def _rows(
+        self, topic: str, stamps: NDArray[np.int64], data: NDArray[np.uint8]
+    ) -> ChannelRows:
+        return ChannelRows(self._channels[topic], stamps, data)
+
+    def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
+        effort = np.zeros((len(stamps), 7))
+        effort[:, 3:] = stretch.applied
+        data = rows.joint_state_rows(
+            stamps, stretch.position, stretch.velocity, effort, self._joints
+        )
+        return self._rows(STATE_TOPIC, stamps, data)
+
+    def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
+        if not self._simulation.controller.commands_rates:
+            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
+                yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
+            return
+        twists = np.zeros((len(stamps), 6))
+        twists[:, 0], twists[:, 5] = stretch.rates[:, 0], stretch.rates[:, 1]
+        if self._is_stamped:
+            data = rows.twist_stamped_rows(stamps, twists, self._command_prefix)
+        else:
+            data = rows.twist_rows(twists)
+        yield self._rows(CMD_VEL_TOPIC, stamps, data)
+        for group in rows.command_rows(ARM_VELOCITY, stamps, stretch.rates[:, 2:]):
+            yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.rows)
+
+    def _telemetry(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['controller']['telemetry_decimation']
+        if not decimation:
+            return
+        signals = (stretch.error, stretch.surface, stretch.estimate, stretch.raw_torque)
+        chosen = (ticks % decimation == 0) & stretch.active
+        for label, signal in zip(TELEMETRY, signals, strict=True):
+            if telemetry_topic(label) not in self._channels:
+                continue
+            data = rows.telemetry_rows(label, stamps[chosen], signal[chosen])
+            yield self._rows(telemetry_topic(label), stamps[chosen], data)
+
+    def _motion(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
+        pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
+        odometry = rows.odometry_rows(stamps[chosen], pose, twist, self._prefix)
+        yield self._rows('odom', stamps[chosen], odometry)
+        yield self._rows('base_twist', stamps[chosen], rows.twist_rows(twist))
+
+    def _clock(
+        self, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['plant']['clock_decimation']
+        if decimation:
+            chosen = self._decimated(ticks, decimation)
+            yield self._rows(CLOCK_TOPIC, stamps[chosen], rows.time_rows(stamps[chosen]))
+
+    def _transforms(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        decimation = self._values['plant']['tf_decimation']
+        if decimation:
+            chosen = self._decimated(ticks, decimation)
+            transforms = frame_transforms(self._origins, stretch.position[chosen])
+            data = rows.transforms_rows(stamps[chosen], transforms, self._prefix)
+            yield self._rows(TRANSFORMS.name, stamps[chosen], data)
+
+    def _path(
+        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        for row, tick in enumerate(ticks.tolist()):
+            if not self._actual.takes(tick):
+                continue
+            raw = self._actual.add(tick, stretch.position[row])
+            if raw is not None:
+                data = np.frombuffer(raw, dtype=np.uint8)[None]
+                yield self._rows(ACTUAL_PATH_TOPIC, stamps[row : row + 1], data)
+
+    def _decimated(self, ticks: NDArray[np.int64], decimation: int) -> NDArray[np.bool_]:
+        """Return which ticks a decimated topic has: multiples, and the last one."""
+        return (ticks % decimation == 0) | (ticks == self._simulation.timing.last)
+
+    def _reference(
+        self, stretch: Stretch, stamps: NDArray[np.int64]
+    ) -> Iterator[ChannelRows]:
+        """Yield the stretch's samples in windows, each at its own first stamp."""
+        period = self._simulation.timing.period
+        length = max(2, round(self._values['trajectory']['window'] / period))
+        edges = [*range(0, len(stamps), length), len(stamps)]
+        for first, end in pairwise(edges):
+            samples = stretch.reference[first:end]
+            raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
+            data = np.frombuffer(raw, dtype=np.uint8)[None]
+            yield self._rows(REFERENCE_TOPIC, stamps[first : first + 1], data)

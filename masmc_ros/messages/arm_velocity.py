@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller's rates for the arm as a message; the platform's come beside, as a twist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from masmc_ros.messages.labelled_command import CommandKind, LabelledCdr
+from masmc_ros.messages.names import ARM_JOINTS
+
+ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', ARM_JOINTS)
+"""Two rates in rad/s, labelled `velocity@SECONDS.NANOSECONDS`."""
+
+
+class ArmVelocityCdr(LabelledCdr):
+    """Rates (2) of arm joints 1 and 2 in rad/s, in `data`."""
+
+    def __init__(self, joints: Sequence[str] = ARM_JOINTS) -> None:
+        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        super().__init__(ARM_VELOCITY.named(joints))

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state of the robot: sensor_msgs/JointState."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.layout import Layout, NANOSECONDS, StampedMessage
+from masmc_ros.messages.names import JOINTS
+
+_REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
+
+
+class JointStateLayout(NamedTuple):
+    """The layout of a joint state of this robot, and where its arrays start in bytes."""
+
+    layout: Layout
+    position: int
+    velocity: int
+    effort: int
+
+
+@lru_cache(maxsize=64)
+def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
+    """Return the layout of a joint state with an empty frame and these joints in order."""
+    layout = Layout()
+    layout.stamp()
+    layout.string('')
+    layout.uint32(len(names))
+    for name in names:
+        layout.string(name)
+    return JointStateLayout(layout, *(layout.sequence(len(JOINTS)) for _ in range(3)))
+
+
+class JointStateCdr(StampedMessage):
+    """A joint state whose arrays are views into the message.
+
+    Attributes:
+        names: (7) of the joints.
+        position: (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        velocity: (7) their rates in m/s and rad/s.
+        effort: (7) zeros for the base joints, then the four torques in N m.
+    """
+
+    def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
+        """Make a state of zeros at time 0, of joints (7) of these names."""
+        layout, position, velocity, effort = joint_state_layout(names)
+        super().__init__(layout)
+        self.names = names
+        self.position = self._view(position, len(JOINTS))
+        self.velocity = self._view(velocity, len(JOINTS))
+        self.effort = self._view(effort, len(JOINTS))
+        self._names: list[str] = []
+        self._joints: tuple[str, ...] = ()
+        self._order: list[int] = []
+
+    def is_finite(self) -> bool:
+        """Tell whether every position and velocity is a finite number."""
+        position, velocity = self.position, self.velocity
+        # A sum of squares is quick, and finite only where every number is; it overflows
+        # before the numbers do.
+        if isfinite(position.dot(position) + velocity.dot(velocity)):
+            return True
+        return all(map(isfinite, position.tolist() + velocity.tolist()))
+
+    def check(
+        self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None
+    ) -> None:
+        """Refuse positions and velocities of `joints` that are not finite, by InputError.
+
+        With `unknown_velocity` that takes the place of such velocities instead.
+        """
+        joints = joints or self.names
+        first = len(JOINTS) - len(joints)
+        _check_finite(self.position[first:], joints, 'position')
+        velocity = self.velocity[first:]
+        if unknown_velocity is None:
+            _check_velocity(velocity, joints)
+        else:
+            velocity[~np.isfinite(velocity)] = unknown_velocity
+
+    def load_message(
+        self,
+        message: Any,
+        joints: tuple[str, ...] | None = None,
+        *,
+        unknown_velocity: float | None = None,
+    ) -> None:
+        """Take over a joint state of any sender, joint by joint by name.
+
+        Joints of other names are left out; efforts that are absent or NaN become zero.
+
+        Args:
+            message: sensor_msgs/JointState as any deserialiser gives it.
+            joints: which joints to take, all or the driven ones, which are the last of
+                `names`; what is held of the others stays.
+            unknown_velocity: what to take for velocities that are absent or not finite; None
+                refuses them.
+
+        Raises:
+            InputError: for missing or repeated joints, sizes that do not go with the names,
+                numbers that are not finite; nothing is changed then.
+        """
+        joints = joints or self.names
+        names = list(message.name)
+        if names != self._names or joints != self._joints:
+            self._order = _order(names, joints)
+            self._names, self._joints = names, joints
+        position = self._pick(message.position, 'position')
+        _check_finite(position, joints, 'position')
+        velocity = self._pick_velocity(message.velocity, unknown_velocity)
+        effort = np.zeros(len(joints))
+        if len(message.effort):
+            given = _doubles(message.effort)
+            effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
+            _check_finite(effort, joints, 'effort')
+        stamp = message.header.stamp
+        first = len(JOINTS) - len(joints)
+        self.position[first:] = position
+        self.velocity[first:] = velocity
+        self.effort[first:] = effort
+        self.set_stamp(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+    def _pick(self, values: ArrayLike, field: str) -> NDArray[np.float64]:
+        array = _doubles(values)
+        if len(array) != len(self._names):
+            raise InputError(
+                f'joint state: {field} has {len(array)} numbers for {len(self._names)} joints;'
+                ' it takes one for each name'
+            )
+        return array[self._order]
+
+    def _pick_velocity(
+        self, values: ArrayLike, unknown: float | None
+    ) -> NDArray[np.float64]:
+        if unknown is None:
+            if not len(_doubles(values)):
+                raise InputError(f'joint state: velocity is empty; {_REMEDY}')
+            velocity = self._pick(values, 'velocity')
+            _check_velocity(velocity, self._joints)
+            return velocity
+        if not len(_doubles(values)):
+            return np.full(len(self._joints), unknown)
+        velocity = self._pick(values, 'velocity')
+        return np.where(np.isfinite(velocity), velocity, unknown)
+
+
+def _doubles(values: ArrayLike) -> NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64)
+
+
+def _check_velocity(values: NDArray[np.float64], joints: tuple[str, ...]) -> None:
+    try:
+        _check_finite(values, joints, 'velocity')
+    except InputError as error:
+        raise InputError(f'{error}; {_REMEDY}') from None
+
+
+def _check_finite(values: NDArray[np.float64], joints: tuple[str, ...], field: str) -> None:
+    finite = np.isfinite(values)
+    if not finite.all():
+        joint = joints[int(np.argmin(finite))]
+        raise InputError(f"joint state: {field} of '{joint}' is not a finite number")
+
+
+def _order(names: list[str], joints: tuple[str, ...]) -> list[int]:
+    """Return where each of our joints stands in `names`."""
+    for joint in joints:
+        count = names.count(joint)
+        if count != 1:
+            fault = 'is missing' if count == 0 else f'is given {count} times'
+            raise InputError(
+                f"joint state: joint '{joint}' {fault}; it takes each of {', '.join(joints)} once"
+            )
+    return [names.index(joint) for joint in joints]

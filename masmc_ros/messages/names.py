@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The joints, frames and labels that the messages of a run carry."""
+
+from __future__ import annotations
+
+from masmc_ros.robot.two_link.names import (
+    ARM_JOINTS,
+    BASE_FRAME,
+    BASE_JOINTS,
+    DRIVEN_JOINTS,
+    JOINTS,
+    ODOM_FRAME,
+)
+
+__all__ = [
+    'ACTUAL_PATH_TOPIC',
+    'ARM_JOINTS',
+    'ARM_VELOCITY_TOPIC',
+    'BASE_FRAME',
+    'BASE_JOINTS',
+    'CLOCK_TOPIC',
+    'CMD_VEL_TOPIC',
+    'COMMAND_TOPIC',
+    'DERIVATIVES',
+    'DESCRIPTION_TOPIC',
+    'DESIRED_PATH_TOPIC',
+    'DRIVEN_JOINTS',
+    'JOINTS',
+    'ODOM_FRAME',
+    'REFERENCE_TOPIC',
+    'STATE_TOPIC',
+    'TASK_AXES',
+    'TELEMETRY',
+    'telemetry_topic',
+]
+
+TASK_AXES = 4
+"""x_E, y_E, x_F, y_F in the world, m."""
+
+DERIVATIVES = 3
+"""Position (m), velocity (m/s) and acceleration (m/s^2) of a reference."""
+
+STATE_TOPIC = 'joint_states'
+COMMAND_TOPIC = 'effort_commands'
+CMD_VEL_TOPIC = 'cmd_vel'
+ARM_VELOCITY_TOPIC = 'arm_velocity_commands'
+REFERENCE_TOPIC = 'reference'
+DESCRIPTION_TOPIC = 'robot_description'
+DESIRED_PATH_TOPIC = 'path/desired'
+ACTUAL_PATH_TOPIC = 'path/actual'
+CLOCK_TOPIC = 'clock'
+
+TELEMETRY = {
+    'tracking_error': 4,
+    'sliding_surface': 4,
+    'parameter_estimate': 7,
+    'raw_torque': 4,
+}
+"""Label of each telemetry message and how many values it carries."""
+
+
+def telemetry_topic(label: str) -> str:
+    """Return the name, relative to the robot, under which `label` is published."""
+    return f'controller/{label}'

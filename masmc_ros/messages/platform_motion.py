@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motion of the platform and the time: Twist, TwistStamped, Odometry, Clock and Time."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.messages.layout import Layout, Message, NANOSECONDS, StampedMessage
+from masmc_ros.messages.names import BASE_FRAME, ODOM_FRAME
+
+Floats = NDArray[np.float64]
+
+_COVARIANCE = 36
+
+
+@cache
+def time_layout() -> Layout:
+    """Return the layout of builtin_interfaces/Time, which rosgraph_msgs/Clock shares."""
+    layout = Layout()
+    layout.stamp()
+    return layout
+
+
+class TimeCdr(StampedMessage):
+    """A builtin_interfaces/Time or rosgraph_msgs/Clock: nothing but its stamp."""
+
+    def __init__(self) -> None:
+        """Make the time 0."""
+        super().__init__(time_layout())
+
+
+def twist_numbers(twist: Any) -> list[float]:
+    """Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
+
+    `twist` is one of the classes here, or a geometry_msgs/Twist of any deserialiser.
+    """
+    if isinstance(twist, TwistCdr | TwistStampedCdr):
+        return [*twist.linear.tolist(), *twist.angular.tolist()]
+    return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
+
+
+def odometry_numbers(odometry: Any) -> tuple[int, Floats, Floats]:
+    """Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
+
+    The pose is (7) position in m and quaternion x, y, z, w; the twist (6) as `twist_numbers`.
+    """
+    pose, stamp = odometry.pose.pose, odometry.header.stamp
+    where = [getattr(pose.position, c) for c in 'xyz']
+    turned = [getattr(pose.orientation, c) for c in 'xyzw']
+    return (
+        stamp.sec * NANOSECONDS + stamp.nanosec,
+        np.array([*where, *turned]),
+        np.array(twist_numbers(odometry.twist.twist)),
+    )
+
+
+class TwistLayout(NamedTuple):
+    """The layout of a twist and where its six numbers start, in bytes."""
+
+    layout: Layout
+    linear: int
+
+
+@cache
+def twist_layout() -> TwistLayout:
+    """Return the layout of geometry_msgs/Twist."""
+    layout = Layout()
+    return TwistLayout(layout, layout.doubles(6))
+
+
+class TwistCdr(Message):
+    """A geometry_msgs/Twist whose numbers are views into the message.
+
+    Attributes:
+        linear: (3) velocity in m/s, x forward.
+        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    """
+
+    def __init__(self) -> None:
+        """Make a twist of zeros."""
+        layout, linear = twist_layout()
+        super().__init__(layout)
+        self.linear = self._view(linear, 6)[:3]
+        self.angular = self._view(linear, 6)[3:]
+
+
+@cache
+def twist_stamped_layout(frame_prefix: str = '') -> TwistLayout:
+    """Return the layout of geometry_msgs/TwistStamped in `base_link`, with a prefix."""
+    layout = Layout()
+    layout.stamp()
+    layout.string(frame_prefix + BASE_FRAME)
+    return TwistLayout(layout, layout.doubles(6))
+
+
+class TwistStampedCdr(StampedMessage):
+    """A geometry_msgs/TwistStamped in `base_link` whose numbers are views into the message.
+
+    Attributes:
+        linear: (3) velocity in m/s, x forward.
+        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    """
+
+    def __init__(self, frame_prefix: str = '') -> None:
+        """Make a twist of zeros at time 0."""
+        layout, linear = twist_stamped_layout(frame_prefix)
+        super().__init__(layout)
+        self.linear = self._view(linear, 6)[:3]
+        self.angular = self._view(linear, 6)[3:]
+
+
+class OdometryLayout(NamedTuple):
+    """The layout of an odometry and where its parts start, in bytes."""
+
+    layout: Layout
+    pose: int
+    twist: int
+
+
+@cache
+def odometry_layout(frame_prefix: str = '') -> OdometryLayout:
+    """Return the layout of nav_msgs/Odometry from `odom` to `base_link`, with a prefix."""
+    layout = Layout()
+    layout.stamp()
+    layout.string(frame_prefix + ODOM_FRAME)
+    layout.string(frame_prefix + BASE_FRAME)
+    pose = layout.doubles(7 + _COVARIANCE)
+    return OdometryLayout(layout, pose, layout.doubles(6 + _COVARIANCE))
+
+
+class OdometryCdr(StampedMessage):
+    """A nav_msgs/Odometry of the platform whose numbers are views into the message.
+
+    Attributes:
+        position: (3) of `base_link` in `odom`, m.
+        orientation: (4) of `base_link` in `odom`, quaternion x, y, z, w.
+        pose_covariance: (36) rows of x, y, z in m and the rotations about them in rad.
+        linear: (3) velocity in `base_link`, m/s.
+        angular: (3) rate in `base_link`, rad/s.
+        twist_covariance: (36) rows of the same axes, in m/s and rad/s.
+    """
+
+    def __init__(self, frame_prefix: str = '') -> None:
+        """Make an odometry at the origin, at rest, at time 0."""
+        layout, pose, twist = odometry_layout(frame_prefix)
+        super().__init__(layout)
+        pose_numbers = self._view(pose, 7 + _COVARIANCE)
+        twist_numbers = self._view(twist, 6 + _COVARIANCE)
+        self.position = pose_numbers[:3]
+        self.orientation = pose_numbers[3:7]
+        self.pose_covariance = pose_numbers[7:]
+        self.linear = twist_numbers[:3]
+        self.angular = twist_numbers[3:6]
+        self.twist_covariance = twist_numbers[6:]
+        self.orientation[3] = 1.0

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stretch of the reference, sent ahead of time as std_msgs/Float64MultiArray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.multi_array import MultiArrayLayout
+from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
+
+STAMP_NUMBERS = 3
+"""How many numbers come before the samples: seconds, nanoseconds, sample period."""
+
+LABELS = ('samples', 'derivative', 'task')
+_SECONDS = 2.0**31
+_LONGEST_PERIOD = 1e4
+"""Longest time in s between two samples."""
+_SAMPLE = DERIVATIVES * TASK_AXES
+
+
+@lru_cache(maxsize=64)
+def reference_layout(samples: int) -> MultiArrayLayout:
+    """Return the layout of a window of that many samples."""
+    sizes = (samples, DERIVATIVES, TASK_AXES)
+    return MultiArrayLayout(list(zip(LABELS, sizes, strict=True)), STAMP_NUMBERS)
+
+
+@dataclass(frozen=True)
+class ReferenceWindow:
+    """Samples of the reference at equal distances, or a single set-point.
+
+    Attributes:
+        stamp_ns: time of the first sample in ns; None for a set-point, which holds from its
+            arrival on.
+        period: time from sample to sample in s; 0 for a set-point.
+        samples: (n, 3, 4) position (m), velocity (m/s), acceleration (m/s^2) of the task
+            axes x_E, y_E, x_F, y_F in the world.
+    """
+
+    stamp_ns: int | None
+    period: float
+    samples: NDArray[np.float64]
+
+    def stamps(self) -> NDArray[np.int64]:
+        """Return the time of each sample in ns (n); of a set-point, 0."""
+        steps = np.rint(np.arange(len(self.samples)) * (NANOSECONDS * self.period))
+        return np.asarray((self.stamp_ns or 0) + steps.astype(np.int64))
+
+    def to_bytes(self) -> bytes:
+        """Return the message as it is sent; a set-point travels as its bare 12 numbers."""
+        if self.stamp_ns is None:
+            layout = MultiArrayLayout([('', _SAMPLE)], 0)
+            head = b''
+        else:
+            layout = reference_layout(len(self.samples))
+            seconds, nanoseconds = divmod(self.stamp_ns, NANOSECONDS)
+            head = np.array([seconds, nanoseconds, self.period]).tobytes()
+        numbers = np.ascontiguousarray(self.samples, dtype=np.float64).tobytes()
+        return layout.template[: layout.data] + head + numbers
+
+    @staticmethod
+    def from_bytes(raw: bytes) -> ReferenceWindow | None:
+        """Read a received window that is laid out like ours.
+
+        Args:
+            raw: the message with its encapsulation header.
+
+        Returns:
+            None for every other message, which a full deserialiser has to read: see
+            `from_message`.
+
+        Raises:
+            InputError: as `from_message`.
+        """
+        start = reference_layout(1).data
+        samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, _SAMPLE)
+        if samples < 1 or rest:
+            return None
+        layout = reference_layout(samples)
+        if not layout.matches(raw):
+            return None
+        return _window(np.frombuffer(raw, np.float64, offset=start).copy())
+
+    @staticmethod
+    def from_message(message: Any) -> ReferenceWindow:
+        """Read a window or a set-point of any sender.
+
+        Args:
+            message: std_msgs/Float64MultiArray as any deserialiser gives it.
+
+        Raises:
+            InputError: for dimensions that are not samples x derivative x task, for another
+                number of values than they promise, for a set-point that has not 4, 8 or 12
+                values, for a stamp or a period that is none, for numbers that are not finite.
+        """
+        numbers = np.array(message.data, dtype=np.float64)
+        dimensions = [(each.label, int(each.size)) for each in message.layout.dim]
+        if message.layout.data_offset == 0 and len(dimensions) < len(LABELS):
+            return _set_point(numbers)
+        samples = dimensions[0][1] if dimensions else 0
+        expected = list(zip(LABELS, (samples, DERIVATIVES, TASK_AXES), strict=True))
+        if (
+            dimensions != expected
+            or message.layout.data_offset != STAMP_NUMBERS
+            or samples < 1
+            or len(numbers) != STAMP_NUMBERS + samples * _SAMPLE
+        ):
+            shape = ' x '.join(f'{label} {size}' for label, size in dimensions)
+            raise InputError(
+                f'reference: {len(numbers)} numbers, data_offset {message.layout.data_offset},'
+                f' as {shape or "no dimensions"}; it takes samples n x derivative 3 x task 4 after'
+                ' 3 numbers (seconds, nanoseconds, period), or 4, 8 or 12 bare numbers'
+            )
+        return _window(numbers)
+
+
+def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
+    """Make a window of [seconds, nanoseconds, period, samples...]."""
+    _check_finite(numbers)
+    seconds, nanoseconds, period = numbers[:STAMP_NUMBERS].tolist()
+    whole = seconds.is_integer() and nanoseconds.is_integer()
+    if not (whole and abs(seconds) < _SECONDS and 0 <= nanoseconds < NANOSECONDS):
+        raise InputError(
+            f'reference: stamp [{seconds:g}, {nanoseconds:g}] is not whole seconds within 32'
+            ' bits and nanoseconds below 1e9'
+        )
+    samples = numbers[STAMP_NUMBERS:].reshape(-1, DERIVATIVES, TASK_AXES)
+    if not 1.0 <= period * NANOSECONDS <= NANOSECONDS * _LONGEST_PERIOD:
+        raise InputError(
+            f'reference: sample period {period:g} s; it takes 1e-9 to {_LONGEST_PERIOD:g} s'
+        )
+    if (len(samples) - 1) * period >= _SECONDS:
+        raise InputError(
+            f'reference: {len(samples)} samples {period:g} s apart go on beyond 2**31 s'
+        )
+    return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
+
+
+def _set_point(numbers: NDArray[np.float64]) -> ReferenceWindow:
+    """Make a set-point of position, and velocity and acceleration where they are given."""
+    if len(numbers) not in (TASK_AXES, 2 * TASK_AXES, _SAMPLE):
+        raise InputError(
+            f'reference: a set-point of {len(numbers)} numbers; it takes 4 positions, or 8 with'
+            ' velocities, or 12 with accelerations'
+        )
+    _check_finite(numbers)
+    samples = np.zeros((1, DERIVATIVES, TASK_AXES))
+    samples.reshape(-1)[: len(numbers)] = numbers
+    return ReferenceWindow(None, 0.0, samples)
+
+
+def _check_finite(numbers: NDArray[np.float64]) -> None:
+    if not np.isfinite(numbers).all():
+        raise InputError(f'reference: number {int(np.argmin(np.isfinite(numbers)))} is not finite')

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The time a serialised message speaks of, read without deserialising it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.labelled_command import LabelledCdr
+from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
+from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
+from masmc_ros.messages.telemetry import TelemetryCdr
+
+StampReader = Callable[[bytes], int | None]
+"""Returns a stamp in ns, None for a message without; InputError for one that is no time."""
+
+TRANSFORMS_TYPE = 'tf2_msgs/msg/TFMessage'
+
+_STAMPED = (
+    'sensor_msgs/msg/JointState',
+    'nav_msgs/msg/Odometry',
+    'nav_msgs/msg/Path',
+    'geometry_msgs/msg/TwistStamped',
+    'rosgraph_msgs/msg/Clock',
+)
+"""Types that begin with a stamp on the robot's clock."""
+
+
+def header_stamp(raw: bytes) -> int:
+    """Return the stamp in ns of a message that begins with a header or a time.
+
+    Raises InputError where the message is too short for one, and for one that is no time.
+    """
+    return _stamp_at(raw, len(ENCAPSULATION))
+
+
+def transforms_stamp(raw: bytes) -> int | None:
+    """Return the stamp in ns of a TFMessage's first transform; None where it has none."""
+    start = len(ENCAPSULATION) + 4
+    # What stands behind a count of 0 only fills the message up.
+    return _stamp_at(raw, start) if any(raw[len(ENCAPSULATION) : start]) else None
+
+
+def stamp_reader(topic: str, type_name: str) -> StampReader:
+    """Return how to read the stamp in ns of a topic's messages; None for one without.
+
+    `topic` is relative to the robot. Commands have the stamp of the state that they answer,
+    telemetry that of the state that it belongs to.
+    """
+    if type_name in _STAMPED:
+        return header_stamp
+    if type_name == TRANSFORMS_TYPE:
+        return transforms_stamp
+    if topic == COMMAND_TOPIC:
+        return _command_reader(EffortCdr())
+    if topic == ARM_VELOCITY_TOPIC:
+        return _command_reader(ArmVelocityCdr())
+    for label, count in TELEMETRY.items():
+        if topic == telemetry_topic(label):
+            telemetry = TelemetryCdr(label, count)
+            return _telemetry_reader(telemetry)
+    return lambda _: None
+
+
+def _stamp_at(raw: bytes, start: int) -> int:
+    if len(raw) < start + STAMP.size:
+        raise InputError(f'a message of {len(raw)} bytes has no stamp')
+    seconds, nanoseconds = STAMP.unpack_from(raw, start)
+    return checked_stamp(seconds * NANOSECONDS + nanoseconds)
+
+
+def _command_reader(command: LabelledCdr) -> StampReader:
+    return lambda raw: command.stamp_ns if command.load(raw) else None
+
+
+def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:
+    return lambda raw: telemetry.stamp_ns if telemetry.load(raw) else None

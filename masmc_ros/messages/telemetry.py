@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller tells of itself: one vector per tick as std_msgs/Float64MultiArray."""
+
+from __future__ import annotations
+
+from functools import cache
+import struct
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.layout import END_OF_TIME, Message, NANOSECONDS
+from masmc_ros.messages.multi_array import MultiArrayLayout
+
+STAMP_NUMBERS = 2
+"""How many numbers come before the values: seconds and nanoseconds."""
+
+_STAMP_PAIR = struct.Struct('<2d')
+
+
+@cache
+def telemetry_layout(label: str, count: int) -> MultiArrayLayout:
+    """Return the layout of `count` values called `label`, after the stamp."""
+    return MultiArrayLayout([(label, count)], STAMP_NUMBERS)
+
+
+class TelemetryCdr(Message):
+    """A stamped vector whose numbers are a view into the message.
+
+    Attributes:
+        values: (count) the vector.
+    """
+
+    def __init__(self, label: str, count: int) -> None:
+        """Make a vector of `count` zeros at time 0, called `label`."""
+        layout = telemetry_layout(label, count)
+        super().__init__(layout)
+        self._label = label
+        self._stamp_offset = layout.data
+        self._stamped_values = self._view(layout.data, STAMP_NUMBERS + count)
+        self.values = self._stamped_values[STAMP_NUMBERS:]
+
+    def set_stamp(self, stamp_ns: int) -> None:
+        """Write the stamp, in ns, of the state that the values belong to."""
+        _STAMP_PAIR.pack_into(self._wire, self._stamp_offset, *divmod(stamp_ns, NANOSECONDS))
+
+    @property
+    def stamp_ns(self) -> int:
+        """The stamp in ns; InputError where a sender wrote numbers that are no time."""
+        return _stamp(*_STAMP_PAIR.unpack_from(self._wire, self._stamp_offset))
+
+    def load_message(self, message: Any) -> None:
+        """Take over a telemetry message whatever its labels.
+
+        Args:
+            message: std_msgs/Float64MultiArray as any deserialiser gives it.
+
+        Raises:
+            InputError: for another number of values, or without the two numbers of the stamp
+                before them, or where these are no time; nothing is changed then.
+        """
+        count = len(self.values)
+        offset = message.layout.data_offset
+        if offset != STAMP_NUMBERS or len(message.data) != STAMP_NUMBERS + count:
+            raise InputError(
+                f'{self._label}: {len(message.data)} numbers, data_offset {offset};'
+                f' it takes seconds, nanoseconds and {count} values, data_offset {STAMP_NUMBERS}'
+            )
+        numbers = [float(each) for each in message.data]
+        _stamp(*numbers[:STAMP_NUMBERS])
+        self._stamped_values[:] = numbers
+
+
+def _stamp(seconds: float, nanoseconds: float) -> int:
+    # False for what is not a number.
+    if not (0.0 <= seconds < END_OF_TIME / NANOSECONDS and 0.0 <= nanoseconds < NANOSECONDS):
+        raise InputError(f'stamp [{seconds:g}, {nanoseconds:g}] s and ns is no time')
+    return int(seconds) * NANOSECONDS + int(nanoseconds)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""std_msgs/String in CDR."""
+
+from __future__ import annotations
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.layout import ENCAPSULATION
+
+
+def string_message(text: str) -> bytes:
+    """Return a serialised std_msgs/String, filled up to whole words as middleware delivers it."""
+    data = text.encode() + b'\0'
+    return ENCAPSULATION + len(data).to_bytes(4, 'little') + data + bytes(-len(data) % 4)
+
+
+def text_of(raw: bytes) -> str:
+    """Return the text of a serialised std_msgs/String; InputError where it is none."""
+    start = len(ENCAPSULATION) + 4
+    size = int.from_bytes(raw[start - 4 : start], 'little')
+    if len(raw) < start + size:
+        raise InputError(f'{len(raw)} bytes that are no text')
+    try:
+        return raw[start : start + max(0, size - 1)].decode()
+    except UnicodeDecodeError:
+        raise InputError(f'a text of {size} bytes that is not UTF-8') from None

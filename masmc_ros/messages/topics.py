@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics of a run, by their names relative to the robot."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from masmc_ros.messages.names import (
+    ACTUAL_PATH_TOPIC,
+    ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
+    DESIRED_PATH_TOPIC,
+    REFERENCE_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+
+FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
+ODOMETRY = 'nav_msgs/msg/Odometry'
+PATH = 'nav_msgs/msg/Path'
+TWIST = 'geometry_msgs/msg/Twist'
+TWIST_STAMPED = 'geometry_msgs/msg/TwistStamped'
+PARAMETER_NODES = ('plant', 'trajectory', 'controller')
+
+
+class Topic(NamedTuple):
+    """A topic, its message type and what it carries."""
+
+    name: str
+    type_name: str
+    direction: str
+    content: str
+    is_latched: bool = True
+    """Whether late subscribers are given what was sent before."""
+    holds: bool = False
+    """Whether a message is valid until the next one, however long that takes."""
+    turns_up: bool = False
+    """Whether only some runs have it, of the type that its sender says."""
+
+
+def parameters_topic(node: str) -> str:
+    """Return the topic on which a node tells its parameters in force."""
+    return f'{node}/parameters'
+
+
+TRANSFORMS = Topic(
+    '/tf',
+    'tf2_msgs/msg/TFMessage',
+    'plant →',
+    'all frames of the robot from `odom` on, in one message per tick; in a namespace without '
+    'a `frame_prefix`, `tf` there',
+)
+
+
+def transforms_topic(namespace: str, frame_prefix: str) -> str:
+    """Return where a robot sends its transforms.
+
+    Robots share /tf where prefixes tell their frames apart. Where nothing but the namespace
+    does, each has a topic of its own.
+    """
+    is_shared = frame_prefix or namespace == '/'
+    return TRANSFORMS.name if is_shared else TRANSFORMS.name.lstrip('/')
+
+
+TOPICS = (
+    Topic(
+        STATE_TOPIC,
+        'sensor_msgs/msg/JointState',
+        'plant → controller',
+        'state at every tick, stamp t_k; effort is the torque of the interval just ended',
+    ),
+    Topic(
+        COMMAND_TOPIC,
+        FLOAT_ARRAY,
+        'controller → plant',
+        'four torques in N·m; the label `effort@SEC.NANOSEC` names the state answered; with '
+        '`data_offset` 4 nothing is commanded',
+    ),
+    Topic(
+        CMD_VEL_TOPIC,
+        TWIST,
+        'controller → plant',
+        'with commanded rates, forward speed in m/s and yaw rate in rad/s; a TwistStamped in '
+        '`base_link` with `enable_stamped_cmd_vel`',
+        turns_up=True,
+    ),
+    Topic(
+        ARM_VELOCITY_TOPIC,
+        FLOAT_ARRAY,
+        'controller → plant',
+        "with commanded rates, those of the arm's joints in rad/s; the label "
+        '`velocity@SEC.NANOSEC` names the state answered',
+        turns_up=True,
+    ),
+    Topic(
+        REFERENCE_TOPIC,
+        FLOAT_ARRAY,
+        'trajectory → controller',
+        'windows of samples × (position, velocity, acceleration) × task axis, sent ahead; '
+        '4, 8 or 12 bare numbers are a set-point, taken where no trajectory runs',
+    ),
+    Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
+    Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
+    *(
+        Topic(
+            telemetry_topic(label),
+            FLOAT_ARRAY,
+            'controller →',
+            {
+                'tracking_error': 'e (4) in m, after [sec, nanosec]',
+                'sliding_surface': 's (4) in m/s, after [sec, nanosec]',
+                'parameter_estimate': 'θ̂ (7) used in the torque, after [sec, nanosec]',
+                'raw_torque': 'what the law asked for (4) in N·m, before the limits of '
+                '`effort_commands`, after [sec, nanosec]',
+            }[label],
+            is_latched=False,
+        )
+        for label in TELEMETRY
+    ),
+    *(
+        Topic(
+            parameters_topic(node),
+            'std_msgs/msg/String',
+            f'{node} →',
+            'parameters in force as JSON, at the start and at every change with its first tick'
+            + ('; resets and activations too' if node == 'controller' else ''),
+            holds=True,
+        )
+        for node in PARAMETER_NODES
+    ),
+    Topic(
+        'controller/state',
+        'std_msgs/msg/String',
+        'controller → trajectory',
+        '`active`, `inactive: REASON` or `fault: REASON`, whenever it changes',
+        holds=True,
+    ),
+    Topic(
+        CLOCK_TOPIC,
+        'rosgraph_msgs/msg/Clock',
+        'plant →',
+        'simulated time, decimated: `/clock`, or that of the namespace',
+        is_latched=False,
+    ),
+    Topic(
+        '/diagnostics',
+        'diagnostic_msgs/msg/DiagnosticArray',
+        'plant, controller, recorder →',
+        'health and figures of each node, once a second',
+    ),
+    Topic(
+        DESCRIPTION_TOPIC,
+        'std_msgs/msg/String',
+        'plant →',
+        'the robot as URDF',
+        holds=True,
+    ),
+    Topic(
+        DESIRED_PATH_TOPIC,
+        PATH,
+        'trajectory →',
+        'where the end effector is to go, in `odom`; of an endless trajectory the latest piece',
+        holds=True,
+    ),
+    Topic(
+        ACTUAL_PATH_TOPIC,
+        PATH,
+        'plant →',
+        'where the end effector has been, in `odom`; its last 1000 poses, every 0.5 s',
+        holds=True,
+    ),
+    TRANSFORMS,
+)
+"""What the nodes of this package publish."""
+
+SYSTEM_TOPICS = (
+    Topic('/rosout', 'rcl_interfaces/msg/Log', 'all →', 'log messages'),
+    Topic(
+        '/parameter_events',
+        'rcl_interfaces/msg/ParameterEvent',
+        'all →',
+        'changes of parameters',
+        is_latched=False,
+    ),
+)
+"""What every ROS 2 node publishes; recorded too."""

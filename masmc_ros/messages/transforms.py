@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot's frames are at a time: tf2_msgs/TFMessage.
+
+All transforms of a tick travel in one message, the fixed one too: the latest message at or
+before a time then tells everything of that time, wherever a viewer jumps to.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from masmc_ros.messages.layout import ENCAPSULATION, Layout, Message, NANOSECONDS, STAMP
+from masmc_ros.robot.two_link.names import FRAMES
+
+_COUNT = 4
+"""Bytes of a count, and of the length in front of a string."""
+
+TRANSFORM = 7
+"""Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
+
+
+class TransformsLayout(NamedTuple):
+    """The layout of a robot's transforms; where each one's parts start, in bytes."""
+
+    layout: Layout
+    stamps: list[int]
+    numbers: list[int]
+
+
+@cache
+def transforms_layout(frame_prefix: str = '') -> TransformsLayout:
+    """Return the layout of the transforms of FRAMES, with a prefix before all names."""
+    layout = Layout()
+    layout.uint32(len(FRAMES))
+    stamps, numbers = [], []
+    for parent, child in FRAMES:
+        stamps.append(layout.stamp())
+        layout.string(frame_prefix + parent)
+        layout.string(frame_prefix + child)
+        numbers.append(layout.doubles(TRANSFORM))
+    return TransformsLayout(layout, stamps, numbers)
+
+
+class TransformsCdr(Message):
+    """A TFMessage of all frames of a robot, filled in place."""
+
+    def __init__(self, frame_prefix: str = '') -> None:
+        """Make transforms of zeros at time 0."""
+        layout, stamps, numbers = transforms_layout(frame_prefix)
+        super().__init__(layout)
+        self._words = self._memory.view(np.int32)
+        # One write each for all stamps and for all numbers, wherever they lie.
+        self._stamps = (np.array(stamps)[:, None] + self._lead) // 4 + np.arange(2)
+        self._numbers = (np.array(numbers)[:, None] + self._lead) // 8 + np.arange(TRANSFORM)
+
+    def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
+        """Write transforms (6, 7) as FRAMES lists them, m; return the message as it is sent."""
+        self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
+        self._memory[self._numbers] = transforms
+        return self.to_bytes()
+
+
+def first_frames(raw: bytes) -> tuple[str, str]:
+    """Return parent and child of a TFMessage's first transform; '' where it has none."""
+    parent, end = _string(raw, len(ENCAPSULATION) + _COUNT + STAMP.size)
+    child, _ = _string(raw, end)
+    return parent, child
+
+
+def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
+    """Tell whether a TFMessage speaks of a robot whose frames have this prefix.
+
+    It does so where parent or child is the robot's own: `map` to `left/odom` is of `left/`.
+    A robot without a prefix has the frames without one.
+    """
+    if frame_prefix:
+        return any(name.startswith(frame_prefix) for name in first_frames(raw))
+    return any('/' not in name for name in first_frames(raw))
+
+
+def _string(raw: bytes, start: int) -> tuple[str, int]:
+    """Return the string of a message at a place, and the end of it."""
+    start += (len(ENCAPSULATION) - start) % _COUNT
+    length = int.from_bytes(raw[start : start + _COUNT], 'little')
+    end = start + _COUNT + length
+    return raw[start + _COUNT : end - 1].decode('utf-8', 'replace'), end

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller sends: torques on one topic, or rates on one for base and one for arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from typing import Any, Protocol
+
+from geometry_msgs.msg import Twist, TwistStamped
+import numpy as np
+from rclpy.publisher import Publisher
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
+from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.robot.two_link.frames import check_frame_prefix
+
+Advertise = Callable[[Any, str], Publisher]
+"""Makes a publisher of a message type and a topic."""
+
+
+class CommandOutput(Protocol):
+    """The commands that answer states.
+
+    Attributes:
+        publishers: of the topics that the robot is commanded on.
+    """
+
+    publishers: list[Publisher]
+
+    def connect(self, advertise: Advertise) -> None:
+        """Create the publishers."""
+
+    def is_finite(self) -> bool:
+        """Tell whether what the controller has computed can be sent."""
+
+    def send(self, stamp: int) -> None:
+        """Send what the controller has computed, as the answer to the state of a stamp in ns."""
+
+    def send_none(self, stamp: int) -> None:
+        """Send as the answer to a state that nothing is commanded: zeros."""
+
+    def repeat(self) -> None:
+        """Send once more what was sent last."""
+
+    def figures(self) -> dict[str, str]:
+        """Return what /diagnostics tells of the command."""
+
+
+class TorqueOutput:
+    """Torques (4, N m) on effort_commands."""
+
+    def __init__(self, controller: Controller) -> None:
+        """Take the controller, whose torque is sent."""
+        self.publishers: list[Publisher] = []
+        self._torque = controller.torque
+        self._effort, self._none = EffortCdr(), EffortCdr()
+        self._none.is_void = True
+        self._answered = b''
+
+    def connect(self, advertise: Advertise) -> None:
+        """Create the publisher."""
+        self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
+
+    def is_finite(self) -> bool:
+        """Tell whether every torque is a finite number."""
+        return all(map(isfinite, self._torque.tolist()))
+
+    def send(self, stamp: int) -> None:
+        """Send the torques as the answer to the state of a stamp in ns."""
+        self._effort.data[:] = self._torque
+        self._send(self._effort, stamp)
+
+    def send_none(self, stamp: int) -> None:
+        """Send no torque as the answer to a state: drives that can hold do so."""
+        self._send(self._none, stamp)
+
+    def repeat(self) -> None:
+        """Send once more what was sent last."""
+        self.publishers[0].publish(self._answered)
+
+    def figures(self) -> dict[str, str]:
+        """Return the largest torque."""
+        return {'largest torque (N m)': f'{float(np.abs(self._torque).max()):.6g}'}
+
+    def _send(self, message: EffortCdr, stamp: int) -> None:
+        message.set_stamp(stamp)
+        self._answered = message.to_bytes()
+        self.repeat()
+
+
+class RateOutput:
+    """Forward speed and yaw rate on cmd_vel, then the arm's rates on a topic of their own."""
+
+    def __init__(self, controller: Controller, values: Mapping[str, Any]) -> None:
+        """Take the controller and its parameter values; InputError for a bad frame prefix."""
+        self.publishers: list[Publisher] = []
+        prefix = check_frame_prefix(values['frame_prefix'])
+        self._twist: TwistCdr | TwistStampedCdr = TwistCdr()
+        self._type: Any = Twist
+        if values['enable_stamped_cmd_vel']:
+            self._twist, self._type = TwistStampedCdr(prefix), TwistStamped
+        self._arm = ArmVelocityCdr()
+        self._command = controller.velocity_command
+        self._none = np.zeros(len(self._command))
+        self._answered = b'', b''
+
+    def connect(self, advertise: Advertise) -> None:
+        """Create the publishers."""
+        self.publishers = [
+            advertise(self._type, CMD_VEL_TOPIC),
+            advertise(Float64MultiArray, ARM_VELOCITY_TOPIC),
+        ]
+
+    def is_finite(self) -> bool:
+        """Tell whether every rate is a finite number."""
+        return bool(np.isfinite(self._command).all())
+
+    def send(self, stamp: int) -> None:
+        """Send the rates as the answer to the state of a stamp in ns."""
+        self._send(self._command, stamp)
+
+    def send_none(self, stamp: int) -> None:
+        """Send zero rates as the answer to a state."""
+        self._send(self._none, stamp)
+
+    def repeat(self) -> None:
+        """Send once more what was sent last; first the twist, which may name no state."""
+        for publisher, raw in zip(self.publishers, self._answered, strict=True):
+            publisher.publish(raw)
+
+    def figures(self) -> dict[str, str]:
+        """Return speed and rates."""
+        forward, turn, *arm = self._command.tolist()
+        return {
+            'forward speed (m/s)': f'{forward:.6g}',
+            'yaw rate (rad/s)': f'{turn:.6g}',
+            "arm's rates (rad/s)": ', '.join(f'{rate:.6g}' for rate in arm),
+        }
+
+    def _send(self, command: Any, stamp: int) -> None:
+        twist, arm = self._twist, self._arm
+        if isinstance(twist, TwistStampedCdr):
+            twist.set_stamp(stamp)
+        arm.set_stamp(stamp)
+        twist.linear[0], twist.angular[2] = command[0], command[1]
+        arm.data[:] = command[2:]
+        self._answered = twist.to_bytes(), arm.to_bytes()
+        self.repeat()

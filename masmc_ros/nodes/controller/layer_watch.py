@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tells where torques are held for longer than a boundary layer can do with."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
+from masmc_ros.nodes.process.throttle import Throttle
+
+_LAYERED = ('saturation', 'tanh', 'sigmoid')
+
+
+class LayerWatch:
+    """Looks at the law where a torque is held for longer than any before."""
+
+    def __init__(self, controller: Controller, log: Any) -> None:
+        """Take the controller and the node's logger."""
+        self._controller = controller
+        self._log = log
+        self._due = Throttle(period=5.0)
+        self._most = 0
+        # To no consequence: what it takes is compiled here.
+        least_task_inertia(controller.nominal, controller.geometry, np.ones(7))
+
+    def begin(self) -> None:
+        """Look anew: the law has changed."""
+        self._most = 0
+
+    def held(self, periods: int, position: Any) -> None:
+        """Note that the last torque was held for so many periods; warn if that is too long.
+
+        `position` (7) is where the robot is now. Only the longest so far costs any time.
+        """
+        if periods <= self._most:
+            return
+        line = self._warning(periods * self._controller.period, position)
+        if line is None:
+            self._most = periods
+        elif self._due.is_due('layer'):
+            self._most = periods
+            self._log.warning(line)
+
+    def _warning(self, hold: float, position: Any) -> str | None:
+        controller, values = self._controller, self._controller.values
+        if values['switching'] not in _LAYERED or controller.commands_rates:
+            return None
+        theta = controller.nominal / values['model_scale']
+        inertia = least_task_inertia(theta, controller.geometry, position)
+        k_s1, k_s2, layer = max(values['k_s1']), max(values['k_s2']), values['boundary_layer']
+        longest = longest_hold(inertia, k_s1, k_s2, layer)
+        if hold <= longest:
+            return None
+        thinnest = thinnest_layer(inertia, k_s1, k_s2, hold)
+        thicker = ''
+        if math.isfinite(thinnest):
+            thicker = (
+                f'boundary_layer > {thinnest:.2g} (K_s2 / (2 lambda_min(H_x) / T - K_s1) with '
+                'this T), or '
+            )
+        return (
+            f'a torque was held for {1e3 * hold:.3g} ms; {values["switching"]} with '
+            f'boundary_layer {layer:g} is stable up to {1e3 * longest:.2g} ms: expected a machine '
+            f'that keeps up, {thicker}switching implicit'
+        )

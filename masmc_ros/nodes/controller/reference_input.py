@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference as it comes: windows that lie over one another, and set-points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.names import REFERENCE_TOPIC
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.reference.windows import ReferenceWindows
+
+
+class ReferenceInput:
+    """Reads the reference topic.
+
+    Attributes:
+        windows: what was sent so far.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        refusals: Refusals,
+        now: Callable[[], int | None],
+        on_more: Callable[[], None],
+    ) -> None:
+        """Take every message that is right; `on_more` is called after each.
+
+        `now` is the stamp of the latest state in ns, None before the first.
+        """
+        self.windows = ReferenceWindows(node.get_logger().warning)
+        self._now = now
+        self._refusals = refusals
+        self._on_more = on_more
+        subscribe_with_past(node, Float64MultiArray, REFERENCE_TOPIC, self._take, depth=100)
+
+    def _take(self, raw: bytes) -> None:
+        try:
+            window = ReferenceWindow.from_bytes(raw)
+            if window is None:
+                window = ReferenceWindow.from_message(deserialized(raw, Float64MultiArray))
+            samples = window.samples.reshape(-1, 12)
+            if window.stamp_ns is None:
+                self.windows.set_point(samples[0], self._now())
+            else:
+                self.windows.add(window.stamp_ns, window.period, samples)
+        except InputError as error:
+            self._refusals.add(REFERENCE_TOPIC, error)
+            return
+        self._on_more()

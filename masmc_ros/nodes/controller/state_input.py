@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state of the robot as it comes: joints by name, the platform's pose from either source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from masmc_ros.errors import InputError
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.names import BASE_JOINTS
+from masmc_ros.messages.platform_motion import odometry_numbers
+from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.robot.two_link.names import joint_names
+
+
+class StateInput:
+    """Reads joint_states, and odom where the pose comes from there.
+
+    Positions, velocities and stamp of the last state that was accepted are in `state`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        values: Mapping[str, Any],
+        refusals: Refusals,
+        accepts: Callable[[int], bool],
+        on_state: Callable[[int], None],
+    ) -> None:
+        """Take every state that is complete and finite, and whose stamp in ns is accepted.
+
+        `values` are the controller's parameters in force, which may change: with
+        `velocity_source` estimated a state needs no velocities. `on_state` is called with the
+        stamp, after which `state` stays until the next one.
+        """
+        self._values = values
+        names = joint_names(values)
+        self.state, self._spare = JointStateCdr(names), JointStateCdr(names)
+        self._refusals = refusals
+        self._accepts = accepts
+        self._on_state = on_state
+        self._base = BasePose() if values['pose_source'] == 'odom' else None
+        self._joints = names if self._base is None else names[len(BASE_JOINTS) :]
+        self._is_waiting = False
+        self._lacking: str | None = None
+        if self._base is not None:
+            subscribe_with_past(node, Odometry, 'odom', self._take_odometry)
+        subscribe_with_past(node, JointState, 'joint_states', self._take)
+
+    def _take(self, raw: bytes) -> None:
+        if self._lacking is not None:
+            self._refusals.add('joint_states', self._lacking)
+            self._lacking = None
+        # What is refused must not touch the state in force: it is read into the spare one.
+        state = self._spare
+        try:
+            is_ours = state.load(raw)
+            if not (is_ours and state.is_finite()):
+                unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
+                if is_ours:
+                    state.check(self._joints, unknown_velocity=unknown)
+                else:
+                    message = deserialized(raw, JointState)
+                    state.load_message(message, self._joints, unknown_velocity=unknown)
+            stamp = checked_stamp(state.stamp_ns)
+        except InputError as error:
+            self._is_waiting = False
+            self._refusals.add('joint_states', error)
+            return
+        if self._base is not None:
+            self._add_pose(self._base, stamp)
+        elif self._accepts(stamp):
+            self._spare, self.state = self.state, state
+            self._on_state(stamp)
+
+    def _add_pose(self, base: BasePose, stamp: int) -> None:
+        """Take the spare state with its pose from odometry, once there is one for it.
+
+        Its odometry may be on the way: what is wrong with it is told when the next state comes.
+        """
+        state = self._spare
+        posed = base.stamp_ns
+        self._is_waiting = posed is None or abs(stamp - posed) > OLDEST_POSE_NS
+        self._lacking = None
+        if self._is_waiting:
+            if posed is not None:
+                self._lacking = f'odom is {(stamp - posed) * 1e-9:.3f} s older'
+            return
+        base.write(stamp, state.position, state.velocity)
+        if self._accepts(stamp):
+            self._spare, self.state = self.state, state
+            self._on_state(stamp)
+
+    def _take_odometry(self, raw: bytes) -> None:
+        base = self._base
+        if base is None:
+            return
+        try:
+            stamp, pose, twist = odometry_numbers(deserialized(raw, Odometry))
+            base.update(checked_stamp(stamp), pose, twist)
+        except InputError as error:
+            self._refusals.add('odom', error)
+            return
+        if self._is_waiting:
+            self._add_pose(base, self._spare.stamp_ns)

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live node: a running robot in Foxglove, with its parameters to turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+import sys
+from typing import Any
+
+from rclpy.context import Context
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.names import (
+    ARM_VELOCITY_TOPIC,
+    CLOCK_TOPIC,
+    CMD_VEL_TOPIC,
+    COMMAND_TOPIC,
+    STATE_TOPIC,
+    TELEMETRY,
+    telemetry_topic,
+)
+from masmc_ros.messages.stamps import stamp_reader, StampReader
+from masmc_ros.messages.topics import (
+    PARAMETER_NODES,
+    parameters_topic,
+    SYSTEM_TOPICS,
+    Topic,
+    TOPICS,
+    TRANSFORMS,
+)
+from masmc_ros.nodes.live.parameters import LiveParameters
+from masmc_ros.nodes.live.samples import Samples
+from masmc_ros.nodes.live.server import LiveServer
+from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.nodes.middleware.messages import message_class
+from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.runtime import run
+from masmc_ros.params.declaration import check_all
+from masmc_ros.scenario.node_parameters import declared
+
+SAMPLED = frozenset(
+    {
+        STATE_TOPIC,
+        COMMAND_TOPIC,
+        CMD_VEL_TOPIC,
+        ARM_VELOCITY_TOPIC,
+        'odom',
+        'base_twist',
+        CLOCK_TOPIC,
+        *(telemetry_topic(label) for label in TELEMETRY),
+    }
+)
+"""Topics of which a viewer is shown the latest message at its own rate; of others, all."""
+
+_LOOK = 0.5
+"""Time in s between two looks at who sends."""
+
+_KEPT = {
+    'reference': 20,
+    '/rosout': DEEP,
+    '/parameter_events': 0,
+    **{parameters_topic(node): DEEP for node in PARAMETER_NODES},
+}
+"""How many messages a viewer that comes late is given, where it is not the last one."""
+
+
+class LiveNode(SuiteNode):
+    """Serves the topics of a run as they come, until it is stopped."""
+
+    name = 'live'
+
+    def __init__(self, *, context: Context, command_line: CommandLine) -> None:
+        """Make the server; UserError where foxglove-sdk is not installed."""
+        super().__init__(context=context, command_line=command_line)
+        self._server = LiveServer(self.node.get_fully_qualified_name())
+        self._samples = Samples(self.node)
+        self._stamps: dict[str, StampReader] = {}
+        self._transforms: StateTransforms | None = None
+        self._latest = 0
+        self._refusals = Refusals(self.log, 'is shown as it came')
+        self._is_served = False
+        self._awaited: list[Topic] = []
+
+    def connect(self) -> None:
+        """Listen, and subscribe to everything."""
+        super().connect()
+        port = self._server.start(self.values['host'], self.values['port'])
+        self._is_served = True
+        self._parameters = LiveParameters(self.node, self._server, self.log.error)
+        self._states = self.node.resolve_topic_name(STATE_TOPIC)
+        for topic in (*TOPICS, *SYSTEM_TOPICS):
+            if topic.turns_up:
+                self._awaited.append(topic)
+            elif topic != TRANSFORMS:
+                self._serve(topic)
+        self.node.create_timer(_LOOK, self._look_around, clock=self.steady)
+        # Made of the states that are shown, so that robot and plots are of the same tick.
+        self._server.add_topic(TRANSFORMS.name, TRANSFORMS.type_name)
+        self.node.create_timer(1.0 / self.values['rate'], self._turn, clock=self.steady)
+        address = f'ws://{self.values["host"]}:{port}'
+        self.log.info(f'open {address} in Foxglove, as {self._server.app_url} does')
+        self.wait('the plant (joint_states)')
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Send what came last and let the viewers go."""
+        if self._is_served:
+            self._turn()
+        self._server.stop()
+        self._samples.close()
+        super().close(spin)
+
+    def _look_around(self) -> None:
+        """Serve the topics that only some runs have, once somebody sends on them."""
+        for topic in tuple(self._awaited):
+            resolved = self.node.resolve_topic_name(topic.name)
+            senders = self.node.get_publishers_info_by_topic(resolved)
+            if senders:
+                self._awaited.remove(topic)
+                self._serve(topic._replace(type_name=senders[0].topic_type))
+                # foxglove-sdk may lose the subscription of a viewer that is there already.
+                self.log.info(f'{topic.name} turned up: connect a viewer again that lacks it')
+
+    def _serve(self, topic: Topic) -> None:
+        try:
+            message_type = message_class(topic.type_name)
+        except InputError as error:
+            self.log.info(f'{topic.name} is not shown: {error}')
+            return
+        resolved = self.node.resolve_topic_name(topic.name)
+        self._stamps[resolved] = stamp_reader(topic.name, topic.type_name)
+        self._server.add_topic(resolved, topic.type_name, _KEPT.get(topic.name, 1))
+        if topic.name in SAMPLED:
+            self._samples.add(message_type, resolved)
+            return
+        handlers: dict[str, Callable[[bytes], Any]] = {
+            '/parameter_events': self._parameters.on_event,
+            **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
+        }
+        handle = handlers.get(topic.name)
+
+        # A plain function: rclpy looks at a callback's signature to see what it takes.
+        def take(raw: Any) -> None:
+            if handle is not None:
+                try:
+                    handle(raw)
+                except InputError as error:
+                    self._refusals.add(resolved, error)
+            self._send(resolved, raw)
+
+        if topic.is_latched:
+            subscribe_with_past(self.node, message_type, topic.name, take, DEEP)
+        else:
+            qos = subscription_qos(depth=DEEP)
+            self.node.create_subscription(message_type, topic.name, take, qos, raw=True)
+
+    def _on_parameters(self, name: str, raw: bytes) -> None:
+        values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
+        if name == 'plant' and 'tf_decimation' in values:
+            known = declared(name)
+            told = {p.name: values[p.name] for p in known if p.name in values}
+            checked = check_all(known, told, integers_for_doubles=True)
+            # All that is there at its start; every state that is shown is to move the frames.
+            self._transforms = StateTransforms({**checked, 'tf_decimation': 1})
+
+    def _turn(self) -> None:
+        """Show what is new, and do what viewers ask for."""
+        for topic, raw in self._samples.take():
+            if topic == self._states:
+                self._on_state(raw)
+            self._send(topic, raw)
+        self._server.tell_time(self._latest)
+        for change in self._server.requests():
+            self._parameters.request(change)
+        self._parameters.look_after()
+
+    def _on_state(self, raw: bytes) -> None:
+        """Take the time, and move the frames with it."""
+        stamp = self._stamp(self._states, raw)
+        if stamp is None:
+            return
+        self._latest = stamp
+        self.wait(None)
+        transforms = None if self._transforms is None else self._transforms.of_state(raw)
+        if transforms is not None:
+            self._server.send(TRANSFORMS.name, transforms, self._latest)
+
+    def _stamp(self, topic: str, raw: bytes) -> int | None:
+        """Return the stamp in ns of a message, None where it has none that can be read."""
+        try:
+            return self._stamps[topic](raw)
+        except InputError as error:
+            self._refusals.add(topic, error)
+            return None
+
+    def _send(self, topic: str, raw: bytes) -> None:
+        stamp = self._stamp(topic, raw)
+        self._server.send(topic, raw, self._latest if stamp is None else stamp)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the live node."""
+    return run([LiveNode], arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run's topics and parameters over the Foxglove WebSocket protocol.
+
+The library serves its clients on threads of its own. What they ask for is queued, and done
+when the node turns to it: everything of the run is touched by the node's thread alone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+import math
+import queue
+import threading
+from typing import Any, TYPE_CHECKING
+
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.messages.definitions import definition
+
+if TYPE_CHECKING:
+    from foxglove import Parameter
+    from foxglove.websocket import ChannelView, Client
+
+_BACKLOG = 8192
+"""Messages that wait for a slow client before the oldest are dropped."""
+
+_PATIENCE = 5.0
+"""Longest time in s that a client waits for the answer to a change."""
+
+
+@dataclass
+class Change:
+    """Parameters that a client wants to set, by name; done when `finish` was called."""
+
+    values: dict[str, Any]
+    _finished: threading.Event = field(default_factory=threading.Event)
+
+    def finish(self) -> None:
+        """Tell the client's thread that the values in force are those to answer with."""
+        self._finished.set()
+
+    def wait(self) -> None:
+        """Wait for the end, not for ever."""
+        self._finished.wait(_PATIENCE)
+
+
+@dataclass(frozen=True)
+class _Subscription:
+    """A client that wants a topic, of which so many messages were sent before."""
+
+    topic: str
+    client: int
+    sent: int
+
+
+class _Topic:
+    """A channel and the messages that a client is given when it comes."""
+
+    def __init__(self, channel: Any, kept: int) -> None:
+        self.channel = channel
+        self.sent = 0
+        self._kept: deque[tuple[int, bytes, int]] = deque(maxlen=kept)
+
+    def send(self, raw: bytes, time_ns: int) -> None:
+        """Send a message to all clients that are there."""
+        self._kept.append((self.sent, raw, time_ns))
+        self.sent += 1
+        self.channel.log(raw, log_time=time_ns)
+
+    def send_past(self, client: int, until: int) -> None:
+        """Send what is kept of the first `until` messages to one client."""
+        for number, raw, time_ns in self._kept:
+            if number < until:
+                self.channel.log(raw, log_time=time_ns, sink_id=client)
+
+
+class LiveServer:
+    """Serves topics and parameters; what it is told is sent to all who want it."""
+
+    def __init__(self, name: str) -> None:
+        """Make a server that does not listen yet.
+
+        Raises UserError where foxglove-sdk is not installed.
+        """
+        try:
+            import foxglove
+        except ImportError as error:
+            raise UserError(
+                f'foxglove-sdk cannot be imported ({error}); install it with '
+                'pip install foxglove-sdk'
+            ) from error
+        self._foxglove = foxglove
+        self._name = name
+        self._context = foxglove.Context()
+        self._topics: dict[str, _Topic] = {}
+        self._requests: queue.SimpleQueue[Change | _Subscription] = queue.SimpleQueue()
+        self.in_force: Mapping[str, Any] = {}
+        """Parameter values by names such as `/controller.k_s1`; replaced, never changed."""
+        self._server: Any = None
+        self._time_ns = 0
+
+    def start(self, host: str, port: int) -> int:
+        """Listen; return the port. InputError where that is not possible."""
+        from foxglove.websocket import Capability
+
+        # Any: the library's protocol has methods that are for capabilities not offered here.
+        listener: Any = _Listener(self._requests, self._topics, self.parameters)
+        try:
+            self._server = self._foxglove.start_server(
+                name=self._name,
+                host=host,
+                port=port,
+                capabilities=[Capability.Parameters, Capability.Time],
+                server_listener=listener,
+                context=self._context,
+                message_backlog_size=_BACKLOG,
+            )
+        except RuntimeError as error:
+            raise InputError(
+                f'host = {host}, port = {port}: {error}; name a free port of this machine'
+            ) from error
+        return int(self._server.port)
+
+    @property
+    def app_url(self) -> str:
+        """The address under which the Foxglove app opens this server."""
+        return str(self._server.app_url())
+
+    def add_topic(self, topic: str, type_name: str, kept: int = 1) -> None:
+        """Offer a topic by its full name, of which late clients get the last `kept` messages."""
+        schema = self._foxglove.Schema(
+            name=type_name, encoding='ros2msg', data=definition(type_name).text.encode()
+        )
+        channel = self._foxglove.Channel(
+            topic, message_encoding='cdr', schema=schema, context=self._context
+        )
+        self._topics[topic] = _Topic(channel, kept)
+
+    def send(self, topic: str, raw: bytes, time_ns: int) -> None:
+        """Send a message, as CDR with its encapsulation header, with its time in ns."""
+        self._topics[topic].send(raw, time_ns)
+
+    def tell_time(self, time_ns: int) -> None:
+        """Tell the robot's time, by which viewers order what they are given."""
+        if time_ns != self._time_ns:
+            self._time_ns = time_ns
+            self._server.broadcast_time(time_ns)
+
+    def set_in_force(self, values: Mapping[str, Any]) -> None:
+        """Show parameter values, by names such as `/controller.k_s1`, as the ones in force."""
+        changed = {n: v for n, v in values.items() if self.in_force.get(n) != v}
+        self.in_force = {**self.in_force, **changed}
+        if changed:
+            self._server.publish_parameter_values(self.parameters(list(changed)))
+
+    def parameters(self, names: Sequence[str] = ()) -> list[Parameter]:
+        """Return the values in force of these parameters that there are, or of all."""
+        values = self.in_force
+        chosen = [name for name in names or sorted(values) if name in values]
+        return [self._foxglove.Parameter(name, value=values[name]) for name in chosen]
+
+    def refuse(self, name: str, reason: str) -> None:
+        """Tell all clients why a parameter was not set."""
+        level = self._foxglove.StatusLevel.Error
+        self._server.publish_status(f'{name}: {reason}', level, name)
+
+    def accept(self, name: str) -> None:
+        """Take back what was said of a parameter's last value."""
+        self._server.remove_status([name])
+
+    def requests(self) -> list[Change]:
+        """Return changes that clients want, after giving new clients what they missed."""
+        changes = []
+        while not self._requests.empty():
+            request = self._requests.get()
+            if isinstance(request, Change):
+                changes.append(request)
+                continue
+            self._topics[request.topic].send_past(request.client, request.sent)
+            self._server.broadcast_time(self._time_ns)
+        return changes
+
+    def stop(self) -> None:
+        """Let all clients go."""
+        while not self._requests.empty():
+            request = self._requests.get()
+            if isinstance(request, Change):
+                request.finish()
+        if self._server is not None:
+            self._server.stop()
+
+
+class _Listener:
+    """What the library calls on its own threads."""
+
+    def __init__(
+        self,
+        requests: queue.SimpleQueue[Change | _Subscription],
+        topics: Mapping[str, _Topic],
+        parameters: Callable[[Sequence[str]], list[Parameter]],
+    ) -> None:
+        self._requests = requests
+        self._topics = topics
+        self._parameters = parameters
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        sent = self._topics[channel.topic].sent
+        self._requests.put(_Subscription(channel.topic, client.id, sent))
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        pass
+
+    def on_get_parameters(
+        self, client: Client, param_names: list[str], request_id: str | None = None
+    ) -> list[Parameter]:
+        return self._parameters(param_names)
+
+    def on_set_parameters(
+        self, client: Client, parameters: list[Parameter], request_id: str | None = None
+    ) -> list[Parameter]:
+        change = Change({each.name: each.get_value() for each in parameters})
+        self._requests.put(change)
+        change.wait()
+        return self._parameters([each.name for each in parameters])
+
+    def on_parameters_subscribe(self, param_names: list[str]) -> None:
+        pass
+
+    def on_parameters_unsubscribe(self, param_names: list[str]) -> None:
+        pass
+
+
+def plain(value: Any) -> Any:
+    """Return a parameter's value as the protocol knows it: arrays as lists, floats finite."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return [plain(each) for each in value]

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Transforms made of logged states, where nobody publishes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.two_link.names import joint_names
+
+
+class StateTransforms:
+    """Makes of joint states the messages that a plant sends on /tf."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take the checked parameter values of the plant.
+
+        Raises InputError for a robot or a prefix of frame names that there cannot be.
+        """
+        self._decimation: int = values['tf_decimation']
+        self._timing = Timing.from_values(values)
+        self._origins = frame_origins(robot_of(values).geometry)
+        self._state = JointStateCdr(joint_names(values))
+        self._message = TransformsCdr(check_frame_prefix(values['frame_prefix']))
+
+    def of_state(self, raw: bytes) -> bytes | None:
+        """Return the TFMessage of a joint state.
+
+        Args:
+            raw: the joint state with its encapsulation header.
+
+        Returns:
+            None for one that is not laid out like ours, and at ticks that are left out.
+        """
+        state = self._state
+        if not (self._decimation and state.load(raw)):
+            return None
+        tick = round(state.stamp_ns / (1e9 * self._timing.period))
+        if tick % self._decimation and tick != self._timing.last:
+            return None
+        return self._message.fill(
+            state.stamp_ns, frame_transforms(self._origins, state.position[None])[0]
+        )

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message classes for raw bytes: topics of types that are not installed here.
+
+ROS 2 needs type support, compiled code of a message package, to create a publisher or a
+subscription. Of that code, raw bytes need nothing but the type's name: who only passes
+messages on can do with a description that has no code in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import ctypes
+from functools import cache
+from typing import Any
+
+from rclpy.type_support import check_for_type_support
+from std_msgs.msg import Empty
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.definitions import definition
+from masmc_ros.nodes.middleware.messages import message_class
+
+_HASH_SIZE = 32
+_HASH_PREFIX = 'RIHS01_'
+
+_FASTRTPS = b'rosidl_typesupport_fastrtps_c'
+_ENCAPSULATION_SIZE = 4
+
+_Pointer = ctypes.c_void_p
+_Find = ctypes.CFUNCTYPE(_Pointer, _Pointer, ctypes.c_char_p)
+_Get = ctypes.CFUNCTYPE(_Pointer, _Pointer)
+_Size = ctypes.CFUNCTYPE(ctypes.c_uint32, _Pointer)
+_MaximalSize = ctypes.CFUNCTYPE(ctypes.c_size_t, _Pointer)
+
+
+class _TypeSupport(ctypes.Structure):
+    """rosidl_message_type_support_t of Jazzy."""
+
+    _fields_ = (
+        ('identifier', ctypes.c_char_p),
+        ('data', _Pointer),
+        ('find', _Find),
+        ('type_hash', _Get),
+        ('description', _Get),
+        ('sources', _Get),
+    )
+
+
+class _Callbacks(ctypes.Structure):
+    """message_type_support_callbacks_t of rosidl_typesupport_fastrtps."""
+
+    _fields_ = (
+        ('namespace', ctypes.c_char_p),
+        ('name', ctypes.c_char_p),
+        ('serialize', _Pointer),
+        ('deserialize', _Pointer),
+        ('size', _Size),
+        ('maximal_size', _MaximalSize),
+        ('keys', _Pointer),
+    )
+
+
+_alive: list[Any] = []
+"""What the middleware points at; it may do so until the process ends."""
+
+
+def raw_class(type_name: str, type_hash: str | None = None) -> Any:
+    """Return a class with which topics of a type can be published and subscribed to raw.
+
+    Args:
+        type_name: such as `tf2_msgs/msg/TFMessage`.
+        type_hash: of REP-2011, `RIHS01_...`, told to others; by default that of Jazzy's own
+            type of this name.
+
+    Returns:
+        The installed class of that name, or else one that serves raw bytes only.
+
+    Raises:
+        InputError: where the middleware in use is another than Fast DDS, which this knows,
+            and for a type that needs a hash.
+    """
+    try:
+        return message_class(type_name)
+    except InputError:
+        return _raw_class(type_name, type_hash or definition(type_name).hash)
+
+
+@cache
+def _raw_class(type_name: str, type_hash: str) -> Any:
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    middleware = get_rmw_implementation_identifier()
+    if middleware != 'rmw_fastrtps_cpp':
+        raise InputError(
+            f'message type {type_name} is not installed; with {middleware} its package must be'
+        )
+    package, _, name = type_name.split('/')
+    support = _support(package, name, type_hash)
+    capsule = _capsule(ctypes.addressof(support))
+    # What rclpy looks for in a message class; of the other entries it only asks whether
+    # they are there.
+    filled = dict.fromkeys(
+        (
+            '_CREATE_ROS_MESSAGE',
+            '_CONVERT_FROM_PY',
+            '_CONVERT_TO_PY',
+            '_DESTROY_ROS_MESSAGE',
+        ),
+        capsule,
+    )
+    metaclass = type(f'Metaclass_{name}', (type,), {'_TYPE_SUPPORT': capsule, **filled})
+    return metaclass(name, (), {'__slots__': ()})
+
+
+def _support(package: str, name: str, type_hash: str) -> _TypeSupport:
+    pointer = _pointer_of(Empty)
+    other = _TypeSupport.from_address(pointer)
+
+    def find(handle: int | None, identifier: bytes) -> int | None:
+        """Return the support of a kind; of those without raw use, that of an empty message."""
+        if identifier == _FASTRTPS:
+            return ctypes.addressof(support)
+        found: int | None = other.find(pointer, identifier)
+        return found
+
+    def maximal_size(bounds: int) -> int:
+        ctypes.c_char.from_address(bounds).value = b'\0'  # not bounded
+        return _ENCAPSULATION_SIZE
+
+    digest = bytes(_HASH_SIZE)
+    if type_hash.startswith(_HASH_PREFIX):
+        digest = bytes.fromhex(type_hash.removeprefix(_HASH_PREFIX))
+    hash_structure = (ctypes.c_uint8 * (1 + _HASH_SIZE))(1, *digest)
+    callbacks = _Callbacks(
+        f'{package}::msg'.encode(),
+        name.encode(),
+        None,
+        None,
+        _Size(lambda _: 0),
+        _MaximalSize(maximal_size),
+        None,
+    )
+    support = _TypeSupport(
+        _FASTRTPS,
+        ctypes.addressof(callbacks),
+        _Find(find),
+        _Get(lambda _: ctypes.addressof(hash_structure)),
+        other.description,
+        other.sources,
+    )
+    _alive.extend((hash_structure, callbacks, support))
+    return support
+
+
+def _pointer_of(message_type: Any) -> int:
+    check_for_type_support(message_type)
+    capsule = message_type.__class__._TYPE_SUPPORT
+    get = _api('PyCapsule_GetPointer', _Pointer, ctypes.py_object, ctypes.c_char_p)
+    pointer: int = get(capsule, None)
+    return pointer
+
+
+def _capsule(pointer: int) -> Any:
+    new = _api('PyCapsule_New', ctypes.py_object, _Pointer, ctypes.c_char_p, _Pointer)
+    return new(pointer, None, None)
+
+
+def _api(name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
+    return ctypes.PYFUNCTYPE(result, *arguments)((name, ctypes.pythonapi))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message definitions asked of the nodes that send the messages (REP-2016)."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.node import Node
+from type_description_interfaces.msg import FieldType
+from type_description_interfaces.srv import GetTypeDescription
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.definitions import Definition
+from masmc_ros.nodes.parameters.question import Question
+
+_SEPARATOR = '=' * 80
+
+_PRIMITIVES = {
+    FieldType.FIELD_TYPE_INT8: 'int8',
+    FieldType.FIELD_TYPE_UINT8: 'uint8',
+    FieldType.FIELD_TYPE_INT16: 'int16',
+    FieldType.FIELD_TYPE_UINT16: 'uint16',
+    FieldType.FIELD_TYPE_INT32: 'int32',
+    FieldType.FIELD_TYPE_UINT32: 'uint32',
+    FieldType.FIELD_TYPE_INT64: 'int64',
+    FieldType.FIELD_TYPE_UINT64: 'uint64',
+    FieldType.FIELD_TYPE_FLOAT: 'float32',
+    FieldType.FIELD_TYPE_DOUBLE: 'float64',
+    FieldType.FIELD_TYPE_CHAR: 'char',
+    FieldType.FIELD_TYPE_BOOLEAN: 'bool',
+    FieldType.FIELD_TYPE_BYTE: 'byte',
+    FieldType.FIELD_TYPE_STRING: 'string',
+    FieldType.FIELD_TYPE_WSTRING: 'wstring',
+    FieldType.FIELD_TYPE_BOUNDED_STRING: 'string<=',
+    FieldType.FIELD_TYPE_BOUNDED_WSTRING: 'wstring<=',
+}
+
+_KIND_SIZE = 48
+"""Arrays, bounded and unbounded sequences of a type are numbered this far behind it."""
+
+_PATIENCE = 10.0
+"""Time in s within which a node must say what it sends."""
+
+_DUMMY = 'structure_needs_at_least_one_member'
+"""The member that ROS 2 gives a message without members."""
+
+
+class DefinitionRequest:
+    """A question to a node what a message of its is; looked after by a timer."""
+
+    def __init__(self, node: Node, sender: str, type_name: str, type_hash: str) -> None:
+        """Prepare to ask.
+
+        Args:
+            node: who asks.
+            sender: full name of the node that is asked.
+            type_name: such as `tf2_msgs/msg/TFMessage`.
+            type_hash: as the sender's endpoint tells it, `RIHS01_...`.
+        """
+        self._node = node
+        self._sender = sender
+        self._request = GetTypeDescription.Request(type_name=type_name, type_hash=type_hash)
+        self._client = node.create_client(
+            GetTypeDescription, f'{sender.rstrip("/")}/get_type_description'
+        )
+        self._question: Question | None = None
+        self._limit = time.monotonic() + _PATIENCE
+
+    def answer(self) -> Definition | None:
+        """Return the definition, None while there is no answer; asks when that is possible.
+
+        Raises:
+            InputError: where the sender does not tell it.
+        """
+        if self._question is None and self._client.service_is_ready():
+            self._question = Question(lambda: self._client.call_async(self._request))
+        response = None if self._question is None else self._question.answer()
+        if response is not None:
+            return self._definition(response)
+        if time.monotonic() > self._limit:
+            raise InputError(
+                f'{self._sender} does not say what {self._request.type_name} is: no answer from'
+                f' {self._client.srv_name}'
+            )
+        return None
+
+    def close(self) -> None:
+        """End the attempt."""
+        self._node.destroy_client(self._client)
+
+    def _definition(self, response: Any) -> Definition:
+        if not response.successful:
+            raise InputError(
+                f'{self._sender} does not say what {self._request.type_name} is:'
+                f' {response.failure_reason}'
+            )
+        try:
+            text = definition_text(response.type_description)
+        except (KeyError, ValueError, IndexError) as error:
+            raise InputError(
+                f'{self._request.type_name} has a field that no log can describe'
+            ) from error
+        return Definition(text, self._request.type_hash)
+
+
+def definition_text(description: Any) -> str:
+    """Return a TypeDescription as text in the form `ros2msg`, with what it is made of.
+
+    Raises KeyError for a field whose type that form has no name for.
+    """
+    parts = [_fields(description.type_description)]
+    for nested in description.referenced_type_descriptions:
+        package, _, name = nested.type_name.split('/')
+        parts.append(f'MSG: {package}/{name}\n{_fields(nested)}')
+    return f'{_SEPARATOR}\n'.join(parts)
+
+
+def _fields(description: Any) -> str:
+    return ''.join(
+        f'{_type_text(field.type)} {field.name}{_default(field)}\n'
+        for field in description.fields
+        if field.name != _DUMMY
+    )
+
+
+def _type_text(field: Any) -> str:
+    kind, primitive = divmod(field.type_id, _KIND_SIZE)
+    if primitive == FieldType.FIELD_TYPE_NESTED_TYPE:
+        package, _, name = field.nested_type_name.split('/')
+        text = f'{package}/{name}'
+    else:
+        text = _PRIMITIVES[primitive]
+        if text.endswith('<='):
+            text += str(field.string_capacity)
+    return text + ('', f'[{field.capacity}]', f'[<={field.capacity}]', '[]')[kind]
+
+
+def _default(field: Any) -> str:
+    return f' {field.default_value}' if field.default_value else ''

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declarations of `params/` as ROS 2 parameters: descriptors, checks and live changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+import sys
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+import rclpy.parameter
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.file import read
+from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
+
+_LARGEST = sys.float_info.max
+
+
+def descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """Return the descriptor that `ros2 param describe` shows."""
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    result = ParameterDescriptor(
+        name=parameter.name,
+        description=f'{parameter.description}{unit}',
+        additional_constraints=parameter.expected,
+        read_only=parameter.read_only,
+        # What changes while running is typed dynamically: a refusal is then ours to word.
+        dynamic_typing=parameter.broadcast or not parameter.read_only,
+    )
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.kind == 'double' and (low is not None or high is not None):
+        result.floating_point_range = [
+            FloatingPointRange(
+                from_value=-_LARGEST if low is None else float(low),
+                to_value=_LARGEST if high is None else float(high),
+            )
+        ]
+    if parameter.kind == 'integer' and (low is not None or high is not None):
+        result.integer_range = [
+            IntegerRange(
+                from_value=-(2**63) if low is None else int(low),
+                to_value=2**63 - 1 if high is None else int(high),
+                step=1,
+            )
+        ]
+    return result
+
+
+class ParameterNode(Node):
+    """A node to which a parameter may be set to what it is, a read-only one too.
+
+    So `ros2 param load` takes what `ros2 param dump` has written.
+    """
+
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy.parameter.Parameter]
+    ) -> SetParametersResult:
+        """Set what is new."""
+        new = [each for each in parameter_list if not self._is_in_force(each)]
+        if parameter_list and not new:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(new)
+
+    def _is_in_force(self, wanted: rclpy.parameter.Parameter) -> bool:
+        if not self.has_parameter(wanted.name):
+            return False
+        present = self.get_parameter(wanted.name)
+        is_same_type: bool = present.type_ == wanted.type_
+        return is_same_type and _plain(present.value) == _plain(wanted.value)
+
+
+class RosParameters:
+    """The parameters of one node: values in force, and changes while running."""
+
+    def __init__(
+        self,
+        node: Node,
+        declarations: Sequence[Parameter],
+        *,
+        command_line: CommandLine,
+        check: Callable[[Mapping[str, Any]], None] = lambda _: None,
+    ) -> None:
+        """Declare everything on the node.
+
+        `check` refuses by InputError combinations that no single declaration can.
+        Raises InputError for unknown names and values that are not right.
+        """
+        self._node = node
+        self._declarations = {p.name: p for p in declarations}
+        self._check = check
+        self._listeners: list[Callable[[dict[str, Any]], None]] = []
+        name = node.get_name()
+        settings = command_line.for_node(name)
+        given = {**_given(node), **settings}
+        for shared in accepted(name) & given.keys():
+            del given[shared]
+        # What a file gives to all nodes may be for others; the command line is for this one.
+        shared_names = _shared(node, command_line) - settings.keys()
+        if foreign := drop_foreign(name, given, shared_names, f'{name}: '):
+            node.get_logger().warning(foreign_text(foreign))
+        self.values = check_all(declarations, given, where=f'{name}: ')
+        check(self.values)
+        for parameter in declarations:
+            value = given.get(parameter.name, self.values[parameter.name])
+            node.declare_parameter(
+                parameter.name,
+                _as_ros(parameter, value),
+                descriptor(parameter),
+                ignore_override=True,
+            )
+        node.add_pre_set_parameters_callback(self._coerce)
+        node.add_on_set_parameters_callback(self._refuse)
+        node.add_post_set_parameters_callback(self._commit)
+
+    def on_change(self, listener: Callable[[dict[str, Any]], None]) -> None:
+        """Call the listener with the checked values that a change brings, after it."""
+        self._listeners.append(listener)
+
+    def _coerce(self, changes: list[Any]) -> list[Any]:
+        """Turn integers into doubles where a double is declared; touch nothing else."""
+        for change in changes:
+            if not self._node.has_parameter(change.name):
+                raise _UnknownParameter(change.name, self._declarations)
+        return [
+            rclpy.parameter.Parameter(c.name, value=_doubles(self._declarations.get(c.name), c))
+            if c.name in self._declarations and c.value is not None
+            else c
+            for c in changes
+        ]
+
+    def _refuse(self, changes: list[Any]) -> SetParametersResult:
+        try:
+            self._check({**self.values, **self._checked(changes)})
+        except InputError as error:
+            self._restore_types(changes)
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _restore_types(self, changes: list[Any]) -> None:
+        """Undo what rclpy has noted as the types of refused values."""
+        for change in changes:
+            if self._node.has_parameter(change.name):
+                in_force = self._node.get_parameter(change.name)
+                self._node.describe_parameter(change.name).type = in_force.type_.value
+
+    def _commit(self, changes: list[Any]) -> None:
+        new = {n: v for n, v in self._checked(changes).items() if v != self.values[n]}
+        if new:
+            self.values.update(new)
+            for listener in self._listeners:
+                listener(new)
+
+    def _checked(self, changes: list[Any]) -> dict[str, Any]:
+        return {
+            c.name: self._declarations[c.name].check(_plain(c.value))
+            for c in changes
+            if c.name in self._declarations
+        }
+
+
+class _UnknownParameter(ParameterNotDeclaredException):
+    """What rclpy's services tell whoever sets a parameter that a node does not have."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(name)
+        self._text = f"unknown parameter '{name}'; {suggestion(name, known)}"
+
+    def __str__(self) -> str:
+        return self._text
+
+
+def _given(node: Node) -> dict[str, Any]:
+    """Return what files and command line give this node, as rcl resolved it."""
+    # rclpy has no public way to see overrides that nobody declares, and passes them silently.
+    overrides = node._parameter_overrides
+    return {name: _plain(parameter.value) for name, parameter in overrides.items()}
+
+
+def _shared(node: Node, command_line: CommandLine) -> set[str]:
+    """Return the names that parameter files give to this node by wildcards alone."""
+    where = node.get_name(), node.get_namespace()
+    files = [read(path) for path in command_line.files]
+    named = {n for file in files for n in file.for_node(*where).keys() - file.shared(*where)}
+    return {name for file in files for name in file.shared(*where)} - named
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays as lists, other values as they are."""
+    scalar = value is None or isinstance(value, (bool, int, float, str))
+    return value if scalar else list(value)
+
+
+def _as_ros(parameter: Parameter, value: Any) -> Any:
+    """Return a checked value in the form that rclpy declares."""
+    if parameter.broadcast:
+        value = [float(v) for v in value] if isinstance(value, list) else value
+        return float(value) if isinstance(value, int) else value
+    # rclpy cannot tell the type of an empty array; one empty name stands for none.
+    return [''] if value in (None, (), []) else value
+
+
+def _doubles(parameter: Parameter | None, change: Any) -> Any:
+    value = _plain(change.value)
+    if parameter is None or parameter.kind not in ('double', 'doubles'):
+        return value
+    if isinstance(value, list):
+        exact = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in value)
+        return [float(v) for v in value] if exact else value
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

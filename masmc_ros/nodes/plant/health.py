@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plant tells of itself on /diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+import time
+
+from rclpy.node import Node
+
+from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
+from masmc_ros.nodes.process.refusals import Refusals
+
+
+class PlantHealth:
+    """Counts what happens between two reports, and words the report.
+
+    Attributes:
+        dropped: commands that were not for the present.
+        late: ticks that were due a period or more before they were made, or given up on.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Take the control period in s."""
+        self._period = period
+        self._since = time.monotonic()
+        self._tick = 0
+        self._problems = 0
+        self.dropped = self.late = 0
+
+    def report(
+        self,
+        node: Node,
+        topics: Sequence[str],
+        refusals: Refusals,
+        *,
+        state: str,
+        ticks: int,
+        command_age: float,
+    ) -> Health:
+        """Return how the plant is; `topics` are those of the commands."""
+        now = time.monotonic()
+        rate = max(0, ticks - self._tick) / max(now - self._since, 1e-9)
+        self._since, self._tick = now, ticks
+        values = {
+            'state': state,
+            'rate (1/s)': f'{rate:.1f}',
+            'times real time': f'{rate * self._period:.3f}',
+            'tick': str(ticks),
+            'last command (s ago)': f'{command_age:.3f}',
+            'dropped commands': str(self.dropped),
+            'late ticks': str(self.late),
+            **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
+        }
+        problems = sum(refusals.counts.values()) + self.dropped + self.late
+        is_worse, self._problems = problems > self._problems, problems
+        crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
+        if crowds:
+            values['senders of commands'] = ', '.join(chain.from_iterable(crowds))
+            return Health(WARN, 'more than one node commands the robot', values)
+        if is_worse:
+            return Health(WARN, 'commands refused or dropped, or ticks late', values)
+        return Health(OK, state, values)

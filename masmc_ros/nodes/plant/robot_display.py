@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plant publishes for viewers: description, frames and path of the robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nav_msgs.msg import Path
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.traced_paths import ActualPath
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
+from masmc_ros.messages.text import string_message
+from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
+from masmc_ros.messages.transforms import TransformsCdr
+from masmc_ros.nodes.middleware.raw_types import raw_class
+from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.robot.two_link.description import robot_description
+from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+
+
+class RobotDisplay:
+    """Shows a robot's states."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        """Take the checked values of the plant; everything is compiled then.
+
+        Raises InputError for a prefix of frame names that there cannot be.
+        """
+        robot, prefix = robot_of(values), check_frame_prefix(values['frame_prefix'])
+        self._timing = Timing.from_values(values)
+        self._decimation: int = values['tf_decimation']
+        self._description = string_message(robot_description(values, prefix))
+        self._prefix = prefix
+        self._origins = frame_origins(robot.geometry)
+        self._message = TransformsCdr(prefix)
+        self._path = ActualPath(self._timing, robot, prefix)
+        self._path.add(0, np.zeros(7))
+        frame_transforms(self._origins, np.zeros((1, 7)))
+
+    def connect(self, node: SuiteNode) -> None:
+        """Create the topics and publish the description."""
+        self._transforms: Publisher | None = None
+        if self._decimation:
+            try:
+                kind = raw_class(TRANSFORMS.type_name)
+            except InputError as error:
+                node.log.warning(f'no {TRANSFORMS.name}: {error}')
+            else:
+                topic = transforms_topic(node.node.get_namespace(), self._prefix)
+                self._transforms = node.publisher(kind, topic)
+        self._paths = node.latched(Path, ACTUAL_PATH_TOPIC)
+        description = node.latched(String, DESCRIPTION_TOPIC)
+        description.publish(self._description)
+
+    def show(self, tick: int, position: NDArray[np.float64]) -> None:
+        """Publish what is due at a tick, from positions (7) in the order of joint_states."""
+        if self._transforms is not None and (
+            tick % self._decimation == 0 or tick == self._timing.last
+        ):
+            transforms = frame_transforms(self._origins, position[None])[0]
+            self._transforms.publish(self._message.fill(self._timing.stamp(tick), transforms))
+        if self._path.takes(tick):
+            path = self._path.add(tick, position)
+            if path is not None:
+                self._paths.publish(path)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plant tells of the robot: its state at every tick, less often what is derived of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import CLOCK_TOPIC
+from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.nodes.middleware.qos import DEEP
+from masmc_ros.nodes.plant.robot_display import RobotDisplay
+from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.robot.two_link.names import joint_names
+from masmc_ros.robot.two_link.platform_motion import platform_motion
+
+
+class StateOutput:
+    """Publishes joint_states, odom, base_twist, clock and what shows the robot.
+
+    Attributes:
+        stamp: of the last state, in ns; -1 before the first.
+    """
+
+    def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
+        """Take the robot, whose state is sent."""
+        self._robot, self._timing = robot, timing
+        self._odom_decimation: int = values['odom_decimation']
+        self._clock_decimation: int = values['clock_decimation']
+        self._display = RobotDisplay(values)
+        self._state = JointStateCdr(joint_names(values))
+        self._odometry = OdometryCdr(values['frame_prefix'])
+        self._twist = TwistCdr()
+        self._time = TimeCdr()
+        self.stamp = -1
+        platform_motion(robot.position[None], robot.velocity[None])  # compiled before it counts
+
+    def connect(self, node: SuiteNode) -> None:
+        """Create the topics."""
+        self._states = node.publisher(JointState, 'joint_states')
+        # As much of the past as that of the states: who joins late need not see more.
+        depth = max(1, DEEP // self._odom_decimation)
+        self._odom = node.publisher(Odometry, 'odom', depth)
+        self._base_twist = node.publisher(Twist, 'base_twist', depth)
+        self._clock = node.stream(Clock, CLOCK_TOPIC)
+        self._display.connect(node)
+
+    @property
+    def topic(self) -> str:
+        """The full name of joint_states."""
+        return str(self._states.topic_name)
+
+    def publish(self) -> None:
+        """Publish what the robot's tick asks for."""
+        robot, state = self._robot, self._state
+        tick = robot.tick
+        self.stamp = stamp = self._timing.stamp(tick)
+        state.set_stamp(stamp)
+        state.position[:], state.velocity[:] = robot.position, robot.velocity
+        state.effort[3:] = robot.applied
+        # First of all the state: the controller computes while the rest is sent.
+        self._states.publish(state.to_bytes())
+        last = tick == self._timing.last
+        if last or tick % self._odom_decimation == 0:
+            self._publish_motion(stamp)
+        if self._clock_decimation and (last or tick % self._clock_decimation == 0):
+            self._time.set_stamp(stamp)
+            self._clock.publish(self._time.to_bytes())
+        self._display.show(tick, robot.position)
+
+    def send_again(self) -> None:
+        """Publish the state at hand once more."""
+        self._states.publish(self._state.to_bytes())
+
+    def _publish_motion(self, stamp: int) -> None:
+        pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
+        odometry, velocity = self._odometry, self._twist
+        odometry.set_stamp(stamp)
+        odometry.position[:], odometry.orientation[:] = pose[0, :3], pose[0, 3:]
+        odometry.linear[:], odometry.angular[:] = twist[0, :3], twist[0, 3:]
+        self._odom.publish(odometry.to_bytes())
+        velocity.linear[:], velocity.angular[:] = twist[0, :3], twist[0, 3:]
+        self._base_twist.publish(velocity.to_bytes())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every node and its process are made of."""

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What tells a node to end, and a bound on the time in which the middleware lets go of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+
+from masmc_ros.nodes.process.exit_timer import exit_after
+
+_PATIENCE = 5.0
+"""Time in s after which the process ends without the middleware's consent."""
+
+
+def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
+    """Call a handler when the process is told to end, by a terminal that is closed as well.
+
+    Under `nohup` it is not.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+@contextmanager
+def bounded_ending(status: int) -> Iterator[None]:
+    """End the process with a status if what is done within takes too long.
+
+    Fast DDS can stand still for ever where readers, writers and participants are destroyed
+    (its issue 6193). By then everything was delivered and all files are closed: nothing is
+    lost, but the process would never end.
+    """
+    done = threading.Event()
+
+    def watch() -> None:
+        if not done.wait(_PATIENCE):
+            print('the middleware does not let go; leaving it behind', file=sys.stderr)
+            sys.stdout.flush()
+            os._exit(status)
+
+    threading.Thread(target=watch, name='ending', daemon=True).start()
+    # Should the interpreter itself be held, that thread never runs; this timer needs none.
+    sys.stderr.flush()
+    with exit_after(2.0 * _PATIENCE, status):
+        try:
+            yield
+        finally:
+            done.set()

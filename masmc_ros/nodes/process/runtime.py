@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a process of this package starts, spins and ends.
+
+A process ends with status 0 when its run is over and on SIGINT, SIGTERM and SIGHUP, with
+status 2 and one line on bad input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import gc
+import sys
+from types import FrameType
+from typing import Protocol
+
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.process.command_line import parse
+from masmc_ros.nodes.process.ending import bounded_ending, on_end
+
+_POLL = 0.1
+"""Longest time in s that a signal waits to be seen."""
+
+
+class RunningNode(Protocol):
+    """What the runtime asks of a node."""
+
+    node: Node
+    finished: bool
+    follows: bool
+    """Whether the node ends with the others of its process instead of by itself."""
+
+    def connect(self) -> None:
+        """Create publishers, subscriptions, services and timers; everything is compiled."""
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Deliver or take what is still under way; `spin` handles what has arrived."""
+
+
+Factory = Callable[..., RunningNode]
+
+
+def run(factories: Sequence[Factory], arguments: Sequence[str] | None = None) -> int:
+    """Run nodes in this process until all have finished; return the exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _run(factories, arguments)
+    except UserError as error:
+        return _told(error)
+
+
+def _told(error: UserError) -> int:
+    """Print what is wrong with what the user gave; return the exit status for it."""
+    print(error, file=sys.stderr)
+    return 2
+
+
+def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
+    command_line = parse(arguments)
+    stop = _StopSignals()
+    prepare_transport()
+    context = Context()
+    # What is wrong with the arguments is told once, below.
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    try:
+        rclpy.init(
+            args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
+        )
+    except Exception as error:
+        raise InputError(f'not understood among --ros-args: {one_line(error)}') from error
+    if get_logger_level('rcl') == LoggingSeverity.FATAL:
+        set_logger_level('rcl', LoggingSeverity.UNSET)
+    executor = EventsExecutor(context=context)
+    nodes: list[RunningNode] = []
+    status = 1
+    try:
+        for factory in factories:
+            nodes.append(factory(context=context, command_line=command_line))
+        for node in nodes:
+            node.connect()
+            executor.add_node(node.node)
+        # What was built so far stays; without this a full garbage collection looks through
+        # all of it again and again, and stops the ticks for a third of a second.
+        gc.collect()
+        gc.freeze()
+        leading = [node for node in nodes if not node.follows] or nodes
+        for node in leading:
+            while not (node.finished or stop.requested):
+                executor.spin_once(_POLL)
+        status = 0
+    except UserError as error:
+        status = _told(error)
+    finally:
+        # Whatever happened to one of them, the others deliver and complete what they have.
+        for node in nodes:
+            try:
+                node.close(lambda: executor.spin_once(_POLL))
+            except UserError as error:
+                status = _told(error)
+        with bounded_ending(status):
+            for node in nodes:
+                executor.remove_node(node.node)
+                node.node.destroy_node()
+            executor.shutdown()
+            context.try_shutdown()
+    return status
+
+
+class _StopSignals:
+    """Whether the process was asked to end; a handler may only set a flag."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        on_end(self._request)
+
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's first meaningful line."""
+    text = ' '.join(str(error).split())
+    return text.split(', at ./src')[0].split(', at /')[0]

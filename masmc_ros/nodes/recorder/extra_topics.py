@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics that are recorded as they turn up: of which type and how, their senders tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any, Protocol
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from masmc_ros.errors import InputError
+from masmc_ros.messages.definitions import Definition, definition
+from masmc_ros.nodes.middleware.type_description import DefinitionRequest
+
+_NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
+"""Name of a node whose topics were found before itself."""
+
+
+class Record(Protocol):
+    """What records a topic from now on; InputError where it cannot."""
+
+    def __call__(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        is_latched: bool,
+        holds: bool,
+        best_effort: bool,
+        defined: Definition,
+    ) -> None:
+        """Take the topic's messages as they are sent."""
+
+
+class ExtraTopics:
+    """Those that nobody has sent on yet."""
+
+    def __init__(self, names: Iterable[str], holds: dict[str, bool]) -> None:
+        """Take names, and of those that are known whether their messages hold until the next."""
+        self._holds = holds
+        self._names = {name for name in names if name} | holds.keys()
+        self._requests: dict[str, DefinitionRequest] = {}
+
+    def look(self, node: Node, log: Any, record: Record) -> None:
+        """Record what has turned up, in the way it is sent."""
+        for topic in tuple(self._names):
+            resolved = node.resolve_topic_name(topic)
+            senders = node.get_publishers_info_by_topic(resolved)
+            if not senders:
+                continue
+            try:
+                defined = self._definition(node, topic, senders[0])
+                if defined is None:
+                    continue
+                self._record(record, topic, senders, defined)
+            except InputError as error:
+                log.error(f'{resolved} is not recorded: {error}')
+            self._names.discard(topic)
+            request = self._requests.pop(topic, None)
+            if request is not None:
+                request.close()
+
+    def _record(
+        self, record: Record, topic: str, senders: list[Any], defined: Definition
+    ) -> None:
+        offered = [sender.qos_profile for sender in senders]
+        is_latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        record(
+            topic,
+            senders[0].topic_type,
+            is_latched=is_latched,
+            holds=self._holds.get(topic, is_latched),
+            best_effort=any(qos.reliability == ReliabilityPolicy.BEST_EFFORT for qos in offered),
+            defined=defined,
+        )
+
+    def _definition(self, node: Node, topic: str, sender: Any) -> Definition | None:
+        """Return what a topic's messages are, None while its sender is asked.
+
+        Jazzy's own types need no question, unless the sender has another version of them.
+        """
+        told = str(sender.topic_type_hash)
+        with suppress(InputError):
+            known = definition(sender.topic_type)
+            if told in (known.hash, ''):
+                return known
+        if sender.node_name == _NOT_FOUND_YET:
+            return None
+        if topic not in self._requests:
+            name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
+            self._requests[topic] = DefinitionRequest(node, name, sender.topic_type, told)
+        return self._requests[topic].answer()

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The trajectory node: sends windows of the reference ahead of the robot."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from nav_msgs.msg import Odometry, Path
+from rclpy.context import Context
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.traced_paths import DesiredPath
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.loop.supervisor import would_follow
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.names import DESIRED_PATH_TOPIC
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.nodes.process.runtime import run
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.two_link.frames import check_frame_prefix
+
+_CHECKED_AHEAD = 60.0
+"""How much of an endless path is checked at the start, in s."""
+
+_MOST_CHECKED = 2_000_000
+"""Ticks of a path that are checked at the start; those of a longer one as they are sent."""
+
+
+class TrajectoryNode(SuiteNode):
+    """Keeps the reference topic filled up to the horizon ahead of the robot's time."""
+
+    name = 'trajectory'
+
+    def __init__(self, *, context: Context, command_line: CommandLine) -> None:
+        """Make the trajectory; InputError where the arm cannot reach it."""
+        super().__init__(context=context, command_line=command_line)
+        self._timing = Timing.from_values(self.values)
+        period = self._timing.period
+        robot = robot_of(self.values)
+        self._trajectory = Trajectory(self.values, period, robot)
+        prefix = check_frame_prefix(self.values['frame_prefix'])
+        self._path = DesiredPath(self._timing, robot, prefix)
+        self._window = max(2, round(self.values['window'] / period))
+        self._horizon = max(self._window, round(self.values['horizon'] / period))
+        ticks_ahead = max(self._horizon + self._window, self._timing.last or 0)
+        self._ahead_ns = self._timing.stamp(ticks_ahead)
+        self._next = 0
+        start = self.values['start_time']
+        self._origin = round(1e9 * start) if start >= 0.0 else None
+        self._is_relative = self._origin is None
+        self._was_before = False
+        self._is_activated = False
+        self._last_tick: int | None = None
+        self._refusals = Refusals(self.log)
+        self._check_reach()
+
+    def connect(self) -> None:
+        """Send the beginning, and follow the robot's time from then on."""
+        super().connect()
+        # A late controller needs the windows around the present, not the whole past.
+        depth = 4 + 2 * (self._horizon // self._window)
+        self._publisher = self.publisher(Float64MultiArray, 'reference', depth)
+        self._paths = self.latched(Path, DESIRED_PATH_TOPIC)
+        if self._origin is None:
+            subscribe_with_past(
+                self.node, String, 'controller/state', self._on_controller_state, depth=10
+            )
+            subscribe_with_past(self.node, JointState, 'joint_states', self._follow)
+            self.wait('the controller to become active (controller/state)')
+        else:
+            subscribe_with_past(self.node, Odometry, 'odom', self._follow)
+            self._begin(self._origin)
+            self._send_until(self._horizon, self._origin)
+            self.wait('the plant (odom)')
+
+    def _check_reach(self) -> None:
+        last = self._timing.last
+        if last is None:
+            last = round(_CHECKED_AHEAD / self._timing.period)
+        count = min(last + 1, _MOST_CHECKED)
+        for first in range(0, count, self._window):
+            self._trajectory.sample(first, min(self._window, count - first))
+
+    def _on_controller_state(self, raw: bytes) -> None:
+        """Note that the controller has become active: time 0 is the next state's stamp.
+
+        Who joins late is told the last state alone: a controller that has lost its reference
+        and waits for another was active before.
+        """
+        try:
+            self._is_activated |= would_follow(deserialized(raw, String).data)
+        except InputError as error:
+            self._refusals.add('controller/state', error)
+        if self._is_activated and self._origin is None:
+            self.wait('a state of the robot (joint_states)')
+
+    def _follow(self, raw: bytes) -> None:
+        """Send what comes within the horizon of a message's stamp."""
+        try:
+            stamp = header_stamp(raw)
+            # What is sent ahead of it needs stamps too.
+            checked_stamp(stamp + self._ahead_ns)
+        except InputError as error:
+            self._refusals.add('odom or joint_states', error)
+            return
+        if self._origin is None and not self._is_activated:
+            return
+        origin = self._begin(stamp) if self._origin is None else self._origin
+        self.wait(None)
+        tick = round((stamp - origin) / (1e9 * self._timing.period))
+        if self._is_relative and tick + self._horizon < 0:
+            # The clock was set back to before the path began: it begins anew. A single such
+            # stamp may be wrong; the next one tells.
+            self._was_before = not self._was_before
+            if self._was_before:
+                return
+            self.log.info("the robot's clock was set back; the path begins anew")
+            self._begin(stamp)
+            tick = self._next = 0
+        self._was_before = False
+        if tick + self._horizon + self._window < self._next:
+            self.log.info('the robot was set back; the reference follows')
+            self._next = max(0, tick)
+        elif tick > self._next:
+            # Nobody follows the past: after a pause, a restart or a step of the clock the
+            # reference goes on at the present.
+            self._next = tick - tick % self._window
+        self._send_until(tick + self._horizon, stamp)
+        before, self._last_tick = self._last_tick, tick
+        if self._timing.last is None:
+            return
+        # A single stamp far ahead may be wrong, and the next one tells; but after the run's
+        # last state, which comes so to who was held up at the end, there is no next.
+        is_near = before is not None and tick - before <= self._horizon
+        is_sure = is_near or tick == self._timing.last
+        if tick >= self._timing.last and is_sure:
+            self.finished = True
+
+    def _begin(self, origin: int) -> int:
+        """Let the trajectory begin at a stamp in ns, and show it where it has an end."""
+        self._origin = origin
+        path = self._path.whole(self._trajectory, origin)
+        if path is not None:
+            self._paths.publish(path)
+        return origin
+
+    def _send_until(self, tick: int, now: int) -> None:
+        last = self._timing.last
+        while self._next <= (tick if last is None else min(tick, last)):
+            count = self._window if last is None else min(self._window, last + 1 - self._next)
+            try:
+                samples = self._trajectory.sample(self._next, count)
+            except InputError as error:
+                self.log.error(f'{error}; the reference ends here', once=True)
+                return
+            start = self._timing.stamp(self._next) + (self._origin or 0)
+            window = ReferenceWindow(start, self._timing.period, samples)
+            self._publisher.publish(window.to_bytes())
+            if last is None:
+                self._paths.publish(self._path.piece(now, start, samples))
+            self._next += count
+
+
+def main(arguments: list[str] | None = None) -> Any:
+    """Run the trajectory node."""
+    return run([TrajectoryNode], arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which base parameters a robot can have at all.
+
+With l = arm_base and L_1 = link_1, let
+
+    Q(theta) = [ M     c     p_1      p_2     ]
+               [ c     J     l p_1    l p_2   ]
+               [ p_1   l p_1 i_1      L_1 p_2 ]
+               [ p_2   l p_2 L_1 p_2  i_2     ],
+
+the mass matrix of the robot stretched out along x and free to slide sideways. There are
+positive masses and inertias that make theta if and only if Q is positive definite, and then
+H(q) is positive definite in every posture; docs/adaptation.md proves both. Q is linear in
+theta: the set is convex, and a vector x for which x' Q x is not positive is the normal of a
+half-space that holds the whole set.
+"""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.robot.two_link.dynamics import BaseParameters
+from masmc_ros.robot.two_link.geometry import Geometry
+
+
+@formula
+def is_consistent(theta: BaseParameters, geometry: Geometry) -> bool:
+    """Tell whether Q(theta) is positive definite: whether bodies can have these parameters."""
+    return weakest_motion(theta, geometry)[0] > 0.0
+
+
+@formula
+def weakest_motion(
+    theta: BaseParameters, geometry: Geometry
+) -> tuple[float, float, float, float, float]:
+    """Return the first pivot of Q = L D L' that is not positive, and x with x' Q x = pivot.
+
+    Where all are positive, the last one and its x.
+    """
+    l, link = geometry.arm_base, geometry.link_1  # noqa: E741 - the paper's symbol
+    first = theta.mass
+    if not first > 0.0:
+        return first, 1.0, 0.0, 0.0, 0.0
+    # Rows 1-3 less their part along row 0; each later pivot is what is left in the corner.
+    q_01, q_02, q_03 = theta.offset / first, theta.moment_1 / first, theta.moment_2 / first
+    second = theta.yaw_inertia - q_01 * theta.offset
+    if not second > 0.0:
+        return second, -q_01, 1.0, 0.0, 0.0
+    rest_12 = l * theta.moment_1 - q_01 * theta.moment_1
+    rest_13 = l * theta.moment_2 - q_01 * theta.moment_2
+    q_12, q_13 = rest_12 / second, rest_13 / second
+    third = theta.inertia_1 - q_02 * theta.moment_1 - q_12 * rest_12
+    if not third > 0.0:
+        return third, q_01 * q_12 - q_02, -q_12, 1.0, 0.0
+    rest_23 = link * theta.moment_2 - q_02 * theta.moment_2 - q_12 * rest_13
+    q_23 = rest_23 / third
+    last = theta.inertia_2 - q_03 * theta.moment_2 - q_13 * rest_13 - q_23 * rest_23
+    x_1 = q_23 * q_12 - q_13
+    return last, q_23 * q_02 - q_03 - q_01 * x_1, x_1, -q_23, 1.0
+
+
+@formula
+def normal(
+    geometry: Geometry, x_0: float, x_1: float, x_2: float, x_3: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the vector n (7) with n' theta = x' Q(theta) x."""
+    across = x_0 + geometry.arm_base * x_1
+    return (
+        x_0 * x_0,
+        x_1 * x_1,
+        2.0 * x_0 * x_1,
+        2.0 * x_2 * across,
+        2.0 * x_3 * (across + geometry.link_1 * x_2),
+        x_2 * x_2,
+        x_3 * x_3,
+    )

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot as URDF: what it looks like, what it weighs, how its parts move.
+
+Frames and joints are those of `frames` and of joint_states. Masses, centres of mass and
+inertias about the vertical are the parameters'. What a planar model does not know is filled
+in so that it is physically possible: heights, shapes, and the inertias about the other axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+from xml.etree import ElementTree as Xml
+
+from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
+from masmc_ros.robot.two_link.geometry import Geometry
+from masmc_ros.robot.two_link.names import BASE_JOINTS, FIXED_JOINT, FRAMES, joint_names
+from masmc_ros.robot.two_link.parameters import ROBOT, Robot
+
+_COLOURS = {
+    'platform': '0.16 0.20 0.27 1.0',
+    'wheel': '0.08 0.08 0.09 1.0',
+    'link': '0.93 0.49 0.13 1.0',
+    'joint': '0.55 0.58 0.62 1.0',
+    'tip': '0.85 0.16 0.16 1.0',
+}
+
+_AXES = {'wheel_right': '0 1 0', 'wheel_left': '0 1 0', 'link_1': '0 0 1', 'link_2': '0 0 1'}
+
+Vector = tuple[float, float, float]
+
+
+class _Inertia(NamedTuple):
+    """Mass in kg, centre of mass in m, inertias about it in kg m2."""
+
+    mass: float
+    centre: Vector
+    moments: Vector
+
+
+class _Shape(NamedTuple):
+    """A primitive: name of the URDF element, its sizes in m, where it is, its colour."""
+
+    kind: str
+    sizes: Mapping[str, str]
+    centre: Vector
+    colour: str
+    roll: float = 0.0
+
+
+def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
+    """Return the URDF of a robot.
+
+    Args:
+        values: checked values of ROBOT and NAMES, by names as declared there; others are left
+            aside.
+        frame_prefix: put before the name of every link, so that links and frames are the same.
+
+    Raises:
+        InputError: as `Robot.from_values`.
+    """
+    robot = Robot.from_values({each.name: values[each.name] for each in ROBOT})
+    p = {each.name.removeprefix('robot.'): values[each.name] for each in ROBOT}
+    geometry = Geometry(*robot.geometry.tolist())
+    root = Xml.Element('robot', name='mobile_manipulator')
+    for name, colour in _COLOURS.items():
+        material = Xml.SubElement(root, 'material', name=name)
+        Xml.SubElement(material, 'color', rgba=colour)
+    shapes, inertias = _shapes(geometry, p['com_offset']), _inertias(p, geometry)
+    for _, link in FRAMES:
+        _add_link(root, frame_prefix + link, inertias.get(link), shapes[link])
+    joints = (*joint_names(values)[len(BASE_JOINTS) :], FIXED_JOINT)
+    origins = frame_origins(robot.geometry)[1:].tolist()
+    for name, (parent, child), origin in zip(joints, FRAMES[1:], origins, strict=True):
+        axis = _AXES.get(child)
+        joint = Xml.SubElement(root, 'joint', name=name, type='continuous' if axis else 'fixed')
+        Xml.SubElement(joint, 'parent', link=frame_prefix + parent)
+        Xml.SubElement(joint, 'child', link=frame_prefix + child)
+        Xml.SubElement(joint, 'origin', xyz=_text(*origin))
+        if axis:
+            Xml.SubElement(joint, 'axis', xyz=axis)
+    Xml.indent(root)
+    # Without an encoding: some parsers refuse one in a text that is decoded already.
+    return f'<?xml version="1.0"?>\n{Xml.tostring(root, encoding="unicode")}\n'
+
+
+def _inertias(p: Mapping[str, float], geometry: Geometry) -> dict[str, _Inertia]:
+    """Return the inertia of every link that has one."""
+    radius, thickness = geometry.wheel_radius, link_thickness(geometry)
+    # No body has less inertia about a diameter than a flat one: half of that about its axle.
+    wheel_yaw = max(p['wheel_yaw_inertia'], 0.5 * p['wheel_spin_inertia'])
+    wheel = _Inertia(
+        p['wheel_mass'], (0.0, 0.0, 0.0), (wheel_yaw, p['wheel_spin_inertia'], wheel_yaw)
+    )
+    platform = p['platform_inertia']
+    found = {
+        'base_link': _Inertia(
+            p['platform_mass'],
+            (p['com_offset'], 0.0, 0.5 * PLATFORM_TOP * radius),
+            (0.5 * platform, 0.5 * platform, platform),
+        ),
+        'wheel_right': wheel,
+        'wheel_left': wheel,
+    }
+    for link in ('link_1', 'link_2'):
+        mass, inertia = p[f'{link}_mass'], p[f'{link}_inertia']
+        along = min(mass * thickness * thickness / 6.0, inertia)
+        centre = (p[f'{link}_com'], 0.0, 0.0)
+        found[link] = _Inertia(mass, centre, (along, inertia, inertia))
+    return {link: inertia for link, inertia in found.items() if inertia.mass > 0.0}
+
+
+def _shapes(geometry: Geometry, com_offset: float) -> dict[str, list[_Shape]]:
+    """Return what every link looks like."""
+    radius, thickness = geometry.wheel_radius, link_thickness(geometry)
+    wheel_width = min(0.6 * radius, 0.5 * geometry.half_track)
+    # The platform carries axle, centre of mass and arm, with a margin in front and behind.
+    front = max(0.0, com_offset, geometry.arm_base) + 2.0 * radius
+    rear = min(0.0, com_offset, geometry.arm_base) - 2.0 * radius
+    bottom, top = 0.5 * radius, PLATFORM_TOP * radius
+    platform = _Shape(
+        'box',
+        {'size': _text(front - rear, 2.0 * (geometry.half_track - wheel_width), top - bottom)},
+        (0.5 * (front + rear), 0.0, 0.5 * (bottom + top)),
+        'platform',
+    )
+    quarter_turn = 1.5707963267948966
+    wheel = _Shape(
+        'cylinder',
+        {'radius': _text(radius), 'length': _text(wheel_width)},
+        (0.0, 0.0, 0.0),
+        'wheel',
+        roll=quarter_turn,
+    )
+    tip = _Shape('sphere', {'radius': _text(0.7 * thickness)}, (0.0, 0.0, 0.0), 'tip')
+    return {
+        'base_link': [platform],
+        'wheel_right': [wheel],
+        'wheel_left': [wheel],
+        'link_1': _link(geometry.link_1, thickness),
+        'link_2': _link(geometry.link_2, thickness),
+        'end_effector': [tip],
+    }
+
+
+def _link(length: float, thickness: float) -> list[_Shape]:
+    """Return a link of the arm: its bar and the joint that it begins with."""
+    return [
+        _Shape(
+            'box',
+            {'size': _text(length, 1.4 * thickness, thickness)},
+            (0.5 * length, 0.0, 0.0),
+            'link',
+        ),
+        _Shape(
+            'cylinder',
+            {'radius': _text(thickness), 'length': _text(1.02 * thickness)},
+            (0.0, 0.0, 0.0),
+            'joint',
+        ),
+    ]
+
+
+def _add_link(
+    root: Xml.Element, name: str, inertia: _Inertia | None, shapes: list[_Shape]
+) -> None:
+    link = Xml.SubElement(root, 'link', name=name)
+    if inertia is not None:
+        inertial = Xml.SubElement(link, 'inertial')
+        Xml.SubElement(inertial, 'origin', xyz=_text(*inertia.centre))
+        Xml.SubElement(inertial, 'mass', value=_text(inertia.mass))
+        ixx, iyy, izz = map(_text, inertia.moments)
+        Xml.SubElement(
+            inertial, 'inertia', ixx=ixx, iyy=iyy, izz=izz, ixy='0', ixz='0', iyz='0'
+        )
+    for shape in shapes:
+        visual = Xml.SubElement(link, 'visual')
+        Xml.SubElement(
+            visual, 'origin', xyz=_text(*shape.centre), rpy=_text(shape.roll, 0.0, 0.0)
+        )
+        geometry = Xml.SubElement(visual, 'geometry')
+        Xml.SubElement(geometry, shape.kind, dict(shape.sizes))
+        Xml.SubElement(visual, 'material', name=shape.colour)
+
+
+def _text(*numbers: float) -> str:
+    return ' '.join(repr(float(number)) for number in numbers)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot's frames are: the transforms that move it on the screen.
+
+The model is planar and knows no heights. They are chosen here, so that the wheels stand on
+the plane z = 0 of `odom` and the arm's links lie on the platform, one above the other:
+`base_link` is on the ground below the axle's middle O, `link_1` has its origin in the arm's
+base F, `link_2` in the elbow, `end_effector` in E. In x and y all of them are those of (1).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.two_link.geometry import Geometry
+from masmc_ros.robot.two_link.names import FRAMES
+
+PREFIX = (
+    Parameter(
+        'frame_prefix',
+        '',
+        'Put before the name of every frame, such as left/, where several robots are shown',
+    ),
+)
+"""Parameter of every node that names frames."""
+
+PLATFORM_TOP = 3.0
+"""Height of the platform's upper side as a multiple of the wheels' radius."""
+
+_THICKNESS = 0.1
+"""Thickness of the links as a part of the shorter one's length."""
+
+
+def check_frame_prefix(prefix: str) -> str:
+    """Return a prefix of frame names; InputError for one that tf2 or URDF would not take."""
+    if prefix.startswith('/') or any(c.isspace() for c in prefix) or not prefix.isprintable():
+        raise InputError(
+            f"frame_prefix = '{prefix}': expected printable characters without spaces, the "
+            'first one no slash, such as left/'
+        )
+    return prefix
+
+
+def link_thickness(geometry: Geometry) -> float:
+    """Return the thickness of the arm's links in m, which the model does not know."""
+    return _THICKNESS * min(geometry.link_1, geometry.link_2)
+
+
+def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
+    """Return where each frame of FRAMES is in its parent, (6, 3) in m, from lengths (5).
+
+    Row 0 is zero: `base_link` moves in `odom`.
+    """
+    geometry = Geometry(*np.asarray(lengths, dtype=np.float64).tolist())
+    radius, thickness = geometry.wheel_radius, link_thickness(geometry)
+    origins = np.zeros((len(FRAMES), 3))
+    origins[1] = 0.0, -geometry.half_track, radius
+    origins[2] = 0.0, geometry.half_track, radius
+    origins[3] = geometry.arm_base, 0.0, PLATFORM_TOP * radius + 0.5 * thickness
+    origins[4] = geometry.link_1, 0.0, thickness
+    origins[5] = geometry.link_2, 0.0, 0.0
+    return origins
+
+
+def end_effector_height(lengths: ArrayLike) -> float:
+    """Return the height of E above the ground in m, from lengths (5)."""
+    return float(frame_origins(lengths)[3:, 2].sum())
+
+
+@kernel
+def frame_transforms(origins: Any, position: Any) -> NDArray[np.float64]:
+    """Return the transforms (n, 6, 7) of states, as FRAMES lists them.
+
+    Args:
+        origins: (6, 3) as `frame_origins` returns them.
+        position: (n, 7) in the order of joint_states, m and rad.
+
+    Returns:
+        Translation x, y, z in m and rotation as a quaternion x, y, z, w, child in parent.
+    """
+    out = np.zeros((len(position), 6, 7))
+    for k in range(len(position)):
+        row = position[k]
+        for i in range(6):
+            for j in range(3):
+                out[k, i, j] = origins[i, j]
+        out[k, 0, 0] = row[0]
+        out[k, 0, 1] = row[1]
+        out[k, 0, 5], out[k, 0, 6] = sin_cos(0.5 * row[2])
+        # The wheels turn about y, the arm's joints about z.
+        out[k, 1, 4], out[k, 1, 6] = sin_cos(0.5 * row[3])
+        out[k, 2, 4], out[k, 2, 6] = sin_cos(0.5 * row[4])
+        out[k, 3, 5], out[k, 3, 6] = sin_cos(0.5 * row[5])
+        out[k, 4, 5], out[k, 4, 6] = sin_cos(0.5 * row[6])
+        out[k, 5, 6] = 1.0
+    return out

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of all nodes: what each declares, and files that give them values; no ROS."""

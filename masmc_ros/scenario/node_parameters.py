@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which parameters each node declares. Knows nothing of ROS: offline commands read it too."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from difflib import get_close_matches
+from functools import cache
+from typing import Any
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.law import registry
+from masmc_ros.loop.simulated_robot import PLANT
+from masmc_ros.loop.timing import TIMING
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.reference import trajectory
+from masmc_ros.robot.two_link.frames import PREFIX
+from masmc_ros.robot.two_link.names import NAMES
+from masmc_ros.robot.two_link.parameters import ROBOT
+from masmc_ros.robot.two_link.two_link import TWO_LINK
+
+PACING = ('lockstep', 'realtime')
+
+_PACING = Parameter(
+    'pacing',
+    'realtime',
+    'The plant advances when the command for the present state arrives, or by the wall '
+    'clock; a controller of real hardware: realtime',
+    choices=PACING,
+)
+
+SHARED = (
+    *TIMING,
+    *PREFIX,
+    _PACING,
+    *ROBOT,
+    *NAMES,
+)
+"""Parameters that a file may give to all nodes at once, needed there or not."""
+
+_PLANT_NODE = (
+    Parameter(
+        'real_time_factor',
+        1.0,
+        'Simulated seconds per second with realtime pacing',
+        minimum=0.01,
+        maximum=100.0,
+        read_only=False,
+    ),
+    Parameter(
+        'command_timeout',
+        0.1,
+        'With realtime pacing, a command older than this is none: the drives hold',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+    ),
+    Parameter(
+        'wait_for',
+        ('controller',),
+        'Nodes of the same namespace without which the run does not begin',
+    ),
+    Parameter(
+        'odom_decimation',
+        2,
+        'Ticks between two messages on odom and base_twist',
+        minimum=1,
+    ),
+    Parameter(
+        'clock_decimation', 1, 'Ticks between two messages on /clock; 0 is none', minimum=0
+    ),
+    Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
+)
+
+_LATEST_START = 2e9
+"""Time in s: stamps end some years later."""
+
+_MOST = 1e9
+"""Size in MB or time in s that no recording reaches."""
+
+_TRAJECTORY_NODE = (
+    Parameter(
+        'window',
+        0.5,
+        'Length of the reference windows',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=5.0,
+    ),
+    Parameter(
+        'horizon',
+        2.0,
+        'How far ahead of the robot the reference is sent',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=10.0,
+    ),
+    Parameter(
+        'start_time',
+        0.0,
+        'Stamp at which the trajectory begins; negative: the stamp of the first state after '
+        'the controller has become active',
+        unit='s',
+        maximum=_LATEST_START,
+    ),
+)
+
+_CONTROLLER_NODE = (
+    Parameter(
+        'telemetry_decimation',
+        1,
+        'Ticks between two messages on each controller/... topic; 0 is none',
+        minimum=0,
+    ),
+    Parameter(
+        'active_on_start',
+        True,
+        'Whether the controller moves the robot from the start; otherwise ~/enable does it',
+    ),
+    Parameter(
+        'pose_source',
+        'joint_states',
+        "Where the platform's pose comes from: the joints base_..._joint, or odom",
+        choices=('joint_states', 'odom'),
+    ),
+    Parameter(
+        'state_timeout',
+        0.1,
+        'In real time, a fault when no usable state has come for so long, or for five control '
+        'periods if that is longer',
+        unit='s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter(
+        'reference_timeout',
+        0.0,
+        'In real time, a fault when the reference has ended for so long; 0 holds for ever',
+        unit='s',
+        minimum=0.0,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter(
+        'approach_speed',
+        0.25,
+        'Speed per task axis at which the controller goes to a reference that it is away from, '
+        'in real time and when it is enabled; 0 jumps',
+        unit='m/s',
+        minimum=0.0,
+    ),
+)
+
+_RECORDER_NODE = (
+    Parameter(
+        'output', '.', 'File to record into (*.mcap), or folder for a file named by the time'
+    ),
+    Parameter('overwrite', False, 'Replace a file that is there already'),
+    Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
+    Parameter('extra_topics', (), 'Further topics to record, as they turn up'),
+    Parameter(
+        'flush_period',
+        0.2,
+        'Time after which what came is on the disk, whatever happens to the recorder',
+        unit='s',
+        minimum=0.01,
+    ),
+    Parameter(
+        'max_size',
+        0.0,
+        'Size at which a new part of the recording begins, in a folder; 0 is one file',
+        unit='MB',
+        minimum=0.0,
+        maximum=_MOST,
+    ),
+    Parameter(
+        'max_duration',
+        0.0,
+        'Time on the log at which a new part of the recording begins; 0 is one file',
+        unit='s',
+        minimum=0.0,
+        maximum=_MOST,
+    ),
+    Parameter(
+        'queue_size',
+        64.0,
+        'Messages that wait for a slow or full disk; what comes on top is counted and lost',
+        unit='MB',
+        minimum=1.0,
+        maximum=_MOST,
+    ),
+)
+
+_LIVE_NODE = (
+    Parameter(
+        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0 is reachable from other machines'
+    ),
+    Parameter('port', 8765, 'Port to listen on; 0 is any free one', minimum=0, maximum=65535),
+    Parameter(
+        'rate',
+        60.0,
+        'How often the topics that come every tick are shown',
+        unit='Hz',
+        minimum=1.0,
+        maximum=1000.0,
+    ),
+)
+
+_FROM_RCL = ('use_sim_time', 'start_type_description_service')
+_QOS_OVERRIDES = 'qos_overrides.'
+
+_SLIP = 0.85
+"""Likeness to a known name from which on another one is a slip, not somebody else's."""
+
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
+
+
+def declared(node: str) -> tuple[Parameter, ...]:
+    """Return the declarations of a node by its name."""
+    if node == 'plant':
+        return (*SHARED, *PLANT, *_PLANT_NODE)
+    if node == 'trajectory':
+        return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
+    if node == 'controller':
+        return (
+            *SHARED,
+            *registry.parameters(TWO_LINK),
+            *_CONTROLLER_NODE,
+        )
+    if node == 'live':
+        return _LIVE_NODE
+    return (*TIMING, *PREFIX, *_RECORDER_NODE)
+
+
+def accepted(node: str) -> frozenset[str]:
+    """Names that a node accepts without declaring them: shared ones that it does not need."""
+    return frozenset(p.name for p in SHARED) - {p.name for p in declared(node)}
+
+
+def drop_foreign(
+    node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
+) -> list[str]:
+    """Take out of what a node is given what is not for it, and return what is for nobody here.
+
+    `shared` are the names that stand under wildcards such as `/**`, which nodes of other
+    packages read too. `where` is as in `check_all`. What the node is to refuse stays.
+
+    Raises:
+        InputError: for a name under a wildcard that is a slip of a known one, and for
+            quality of service, which cannot be overridden.
+    """
+    own = {parameter.name for parameter in declared(node)}
+    foreign = []
+    for name in [name for name in given if name not in own]:
+        place = where if isinstance(where, str) else where.get(name, '')
+        if name in _FROM_RCL or (name in shared and name in _known()):
+            del given[name]
+        elif name in shared:
+            if get_close_matches(name, _known(), n=1, cutoff=_SLIP):
+                hint = suggestion(name, _known())
+                raise InputError(f"{place}unknown parameter '{name}'; {hint}")
+            del given[name]
+            foreign.append(name)
+        elif name.startswith(_QOS_OVERRIDES):
+            raise InputError(
+                f'{place}{name}: the quality of service of these nodes is fixed, lest runs lose '
+                'messages or stand still; remove it'
+            )
+    return foreign
+
+
+def foreign_text(names: Collection[str]) -> str:
+    """Tell of names under wildcards that none of the nodes knows."""
+    return f'{", ".join(names)}: no parameter of this package, without effect on its nodes'
+
+
+@cache
+def _known() -> tuple[str, ...]:
+    """Return the names of the parameters of all nodes."""
+    return tuple(dict.fromkeys(p.name for node in NODES for p in declared(node)))

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One parameter file and the command line's settings, as the values of every node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
+from masmc_ros.loop.stretch import Change
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.topics import PARAMETER_NODES
+from masmc_ros.params.declaration import check_all
+from masmc_ros.params.file import parse_value, read
+from masmc_ros.scenario.node_parameters import (
+    accepted,
+    declared,
+    drop_foreign,
+    foreign_text,
+    NODES,
+    SHARED,
+)
+
+Values = dict[str, Any]
+
+_MOST_MISSING = 1000
+"""Ticks to a state in a log that lacks most of them."""
+
+_UNSTATED_DURATION = 20.0
+"""Length in s of an offline run of which nothing says how long it is; nodes are then endless."""
+
+_ABSENT = {'plant': {'torque_rate_limit': 0.0}}
+"""What held in logs that do not tell a parameter, where that is not its default."""
+
+
+def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
+    """Read a parameter file as the nodes would, settings on top, defaults below.
+
+    `settings` are NAME=VALUE as on the command line, NAME being NODE.parameter or a shared
+    one, which then holds for every node. Returns checked values by node name. Raises
+    InputError for what a node would refuse.
+    """
+    file = read(path)
+    extra = _settings(settings)
+    scenario = {}
+    for node in NODES:
+        given, places = file.for_node(node), file.places(node)
+        for name in accepted(node) & given.keys():
+            # Shared parameters are checked where they stand, needed by this node or not.
+            _check_shared(name, given.pop(name), places[name])
+        drop_foreign(node, given, file.shared(node), places)
+        values = check_all(declared(node), given, places)
+        names = {parameter.name: parameter for parameter in declared(node)}
+        for name, value in extra[node].items():
+            values[name] = names[name].check(value, integers_for_doubles=True)
+        if 'duration' in names and not {'duration'} & (given.keys() | extra[node].keys()):
+            values['duration'] = _UNSTATED_DURATION
+        if 'control_period' in values:
+            _check_timing(values, path, node)
+        scenario[node] = values
+    _check_beginning(scenario, path)
+    return scenario
+
+
+def activation(scenario: Mapping[str, Values]) -> list[Change]:
+    """Return what a simulation of a file needs that nobody enables: the controller enabled."""
+    return [] if scenario['controller']['active_on_start'] else [Change(0, {}, ACTIVATED)]
+
+
+def logged_scenario(
+    run: Run, settings: Iterable[str] = ()
+) -> tuple[dict[str, Values], list[Change]]:
+    """Return a run's parameters and changes, so that it can be computed again.
+
+    It is as long as its log. `settings` as in `load_scenario`; a parameter of the controller
+    that is set there is not changed on the way.
+
+    Raises:
+        InputError: where the log does not tell them, or tells what this version does not know.
+    """
+    for node in PARAMETER_NODES:
+        if node not in run.parameters:
+            raise InputError(
+                f'{run.path}: no parameters of the {node} in it; expected {node}/parameters, as'
+                ' the nodes of this package publish them, or the metadata of their recorder'
+            )
+    if run.restarted:
+        raise InputError(
+            f'{run.path}: {" and ".join(run.restarted)} ended and began again while the robot'
+            ' moved; only a run without a restart can be computed again'
+        )
+    extra = _settings(settings)
+    scenario = {}
+    for node in NODES:
+        given = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
+        if 'duration' in given and 'duration' not in extra[node]:
+            given['duration'] = _length(run)
+        names = {parameter.name: parameter for parameter in declared(node)}
+        for name, value in extra[node].items():
+            given[name] = names[name].check(value, integers_for_doubles=True)
+        scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
+    _check_beginning(scenario, run.path)
+    _check_length(run, Timing.from_values(scenario['plant']))
+    if run.reference is not None and np.isnan(run.reference[0]).any():
+        begun = ~np.isnan(run.reference).any(axis=1)
+        when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
+        raise InputError(
+            f'{run.path}: its path begins {when}; only a run that follows it from its first'
+            ' state on can be computed again'
+        )
+    return scenario, _controller_changes(run, without=extra['controller'])
+
+
+def _check_timing(values: Values, path: str, node: str) -> None:
+    """Refuse times with which there is no run, as the node does."""
+    try:
+        Timing.from_values(values)
+    except InputError as error:
+        raise InputError(f'{path}: {node}: {error}') from None
+
+
+def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
+    """Check that the path begins with the robot, as the simulation lets it."""
+    start = scenario['trajectory']['start_time']
+    if start > 0.0:
+        raise InputError(
+            f'{place}: trajectory: start_time = {start}: a simulated path begins with the robot;'
+            ' expected 0 or a negative number'
+        )
+
+
+def _controller_changes(run: Run, without: Values) -> list[Change]:
+    """Return what changed of the controller, checked, some parameters left out."""
+    known = {parameter.name: parameter for parameter in declared('controller')}
+    changes = []
+    for change in run.changes:
+        if change.node.rpartition('/')[2] != 'controller':
+            continue
+        new = {n: known[n].check(v) for n, v in change.changes.items() if n not in without}
+        if change.event and change.event not in EVENTS:
+            raise InputError(
+                f'{run.path}: event {change.event!r} of the controller at tick {change.tick};'
+                f' expected one of {", ".join(EVENTS)}'
+            )
+        if new or change.event:
+            changes.append(Change(change.tick, new, change.event))
+    return changes
+
+
+def _length(run: Run) -> float:
+    """Return the time in s from tick 0 to the last state."""
+    if len(run.times) < 2:
+        raise InputError(f'{run.path}: {len(run.times)} states in it; expected a run')
+    return float(run.times[-1])
+
+
+def _check_length(run: Run, timing: Timing) -> None:
+    """Refuse a log whose time has not begun at 0, or that has next to no states."""
+    if (timing.last or 0) > _MOST_MISSING * len(run.times):
+        raise InputError(
+            f'{run.path}: its {len(run.times)} states end at t = {run.times[-1]:g} s, after'
+            f' {timing.last} ticks; only a run whose time begins at 0 can be computed again'
+        )
+
+
+def strays(path: str) -> list[str]:
+    """Return one line for each block of a file, and one for all names, that no node here knows."""
+    file = read(path)
+    blocks = [
+        f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
+        for block in file.unmatched(NODES)
+    ]
+    foreign = {
+        name: None
+        for node in NODES
+        for name in drop_foreign(node, file.for_node(node), file.shared(node), file.places(node))
+    }
+    return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
+
+
+def _check_shared(name: str, value: Any, place: str) -> None:
+    parameter = next(p for p in SHARED if p.name == name)
+    check_all([parameter], {name: value}, place)
+
+
+def _settings(settings: Iterable[str]) -> dict[str, Values]:
+    """Sort NAME=VALUE settings by node."""
+    sorted_: dict[str, Values] = {node: {} for node in NODES}
+    shared = {parameter.name for parameter in SHARED}
+    for setting in settings:
+        name, equals, text = setting.partition('=')
+        if not equals:
+            raise InputError(f'--set {setting}: expected NAME=VALUE, as in controller.k_s1=150')
+        value = parse_value(text, f'--set {setting}')
+        node, _, parameter = name.partition('.')
+        if name in shared:
+            for each in NODES:
+                if name not in accepted(each):
+                    sorted_[each][name] = value
+        elif node in NODES:
+            known = [p.name for p in declared(node)]
+            if parameter not in known:
+                raise InputError(
+                    f"--set {setting}: {node} has no parameter '{parameter}'; "
+                    f'{suggestion(parameter, known)}'
+                )
+            sorted_[node][parameter] = value
+        else:
+            raise InputError(f"--set {setting}: unknown parameter '{name}'; {_meant(name)}")
+    return sorted_
+
+
+def _meant(name: str) -> str:
+    """Tell which parameter an unknown name may mean: one without its node above all."""
+    shared = {parameter.name for parameter in SHARED}
+    full: dict[str, list[str]] = {}
+    for node in NODES:
+        for parameter in declared(node):
+            if parameter.name not in shared:
+                full.setdefault(parameter.name, []).append(f'{node}.{parameter.name}')
+    if name in full:
+        return f'write NODE.parameter, here {" or ".join(full[name])}'
+    near = get_close_matches(name, [*shared, *(each for names in full.values() for each in names)])
+    for short in get_close_matches(name, full):
+        near += full[short]
+    if near:
+        return f'did you mean {" or ".join(near[:3])}?'
+    return f'write NODE.parameter with a node of {", ".join(NODES)}'
