@@ -210,11 +210,7 @@ def next_sound(data: Data, position: int, *, has_chunks: bool) -> int | None:
 
     In a log that `has_chunks`, single messages are none: they may be those of a damaged one.
     """
-    for start in heapq.merge(
-        (match.start() for match in _HEADS.finditer(data, position)),
-        _named_chunks(data, position, b'zstd'),
-        _named_chunks(data, position, b'lz4'),
-    ):
+    for start in _possible_heads(data, position):
         opcode, length = RECORD_HEAD.unpack_from(data, start)
         end = start + RECORD_HEAD.size + length
         if opcode in _WRITTEN_AGAIN:
@@ -225,6 +221,25 @@ def next_sound(data: Data, position: int, *, has_chunks: bool) -> int | None:
         elif chunk_at(data, start) is not None:
             return start
     return None
+
+
+def next_chunk(data: Data, position: int, end: int) -> int | None:
+    """Return where the next chunk begins that can be read, before an end; None for none."""
+    for start in _possible_heads(data, position):
+        if start >= end:
+            return None
+        if data[start] not in _WRITTEN_AGAIN and chunk_at(data, start) is not None:
+            return start
+    return None
+
+
+def _possible_heads(data: Data, position: int) -> Iterator[int]:
+    """Yield where records may begin that hold data, from a place on."""
+    return heapq.merge(
+        (match.start() for match in _HEADS.finditer(data, position)),
+        _named_chunks(data, position, b'zstd'),
+        _named_chunks(data, position, b'lz4'),
+    )
 
 
 def _named_chunks(data: Data, position: int, name: bytes) -> Iterator[int]:

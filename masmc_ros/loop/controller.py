@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill, take_over
 from masmc_ros.robot.two_link.parameters import Robot
 from masmc_ros.robot.two_link.two_link import TWO_LINK
@@ -62,6 +63,7 @@ class Controller:
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES
+        self._kernel: Callable[..., Any] | None = None
         self.memory = self._new_memory()
         self._choose(values)
         self.estimate[:] = self.nominal
@@ -168,7 +170,9 @@ class Controller:
         self._reference[:] = reference
         if self._plug_in is not None:
             return self._tick_plug_in(self._plug_in)
-        control_tick(self.settings, self.memory, self.now)
+        if self._kernel is None:
+            self._kernel = bound(control_tick, self.settings, self.memory, self.now)
+        self._kernel(self.settings, self.memory, self.now)
         return bool(self._singular[0])
 
     def _choose(self, values: Mapping[str, Any]) -> None:
@@ -188,6 +192,7 @@ class Controller:
         fill(settings, 'period', self.period)
         fill(settings, 'takes_rates', self.commands_rates)
         self.settings, self._plug_in = settings, plug_in
+        self._kernel = None
         before, self.memory = self.memory, self._new_memory()
         take_over(self.memory, before)
 

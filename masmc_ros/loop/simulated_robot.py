@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from decimal import Decimal
 import math
 from typing import Any
@@ -21,6 +21,7 @@ from masmc_ros.law.command_interface import (
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.timing import check_count, MOST_TICKS
+from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
@@ -177,6 +178,8 @@ class SimulatedRobot:
         )
         takes_rates = self.settings['takes_rates'][0, 0]
         self._command = self.now['rates' if takes_rates else 'torque'][0, :, 0]
+        self._move: Callable[..., bool] | None = None
+        self._hold: Callable[..., bool] | None = None
         self.tick = 0
         self.reset()
 
@@ -200,10 +203,12 @@ class SimulatedRobot:
         """
         moved = self.settings, self.memory, self.delayed, self.tick, self.now
         if command is None:
-            finite = plant_hold(*moved)
+            self._hold = self._hold or bound(plant_hold, *moved)
+            finite = self._hold(*moved)
         else:
             self._command[:] = command
-            finite = plant_tick(*moved)
+            self._move = self._move or bound(plant_tick, *moved)
+            finite = self._move(*moved)
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)

@@ -19,10 +19,12 @@ from functools import cache
 import hashlib
 import os
 from pathlib import Path
-from typing import Any
+import sys
+from typing import Any, cast
 
+from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba import __version__ as numba_version
-from numba import config, njit
+from numba import config, njit, typeof
 
 from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
@@ -50,6 +52,22 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(function)
 
 
+def is_interpreted(kernel: Any) -> bool:
+    """Tell whether formulas run as they stand, without a compiler."""
+    return not hasattr(kernel, 'compile')
+
+
+def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return a kernel as it is for the types of these arguments, compiled if need be.
+
+    It takes arguments of the same types and no others. A kernel looks at the types at every
+    call, which takes longer than a tick of control.
+    """
+    if is_interpreted(kernel):
+        return cast(Callable[..., Any], kernel)
+    return cast(Callable[..., Any], kernel.compile(tuple(map(typeof, arguments))))
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     # IEEE division (error_model) instead of a branch that raises ZeroDivisionError.
     settings: Any = config  # its attributes are made when it is imported
@@ -58,6 +76,13 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
         return njit(error_model='numpy', cache=True, **options)(function)
     finally:
         settings.CACHE_DIR = previous
+
+
+def machine_code(name: str) -> Path:
+    """Return the path of a file beside the machine code of these sources for this machine."""
+    machine = f'{numba_version} {get_host_cpu_name()} {get_host_cpu_features().flatten()}'
+    kind = hashlib.sha256(f'{machine} {sys.version_info}'.encode())
+    return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
 
 
 @cache

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import entry_points
+import sys
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -11,6 +13,12 @@ from masmc_ros.errors import InputError
 
 def plugged_in(group: str) -> tuple[str, ...]:
     """Return the names that installed packages bring to a group, in alphabetical order."""
+    return _names(group, tuple(sys.path))
+
+
+@cache
+def _names(group: str, path: tuple[str, ...]) -> tuple[str, ...]:
+    # The metadata of every installed package are read: some 20 ms.
     return tuple(sorted(point.name for point in entry_points(group=group)))
 
 

@@ -43,6 +43,7 @@ from masmc_ros.log.records import (
     MAGIC,
     MESSAGE_HEAD,
     new_chunk,
+    next_chunk,
     next_sound,
     PRIVATE,
     RECORD_HEAD,
@@ -229,6 +230,9 @@ class Salvage:
                 return
             skipped = self._end_of_damaged_chunk(position)
             if skipped is not None:
+                # Others may have come to stand in it.
+                inner = next_chunk(data, position + 1, skipped)
+                skipped = skipped if inner is None else inner
                 self.dropped += skipped - position
                 position = skipped
                 continue

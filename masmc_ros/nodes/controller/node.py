@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import sys
 import time
 from typing import Any
@@ -18,6 +18,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
+from masmc_ros.loop.preparation import prepare
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
@@ -84,6 +85,7 @@ class ControllerNode(SuiteNode):
             else TorqueOutput(self._controller)
         )
         self._compile()
+        self._preparation = prepare(self._controller.mechanism)
 
     def connect(self) -> None:
         """Create the topics: commands and telemetry out, reference and states in."""
@@ -120,6 +122,13 @@ class ControllerNode(SuiteNode):
             self.node, self.values, self._refusals, self._accepts, self._on_state
         )
         self.wait('the plant (joint_states)')
+
+    def close(self, spin: Callable[[], None]) -> None:
+        """Deliver what was published; compile no further."""
+        if self._preparation is not None:
+            self._preparation.kill()
+            self._preparation.wait()
+        super().close(spin)
 
     def _compile(self) -> None:
         """Compute a tick of no consequence, so that the first real one is not late."""

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kernels of all laws and switchings, compiled before a live change asks for one.
+
+To compile one takes some seconds, in which a controller would stand still; to load machine code
+from disk takes a thirtieth of one. So a node loads all of it while it starts. Where it is not on
+disk yet, once on a machine, a process beside the node makes it, at the lowest priority.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+import os
+from pathlib import Path
+import subprocess
+import sys
+from threading import Thread
+
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import control_tick, settle
+from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
+from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.two_link.two_link import TWO_LINK
+
+
+def laws() -> tuple[Law, ...]:
+    """Return the laws that are compiled, users' own among them."""
+    found = (registry.load(name) for name in registry.names())
+    return tuple(law for law in found if isinstance(law, Law))
+
+
+def load(mechanism: Mechanism) -> None:
+    """Have the kernels of all laws and switchings at hand, compiled where they were not."""
+    now = records.signals(mechanism)
+    for law in laws():
+        memory = records.law_memory(mechanism, law)
+        for switching in registry.SWITCHING:
+            settings = records.law_settings(mechanism, law, switching)
+            bound(control_tick, settings, memory, now)
+            bound(settle, settings, memory)
+
+
+def mark(mechanism: Mechanism) -> Path:
+    """Return the file that tells that the kernels of these laws are on this machine's disk."""
+    names = '-'.join(law.name for law in laws())
+    return machine_code(f'prepared-{mechanism.name}-{names}')
+
+
+def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
+    """Load the kernels, or let a process make them, which is returned; it ends with this one."""
+    if is_interpreted(control_tick):
+        return None
+    if mark(mechanism).exists():
+        load(mechanism)
+        return None
+    return subprocess.Popen(
+        [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+
+
+def main() -> None:
+    """Make the kernels of the default robot, unless another process is about it."""
+    # Standard input is the node that asked: it is closed when that ends, however it does.
+    Thread(target=_end_with_parent, daemon=True).start()
+    if hasattr(os, 'nice'):
+        os.nice(19)
+    done = mark(TWO_LINK)
+    at_work = done.with_suffix('.lock')
+    with at_work.open('w') as file:
+        if _is_first(file.fileno()):
+            load(TWO_LINK)
+            done.touch()
+
+
+def _is_first(file: int) -> bool:
+    """Lock a file for as long as this process lives; tell whether nobody has."""
+    try:
+        import fcntl
+    except ImportError:  # not on Windows
+        return True
+    with suppress(OSError):
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
+
+
+def _end_with_parent() -> None:
+    sys.stdin.buffer.read()
+    os._exit(0)
+
+
+if __name__ == '__main__':
+    main()
