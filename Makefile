@@ -53,7 +53,7 @@ OLDEST_TESTS := $(addprefix test/test_,portable_math.py kinematics.py dynamics.p
 test-oldest:
 	@$${PYTHON:-python3.12} -m venv $(OLDEST)
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check setuptools wheel
-	@tools/install_ros.sh $(OLDEST)/bin/python
+	@tools/install_ros.sh $(OLDEST)/bin/python constraints-oldest.txt
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
 		-c constraints-oldest.txt --no-build-isolation -e . hypothesis mpmath pytest sympy
 	@$(OLDEST)/bin/python -m pytest -m 'not slow' $(OLDEST_TESTS) \

@@ -1,7 +1,9 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # Gives the environment rclpy: a sourced ROS 2 Jazzy as it is, otherwise the wheels.
+# usage: install_ros.sh PYTHON [CONSTRAINTS]
 python=$1
+constraints=${2:-constraints.txt}
 if "$python" -c 'import rclpy, sensor_msgs, nav_msgs, std_srvs' >/dev/null 2>&1; then
     exit 0
 fi
@@ -15,5 +17,5 @@ if [ "$(uname -s)-$(uname -m)" != Linux-x86_64 ]; then
     echo "masmc simulate and masmc report work here; for the nodes source a ROS 2 Jazzy installation." >&2
     exit 0
 fi
-exec "$python" -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+exec "$python" -m pip install --quiet --disable-pip-version-check -c "$constraints" \
     'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
