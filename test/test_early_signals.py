@@ -14,7 +14,7 @@ import time
 
 import pytest
 
-from masmc_ros.cli import run
+from masmc_ros.cli import executables
 from masmc_ros.cli.run import NODES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -60,7 +60,7 @@ def interrupted(command: list[str], library: str, number: signal.Signals) -> tup
     'command',
     [
         ['-m', 'masmc_ros.cli.main', 'run', 'controller'],
-        ['-c', 'import sys; from masmc_ros.cli.run import controller; sys.exit(controller())'],
+        ['-c', 'import sys, masmc_ros.cli.executables as e; sys.exit(e.controller())'],
     ],
     ids=['masmc run', 'ros2 run'],
 )
@@ -114,4 +114,4 @@ def test_every_executable_of_colcon_is_there() -> None:
     assert named is not None
     assert re.findall(r"'(\w+)'", named[1]) == list(NODES)
     for node in NODES:
-        assert callable(getattr(run, node))
+        assert callable(getattr(executables, node))

@@ -15,9 +15,9 @@ pytest.importorskip('rclpy')
 from rclpy.utilities import get_rmw_implementation_identifier
 from surroundings import surroundings
 
-import masmc_ros.nodes
+from masmc_ros.nodes.middleware import transport
 
-PROFILES = Path(masmc_ros.nodes.__file__).parent / 'fast_dds'
+PROFILES = Path(transport.__file__).with_name('fast_dds')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 VARIABLES = ('FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE', RANGE)
 
