@@ -79,9 +79,13 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def machine_code(name: str) -> Path:
-    """Return the path of a file beside the machine code of these sources for this machine."""
+    """Return the path of a file beside the machine code of these sources for this machine.
+
+    Numba keeps it apart by where the sources are, too.
+    """
+    place = Path(__file__).resolve()
     machine = f'{numba_version} {get_host_cpu_name()} {get_host_cpu_features().flatten()}'
-    kind = hashlib.sha256(f'{machine} {sys.version_info}'.encode())
+    kind = hashlib.sha256(f'{place} {machine} {sys.version_info}'.encode())
     return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
 
 
