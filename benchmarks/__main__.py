@@ -1,10 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Print all measurements."""
+"""Print all measurements, or those named, and write them to bench.json.
+
+usage: python -m benchmarks [kernel] [whole_process] [lockstep] [recording]
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
 
 from benchmarks import kernel, lockstep, recording, whole_process
+from benchmarks.measure import Measure, write
+
+PARTS = {
+    'kernel': kernel.measures,
+    'whole_process': whole_process.measures,
+    'lockstep': lockstep.measures,
+    'recording': recording.measures,
+}
+
+
+def main(names: list[str]) -> int:
+    """Measure; return an exit status."""
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        print(f"no benchmark '{unknown[0]}'; known are {', '.join(PARTS)}", file=sys.stderr)
+        return 2
+    found: list[Measure] = []
+    for name in names or PARTS:
+        for measure in PARTS[name]():
+            print(measure, flush=True)
+            found.append(measure)
+    write(found, Path('bench.json'))
+    return 0
+
 
 if __name__ == '__main__':
-    kernel.main()
-    whole_process.main()
-    lockstep.main()
-    recording.main()
+    sys.exit(main(sys.argv[1:]))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 import os
 from pathlib import Path
@@ -11,12 +12,16 @@ import subprocess
 import sys
 import tempfile
 
+from benchmarks.measure import beside, Measure
 from benchmarks.ping_pong import round_trips_per_second
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
+CLAIMS = {False: (1.13, 0.46), True: (1.71, 0.30)}
+"""What docs/real_time.md says, without and with everything, by whether it is one process."""
+
 _PACE = re.compile(r'(\d+) ticks/s')
 
 
@@ -69,8 +74,8 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
     return float(match[1])
 
 
-def main(rounds: int = 3) -> None:
-    """Print medians over rounds in which ping-pong and lock-step alternate."""
+def measures(rounds: int = 3) -> Iterator[Measure]:
+    """Yield medians over rounds in which ping-pong and lock-step alternate."""
     for composed in (False, True):
         bare, lean, full = [], [], []
         for _ in range(rounds):
@@ -79,16 +84,11 @@ def main(rounds: int = 3) -> None:
                 bare.append(round_trips_per_second(raw=False, composed=composed))
             lean.append(ticks_per_second(composed=composed, everything=False))
             full.append(ticks_per_second(composed=composed, everything=True))
-        middle = rounds // 2
-        ping, quick, whole = (sorted(rates)[middle] for rates in (bare, lean, full))
-        print(
-            f'{"one process" if composed else "separate processes":>20}: '
-            f'typed ping-pong {ping:6.0f}/s, '
-            f'lock-step {quick:6.0f}/s ({quick / ping:.2f} of it), '
-            f'with telemetry and recorder {whole:6.0f}/s ({whole / ping:.2f}; '
-            f'{whole / 1000.0:.1f} times real time at 1 kHz)'
-        )
-
-
-if __name__ == '__main__':
-    main()
+        ping, quick, whole = (sorted(rates)[rounds // 2] for rates in (bare, lean, full))
+        where = 'one process' if composed else 'separate processes'
+        claims = CLAIMS[composed]
+        reference = Measure(f'typed ping-pong, {where}', ping, '/s')
+        yield reference
+        yield beside(f'lock-step, {where}', quick, '/s', reference, claims[0])
+        name = f'lock-step, {where}, telemetry and recorder'
+        yield beside(name, whole, '/s', reference, claims[1])

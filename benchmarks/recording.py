@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import os
 from pathlib import Path
 import signal
@@ -19,6 +20,7 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from benchmarks.measure import beside, Measure
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -37,8 +39,8 @@ _KIB_PER_MIB = 1024
 _TICKS = os.sysconf('SC_CLK_TCK')
 
 
-def main(seconds: float = SECONDS) -> None:
-    """Send, record, and print what is there and what it took."""
+def measures(seconds: float = SECONDS) -> Iterator[Measure]:
+    """Send, record, and yield what is there and what it took."""
     with tempfile.TemporaryDirectory() as folder, private_domain() as domain:
         os.environ.update(domain)
         log = Path(folder) / 'run.mcap'
@@ -52,23 +54,30 @@ def main(seconds: float = SECONDS) -> None:
             env={**os.environ, **child_environment()},
         )
         try:
-            sent, wall = _send(names, seconds, recorder.pid)
+            sent, wall, share, memory, grown = _send(names, seconds, recorder.pid)
             recorder.send_signal(signal.SIGINT)
             recorder.wait(_PATIENCE)
         finally:
             recorder.kill()
             recorder.wait()
         recorded = _recorded(log)
-        lost = {name: sent - recorded.get(name, 0) for name in names}
-        print(
-            f'recorder, {TOPICS} topics: {sum(recorded.values())} of {TOPICS * sent} messages in'
-            f' {wall:.1f} s ({TOPICS * sent / wall:.0f}/s), {sum(lost.values())} lost;'
-            f' {log.stat().st_size / 1e6:.0f} MB'
-        )
+        reference = Measure(f'messages sent, {TOPICS} topics', TOPICS * sent, '')
+        yield reference
+        yield beside('messages recorded', sum(recorded.values()), '', reference, 1.0)
+        yield Measure('messages sent a second', TOPICS * sent / wall, '/s')
+        yield Measure('the recorder, of a core', 100.0 * share, '%')
+        yield Measure('the recorder, resident memory', memory, 'MiB')
+        yield Measure('the same, since the first message', grown, 'MiB')
+        yield Measure('file', log.stat().st_size / 1e6, 'MB')
 
 
-def _send(names: list[str], seconds: float, recorder: int) -> tuple[int, float]:
-    """Send on all topics; return how many on each, and the time it took."""
+def _send(
+    names: list[str], seconds: float, recorder: int
+) -> tuple[int, float, float, float, float]:
+    """Send on all topics; return how many on each, the time it took, and what the recorder did.
+
+    That is its share of a core, its memory in MiB, and by how much that has grown.
+    """
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node('bench', context=context)
@@ -83,13 +92,10 @@ def _send(names: list[str], seconds: float, recorder: int) -> tuple[int, float]:
         sent = _send_by_the_clock(publishers, begun, seconds)
         wall = time.monotonic() - begun
         after = _usage(recorder)
-        print(
-            f'recorder: {100 * (after[0] - before[0]) / wall:.0f} % of a core, memory'
-            f' {after[1]:.0f} MiB, {after[1] - before[1]:+.0f} MiB since the first message'
-        )
         for publisher in publishers:
             publisher.wait_for_all_acked()
-        return sent, wall
+        share = (after[0] - before[0]) / wall
+        return sent, wall, share, after[1], after[1] - before[1]
     finally:
         node.destroy_node()
         context.try_shutdown()
@@ -130,4 +136,5 @@ def _recorded(log: Path) -> dict[str, int]:
 
 
 if __name__ == '__main__':
-    main(*(float(argument) for argument in sys.argv[1:2]))
+    for measure in measures(*(float(argument) for argument in sys.argv[1:2])):
+        print(measure)

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc simulate` as a whole process, its log written, against starting Python with NumPy."""
+"""`masmc simulate` as a whole process, against starting Python with NumPy and Numba."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
 
+from benchmarks.measure import beside, Measure
 from masmc_ros.share import shared_file
 
 
@@ -19,24 +21,21 @@ def seconds(command: list[str]) -> float:
     return time.perf_counter() - begin
 
 
-def main(rounds: int = 5) -> None:
-    """Print medians."""
+def measures(rounds: int = 5) -> Iterator[Measure]:
+    """Yield medians."""
+    begin = [sys.executable, '-c', 'import numpy, numba']
+    reference = Measure('import numpy, numba', _median(begin, rounds), 's')
+    yield reference
+    simulate = [
+        *(sys.executable, '-m', 'masmc_ros.cli.main', 'simulate'),
+        str(shared_file('config', 'paper.yaml')),
+    ]
+    yield beside('masmc simulate', _median(simulate, rounds), 's', reference)
     with tempfile.TemporaryDirectory() as folder:
-        simulate = [
-            *(sys.executable, '-m', 'masmc_ros.cli.main', 'simulate'),
-            *(str(shared_file('config', 'paper.yaml')), '--overwrite'),
-            *('--output', str(Path(folder) / 'run.mcap')),
-        ]
-        seconds(simulate)
-        whole = sorted(seconds(simulate) for _ in range(rounds))[rounds // 2]
-    start = sorted(
-        seconds([sys.executable, '-c', 'import numpy, numba']) for _ in range(rounds)
-    )[rounds // 2]
-    print(
-        f'masmc simulate config/paper.yaml --output run.mcap: {whole:.2f} s as a process '
-        f'({whole / start:.1f} times importing NumPy and Numba)'
-    )
+        simulate += ['--overwrite', '--output', str(Path(folder) / 'run.mcap')]
+        yield beside('masmc simulate --output', _median(simulate, rounds), 's', reference)
 
 
-if __name__ == '__main__':
-    main()
+def _median(command: list[str], rounds: int) -> float:
+    seconds(command)  # once to no consequence: what it needs is compiled and cached
+    return sorted(seconds(command) for _ in range(rounds))[rounds // 2]
