@@ -22,9 +22,9 @@ from pathlib import Path
 import sys
 from typing import Any, cast
 
-from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba import __version__ as numba_version
 from numba import config, njit, typeof
+from numba.core.codegen import ll
 
 from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
@@ -84,7 +84,8 @@ def machine_code(name: str) -> Path:
     Numba keeps it apart by where the sources are, too.
     """
     place = Path(__file__).resolve()
-    machine = f'{numba_version} {get_host_cpu_name()} {get_host_cpu_features().flatten()}'
+    # `ll` is llvmlite's: what Numba itself tells machines apart by.
+    machine = f'{numba_version} {ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
     kind = hashlib.sha256(f'{place} {machine} {sys.version_info}'.encode())
     return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
 

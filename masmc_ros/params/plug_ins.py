@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
 import sys
@@ -13,13 +14,13 @@ from masmc_ros.errors import InputError
 
 def plugged_in(group: str) -> tuple[str, ...]:
     """Return the names that installed packages bring to a group, in alphabetical order."""
-    return _names(group, tuple(sys.path))
+    return _names(entry_points, group, tuple(sys.path))
 
 
 @cache
-def _names(group: str, path: tuple[str, ...]) -> tuple[str, ...]:
-    # The metadata of every installed package are read: some 20 ms.
-    return tuple(sorted(point.name for point in entry_points(group=group)))
+def _names(read: Callable[..., Any], group: str, path: tuple[str, ...]) -> tuple[str, ...]:
+    # The metadata of every installed package on the path are read: some 20 ms.
+    return tuple(sorted(point.name for point in read(group=group)))
 
 
 def load_plug_in(group: str, parameter: str, name: str) -> Any:

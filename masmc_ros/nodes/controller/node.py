@@ -301,7 +301,8 @@ class ControllerNode(SuiteNode):
 
         In lock-step the plant waits for the command, and the reference is on its way. In real
         time, and where a newer state while one is unanswered tells that the plant does not
-        wait, the last position is held.
+        wait, the last position is held. To one that has commanded nothing yet, newer states
+        may be those of the past, which a successor is given.
         """
         reference = self._reference.windows.at(stamp)
         if reference is not None:
@@ -309,7 +310,8 @@ class ControllerNode(SuiteNode):
             if not self._supervisor.is_active:
                 self._supervision.recover(REFERENCE, is_anew=True)
             return reference
-        if not self._is_realtime and self._pending in (None, stamp):
+        begins = self._computed is None
+        if not self._is_realtime and (begins or self._pending in (None, stamp)):
             return None
         reference = self._reference.windows.held_after(stamp)
         timeout = self.values['reference_timeout']
