@@ -43,8 +43,7 @@ def load(mechanism: Mechanism) -> None:
 
 def mark(mechanism: Mechanism) -> Path:
     """Return the file that tells that the kernels of these laws are on this machine's disk."""
-    names = '-'.join(law.name for law in laws())
-    return machine_code(f'prepared-{mechanism.name}-{names}')
+    return machine_code(f'prepared-{mechanism.name}', *map(records.law_tag, laws()))
 
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:

@@ -56,11 +56,15 @@ def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1)
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.name,
-        # The digest keeps machine code apart that was made from other formulas.
-        'law': f'{law.name} {_digest(law)}'.rstrip(),
+        'law': law_tag(law),
         'switching': switching,
     }
     return new_record(fields, mechanism.sizes, lanes, tags)
+
+
+def law_tag(law: Law) -> str:
+    """Return what keeps machine code apart: the law's name, and which formulas it has."""
+    return f'{law.name} {_digest(law)}'.rstrip()
 
 
 def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:

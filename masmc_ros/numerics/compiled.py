@@ -78,15 +78,16 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
         settings.CACHE_DIR = previous
 
 
-def machine_code(name: str) -> Path:
+def machine_code(name: str, *contents: str) -> Path:
     """Return the path of a file beside the machine code of these sources for this machine.
 
-    Numba keeps it apart by where the sources are, too.
+    `contents` tell what else that code was made from. Numba keeps it apart by where the sources
+    are, too.
     """
     place = Path(__file__).resolve()
     # `ll` is llvmlite's: what Numba itself tells machines apart by.
     machine = f'{numba_version} {ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
-    kind = hashlib.sha256(f'{place} {machine} {sys.version_info}'.encode())
+    kind = hashlib.sha256(f'{place} {machine} {sys.version_info} {contents}'.encode())
     return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
 
 
