@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Speed of the compiled kernel: a whole run, and single ticks called from Python."""
 
 from __future__ import annotations
@@ -10,8 +23,6 @@ import subprocess
 import tempfile
 import time
 
-import numpy as np
-
 from benchmarks.measure import beside, Measure
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
@@ -21,6 +32,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.record import take_over
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
+import numpy as np
 
 LANES, BLOCK = 16, 500
 """Runs side by side, and ticks that are kept at a time."""
@@ -109,7 +121,7 @@ def lanes_seconds(settings: tuple[str, ...], lanes: int, repeats: int = 3) -> fl
         plant_start(robot, state, delayed, now)
         begin = time.perf_counter()
         for first in range(0, ticks, BLOCK):
-            followed = reference[first : first + BLOCK]
+            followed = reference[first:first + BLOCK]
             final = first + len(followed) == ticks
             closed_loop(
                 robot, state, delayed, gains, learned, now, first, final, followed,

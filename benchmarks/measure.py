@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One figure of a benchmark, and the table and the file of all of them."""
 
 from __future__ import annotations
@@ -11,15 +24,24 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure beside another of the same run: machines differ, their ratio less so.
+    """
+    A figure beside another of the same run: machines differ, their ratio less so.
 
-    Attributes:
-        name: what was measured.
-        value: the figure.
-        unit: its unit.
-        reference: what it is held against, '' for nothing.
-        ratio: of the value to that of the reference.
-        claim: the ratio that the documentation states, None where it states none.
+    Attributes
+    ----------
+    name
+        what was measured.
+    value
+        the figure.
+    unit
+        its unit.
+    reference
+        what it is held against, '' for nothing.
+    ratio
+        of the value to that of the reference.
+    claim
+        the ratio that the documentation states, None where it states none.
+
     """
 
     name: str

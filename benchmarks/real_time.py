@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Jitter and overruns of a run by the wall clock: `python -m benchmarks.real_time [SECONDS]`.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Jitter and overruns of a run by the wall clock: `python -m benchmarks.real_time [SECONDS]`.
 
 All times are those at which the middleware sent the messages, so that the observer's own
 delays do not count.
@@ -13,6 +27,10 @@ import tempfile
 import time
 from typing import Any
 
+from benchmarks.live_nodes import end, realtime_nodes
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.qos import subscription_qos
 import numpy as np
 import rclpy
 from rclpy.context import Context
@@ -21,11 +39,6 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-
-from benchmarks.live_nodes import end, realtime_nodes
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.qos import subscription_qos
 
 NODES = ('trajectory', 'controller', 'plant')
 RATES = (500, 1000)

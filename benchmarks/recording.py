@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a recorder takes: 20 topics, 10 000 messages a second in all, and what it costs."""
 
 from __future__ import annotations
@@ -12,6 +25,11 @@ import sys
 import tempfile
 import time
 
+from benchmarks.measure import beside, Measure
+from masmc_ros.cli.endings import child_environment
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.nodes.middleware.qos import publisher_qos
 from mcap.reader import make_reader
 import rclpy
 from rclpy.context import Context
@@ -19,12 +37,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-
-from benchmarks.measure import beside, Measure
-from masmc_ros.cli.endings import child_environment
-from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.nodes.middleware.qos import publisher_qos
 
 TOPICS = 20
 RATE = 500
@@ -74,7 +86,8 @@ def measures(seconds: float = SECONDS) -> Iterator[Measure]:
 def _send(
     names: list[str], seconds: float, recorder: int
 ) -> tuple[int, float, float, float, float]:
-    """Send on all topics; return how many on each, the time it took, and what the recorder did.
+    """
+    Send on all topics; return how many on each, the time it took, and what the recorder did.
 
     That is its share of a core, its memory in MiB, and by how much that has grown.
     """

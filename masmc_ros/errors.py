@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Errors that the user can put right, each told in one line."""
 
 from __future__ import annotations
@@ -8,7 +21,8 @@ from difflib import get_close_matches
 
 
 class UserError(Exception):
-    """Something that the user can put right: what, where, and what would be right.
+    """
+    Something that the user can put right: what, where, and what would be right.
 
     The message is one line: line breaks in what it quotes become spaces. A command that
     meets this error prints the message alone and ends with `exit_status`.
@@ -26,15 +40,21 @@ class InputError(UserError):
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Tell what `word` may have been meant to be.
+    """
+    Tell what `word` may have been meant to be.
 
-    Args:
-        word: the name that is not known.
-        known: the names that are.
+    Parameters
+    ----------
+    word
+        the name that is not known.
+    known
+        the names that are.
 
-    Returns:
+    Returns
+    -------
         'did you mean A or B?' with the nearest names, 'known are A, B, C' where none is
         near, 'none is known' where there are no names at all.
+
     """
     names = list(known)
     if not names:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whether a log is whole and every torque in it fine, whatever was done to the run."""
 
 from __future__ import annotations
@@ -8,14 +21,13 @@ from collections.abc import Set
 from pathlib import Path
 
 from log_contents import LogContents, read_log
-from mcap.reader import make_reader
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.text import text_of
+from mcap.reader import make_reader
+import numpy as np
+from numpy.typing import NDArray
 
 LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
 """Limits in N m of the torques that are commanded and applied."""
@@ -29,7 +41,8 @@ def check_log(
     limit: NDArray[np.float64] = LIMIT,
     injected: Set[bytes] = frozenset(),
 ) -> LogContents:
-    """Check a complete log message by message, and return what is in it.
+    """
+    Check a complete log message by message, and return what is in it.
 
     Every command is finite and no larger than `limit` (4), every torque applied no larger
     than LIMIT. Messages that a test brought in are left out: those of a layout that is not

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Digests of closed-loop runs, in this process or for another CPU.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Digests of closed-loop runs, in this process or for another CPU.
 
 `python closed_loop_bits.py TICKS` prints them as JSON, with what the machine code is made of.
 The digests that test_same_bits.py records are those of 2001 ticks.
@@ -13,12 +27,11 @@ import re
 import sys
 from typing import Any
 
-import numpy as np
-from scenario import axes, Run, Scenario, whole
-
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
+import numpy as np
+from scenario import axes, Run, Scenario, whole
 
 
 def scenarios(ticks: int) -> dict[str, Scenario]:

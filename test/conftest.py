@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What holds for all tests: compiling, or a machine that is held up, is no failure."""
 
 from __future__ import annotations
@@ -7,9 +20,8 @@ from collections.abc import Generator
 import re
 
 from hypothesis import HealthCheck, settings
-import pytest
-
 from masmc_ros.optional import PACKAGES
+import pytest
 
 settings.register_profile(
     'any machine', deadline=None, suppress_health_check=[HealthCheck.too_slow]
@@ -18,18 +30,27 @@ settings.load_profile('any machine')
 
 # websockets of Ubuntu 24.04 has no `websockets.sync` yet.
 INSTALLED_BY = {**PACKAGES, 'websockets': "'websockets>=11'"}
-MISSING = re.compile(rf"ModuleNotFoundError: .*\b({'|'.join(INSTALLED_BY)})\b")
+MISSING = re.compile(
+    r'ModuleNotFoundError: .*\b(?P<module>rclpy|\w+_msgs|std_srvs|(?P<pip>'
+    + '|'.join(INSTALLED_BY)
+    + r'))\b'
+)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Skip a file whose imports need what rosdep does not know; one such would stop all others."""
+    """
+    Skip a file whose imports need ROS, or what rosdep does not know, where there is none.
+
+    One such file would stop all others.
+    """
     report = yield
     missing = MISSING.search(str(report.longrepr)) if report.failed else None
     if missing is not None:
-        reason = f'Skipped: {missing[1]} is not installed; pip install {INSTALLED_BY[missing[1]]}'
+        remedy = f'pip install {INSTALLED_BY[missing["pip"]]}' if missing['pip'] else 'install ROS'
+        reason = f'Skipped: {missing["module"]} is not installed; {remedy}'
         report.outcome = 'skipped'
         report.longrepr = str(collector.path), 1, reason
     return report

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logs that are damaged in every way that a disk, a transfer or a bad program may do it."""
 
 from __future__ import annotations
@@ -7,11 +20,10 @@ from collections.abc import Callable
 from io import BytesIO
 import random
 
+from masmc_ros.log.records import RECORD_HEAD, records
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
-
-from masmc_ros.log.records import RECORD_HEAD, records
 
 Mutation = Callable[[random.Random, bytes], bytes]
 
@@ -27,12 +39,12 @@ def flips(draw: random.Random, data: bytes) -> bytes:
 def zeroed_run(draw: random.Random, data: bytes) -> bytes:
     start = draw.randrange(len(data))
     size = min(draw.choice([1, 8, 100, 4096]), len(data) - start)
-    return data[:start] + bytes(size) + data[start + size :]
+    return data[:start] + bytes(size) + data[start + size:]
 
 
 def dropped_piece(draw: random.Random, data: bytes) -> bytes:
     start = draw.randrange(len(data))
-    return data[:start] + data[start + draw.choice([1, 3, 9, 200, 5000]) :]
+    return data[:start] + data[start + draw.choice([1, 3, 9, 200, 5000]):]
 
 
 def doubled_piece(draw: random.Random, data: bytes) -> bytes:
@@ -52,18 +64,18 @@ def wrong_length(draw: random.Random, data: bytes) -> bytes:
     opcode, length = RECORD_HEAD.unpack_from(data, start)
     wrong = draw.choice([0, length - 1, length + 1, length + 100, 2**31, 2**63, 2**64 - 1])
     head = RECORD_HEAD.pack(opcode, max(0, wrong))
-    return data[:start] + head + data[start + len(head) :]
+    return data[:start] + head + data[start + len(head):]
 
 
 def wrong_opcode(draw: random.Random, data: bytes) -> bytes:
     """Let a record say that it is of another kind."""
     start = draw.choice([start for _, start, _ in records(data)])
-    return data[:start] + bytes([draw.choice([0, *range(1, 18), 128, 255])]) + data[start + 1 :]
+    return data[:start] + bytes([draw.choice([0, *range(1, 18), 128, 255])]) + data[start + 1:]
 
 
 def wrong_opcode_of_a_chunk(draw: random.Random, data: bytes) -> bytes:
     start = draw.choice([start for opcode, start, _ in records(data) if opcode == Opcode.CHUNK])
-    return data[:start] + bytes([draw.choice([0, *range(1, 18), 128, 255])]) + data[start + 1 :]
+    return data[:start] + bytes([draw.choice([0, *range(1, 18), 128, 255])]) + data[start + 1:]
 
 
 def flips_in_heads(draw: random.Random, data: bytes) -> bytes:

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The closed loop on a busy machine: the real controller and plant, each held up at random.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The closed loop on a busy machine: the real controller and plant, each held up at random.
 
 What the nodes do by the wall clock, without the nodes: the plant wakes up late and makes up for
 the ticks that are due with the torque at hand; the controller takes the latest state once it is
@@ -11,9 +25,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
@@ -22,6 +33,8 @@ from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.scenario.scenario import Values
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Delay = Callable[[], float]
@@ -33,12 +46,18 @@ _COMPUTING = 0.0003
 
 @dataclass
 class DelayedRun:
-    """What a run leaves behind.
+    """
+    What a run leaves behind.
 
-    Attributes:
-        error: x - x_d (n, 4) of the true state in m, by tick.
-        largest_torque: (4) N m.
-        late: ticks of the plant under a torque that answers an earlier state.
+    Attributes
+    ----------
+    error
+        x - x_d (n, 4) of the true state in m, by tick.
+    largest_torque
+        (4) N m.
+    late
+        ticks of the plant under a torque that answers an earlier state.
+
     """
 
     error: Array
@@ -93,7 +112,8 @@ class _Answering:
 
 
 def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay) -> DelayedRun:
-    """Run for some time of the robot; both delays are asked for once for every tick.
+    """
+    Run for some time of the robot; both delays are asked for once for every tick.
 
     Raises InputError where the robot's state is no longer finite.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A viewer as the Foxglove app is one: a client of its WebSocket protocol."""
 
 from __future__ import annotations
@@ -102,7 +115,7 @@ class Viewer:
         elif message[0] == 1:
             _, subscription, stamp = _MESSAGE.unpack_from(message)
             found = self.messages.setdefault(self._topics[subscription], [])
-            found.append((stamp, message[_MESSAGE.size :]))
+            found.append((stamp, message[_MESSAGE.size:]))
         elif message[0] == 2:
             self.times.append(_TIME.unpack_from(message)[1])
 

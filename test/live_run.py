@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Four real nodes by the wall clock, watched at every tick while faults are brought in."""
 
 from __future__ import annotations
@@ -13,31 +26,43 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
 import numpy as np
 from processes import NodeProcess, NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-
 
 class LiveRun:
-    """The nodes of a run, what they say, and whether every torque was fine.
+    """
+    The nodes of a run, what they say, and whether every torque was fine.
 
-    Attributes:
-        stamp: the latest stamp of the plant in ns.
-        torque: the torque (4) that the plant applied last, N m.
-        torques: all of them.
-        commands: number of commands so far.
-        wrong: what was wrong with torques so far.
-        told: every state that the controller told.
-        recorded: stamps in ns up to which the recorder has told that it is, every one.
-        health: the latest report of each node.
-        reported: every report, with the node's name.
-        injected: what a test has sent in our own layout, which is not the nodes' doing.
+    Attributes
+    ----------
+    stamp
+        the latest stamp of the plant in ns.
+    torque
+        the torque (4) that the plant applied last, N m.
+    torques
+        all of them.
+    commands
+        number of commands so far.
+    wrong
+        what was wrong with torques so far.
+    told
+        every state that the controller told.
+    recorded
+        stamps in ns up to which the recorder has told that it is, every one.
+    health
+        the latest report of each node.
+    reported
+        every report, with the node's name.
+    injected
+        what a test has sent in our own layout, which is not the nodes' doing.
+
     """
 
     def __init__(
@@ -85,7 +110,7 @@ class LiveRun:
 
     @property
     def log(self) -> Path:
-        """The log of the present recorder."""
+        """Return the log of the present recorder."""
         return self.folder / f'run_{self._logs}.mcap'
 
     def start(self, name: str) -> None:
@@ -119,7 +144,7 @@ class LiveRun:
         """Wait until the controller has told a state with these parts, from now on."""
         seen = len(self.told)
         self.tester.until(
-            lambda: any(all(p in t for p in parts) for t in self.told[max(0, seen - 1) :]),
+            lambda: any(all(p in t for p in parts) for t in self.told[max(0, seen - 1):]),
             f'{parts} in {self.told}',
         )
 
@@ -143,7 +168,8 @@ class LiveRun:
         self.tester.until(lambda: time.monotonic() > end)
 
     def end(self, *, in_order: bool = True) -> None:
-        """End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole.
+        """
+        End all nodes by SIGINT: with status 0, nothing bad said, and a log that is whole.
 
         States that controllers told are in it `in_order`, unless two told them at once.
         """

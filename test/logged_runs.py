@@ -1,11 +1,21 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logs of made-up numbers for the tests."""
 
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import ChannelRows, LogWriter
@@ -18,6 +28,8 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.rows import effort_rows, joint_state_rows, telemetry_rows
+import numpy as np
+from numpy.typing import NDArray
 
 STATE = 'sensor_msgs/msg/JointState'
 ARRAY = 'std_msgs/msg/Float64MultiArray'
@@ -80,6 +92,6 @@ def write_numbers(
         channel = log.channel(namespace + REFERENCE_TOPIC, ARRAY, Qos())
         for first in range(0, len(run.stamps), window):
             stamp = int(run.stamps[first])
-            samples = run.reference[first : first + window].reshape(-1, 3, 4)
+            samples = run.reference[first:first + window].reshape(-1, 3, 4)
             log.write(channel, stamp, stamp, ReferenceWindow(stamp, period, samples).to_bytes())
     log.write_rows(sources)

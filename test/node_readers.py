@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The libraries with which viewers read logs, installed once beside the user's caches."""
 
 from __future__ import annotations
@@ -20,7 +33,8 @@ _READING = 120.0
 
 
 def read_log(log: Path, *more: Path) -> Any:
-    """Return what `node/read_log.mjs` tells of a log, and of a layout's scripts.
+    """
+    Return what `node/read_log.mjs` tells of a log, and of a layout's scripts.
 
     Skips the test where Node.js is not installed, and where its packages cannot be had;
     the latter is a failure where CI is set.

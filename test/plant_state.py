@@ -1,15 +1,27 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The plant's derivative as one vector, for tests that derive it in another way."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from robots import Quad
-
 from masmc_ros.robot.plant import motion
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
+from robots import Quad
 
 
 class PlantState(NamedTuple):

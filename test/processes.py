@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Real nodes in processes of their own, and a node of the test beside them.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Real nodes in processes of their own, and a node of the test beside them.
 
 Every test has a ROS domain of its own on this machine. Nothing here waits without a bound,
 and no process outlives its test.
@@ -19,6 +33,7 @@ import time
 from typing import Any
 
 from forked import Forked, PATIENCE
+from masmc_ros.messages.stamps import header_stamp
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 import rclpy
@@ -29,8 +44,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from surroundings import domain, domain_variables, surroundings
-
-from masmc_ros.messages.stamps import header_stamp
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -103,7 +116,8 @@ class NodeProcess:
 
 
 class Processes:
-    """All processes of a domain.
+    """
+    All processes of a domain.
 
     They are forks, or, where `fresh`, started from nothing as by a command line.
     """
@@ -238,7 +252,8 @@ class Peer:
         return self.node.create_publisher(message_type, topic, _qos(latched=latched))
 
     def call(self, service_type: Any, name: str, request: Any, *, again: bool = True) -> Any:
-        """Call a service and return its response.
+        """
+        Call a service and return its response.
 
         The middleware drops the response to a client that the server has not found within
         0.1 s. Such a call is made `again`; where that would do more than the first alone, the
@@ -267,7 +282,8 @@ class Peer:
         return self._clients[key]
 
     def known_client(self, service_type: Any, name: str) -> Any:
-        """Return a client that the node of a service has found: no response to it is dropped.
+        """
+        Return a client that the node of a service has found: no response to it is dropped.
 
         A participant tells of its endpoints in their order, so that a node that has answered a
         client knows all earlier ones. The node must not be replaced by another later.
@@ -289,7 +305,8 @@ def _qos(*, latched: bool) -> QoSProfile:
 
 @contextmanager
 def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
-    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile.
+    """
+    Yield a place to start nodes in, in a domain that nobody else uses meanwhile.
 
     They tell what they printed where the test fails, and end with it.
     """

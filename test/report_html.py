@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A report's page as a browser's parser takes it, for tests."""
 
 from __future__ import annotations
@@ -25,7 +38,7 @@ class Element:
     text: str = ''
     within: list[Element] = field(default_factory=list)
 
-    def all(self, tag: str, **attributes: str) -> list[Element]:
+    def all(self, tag: str, **attributes: str) -> list[Element]:  # noqa: A003
         """Return the elements within of a name and with these attributes."""
         return [
             e for e in self.within if e.tag == tag and attributes.items() <= e.attributes.items()

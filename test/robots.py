@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Random robots and states for property tests, and what the tests of the model share."""
 
 from __future__ import annotations
@@ -9,13 +22,12 @@ from typing import Any
 
 from hypothesis import settings
 from hypothesis import strategies as st
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry, Posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import SINGULAR_SINE
 from masmc_ros.robot.two_link.parameters import base_parameters
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Quad = tuple[float, float, float, float]
 Array = NDArray[np.float64]
@@ -54,7 +66,7 @@ class Machine:
 
     @property
     def geometry(self) -> Geometry:
-        """The lengths in the order of Geometry."""
+        """Return the lengths in the order of Geometry."""
         p = self.physical
         return Geometry(
             p['wheel_radius'],
@@ -66,7 +78,7 @@ class Machine:
 
     @property
     def theta(self) -> BaseParameters:
-        """The base inertial parameters."""
+        """Return the base inertial parameters."""
         return base_parameters(**self.physical)
 
 

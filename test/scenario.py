@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Closed-loop runs of the compiled kernel, called as arrays: whole, in pieces, tick by tick."""
 
 from __future__ import annotations
@@ -6,9 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import math
 from typing import Any
-
-import numpy as np
-from robots import Array, DEFAULT, Machine
 
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
@@ -19,6 +29,8 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
 from masmc_ros.robot.two_link.two_link import TWO_LINK
+import numpy as np
+from robots import Array, DEFAULT, Machine
 
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
@@ -179,7 +191,7 @@ class Loop:
 
     @property
     def run(self) -> Run:
-        """What was computed so far."""
+        """Say what was computed so far."""
         rows = {name: np.ascontiguousarray(self.signals[name][:, :, 0]) for name in SIGNALS}
         # The last command is not applied: what it would lead to is not known.
         for name, unknown in _AFTER_THE_LAST.items():

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a stranger may send on a topic: any bytes of the right type, and of none."""
 
 from __future__ import annotations
@@ -7,9 +20,6 @@ import json
 import random
 import struct
 from typing import Any
-
-import numpy as np
-from rclpy.serialization import serialize_message
 
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
@@ -28,6 +38,8 @@ from masmc_ros.messages.text import string_message
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.messages import message_class
+import numpy as np
+from rclpy.serialization import serialize_message
 
 TYPES = {
     topic.name: topic.type_name
@@ -132,11 +144,11 @@ def strange_message(draw: random.Random, topic: str) -> bytes:
     elif kind == 1 and size >= 12:
         for _ in range(draw.choice([1, 2, 8])):
             place = 4 + 8 * draw.randrange((size - 4) // 8)
-            changed[place : place + 8] = struct.pack('<d', draw.choice(NUMBERS))
+            changed[place:place + 8] = struct.pack('<d', draw.choice(NUMBERS))
     elif kind == 2 and size >= 8:
         for _ in range(draw.choice([1, 2])):
             place = 4 * draw.randrange(1, size // 4)
-            changed[place : place + 4] = struct.pack('<I', draw.choice(WORDS))
+            changed[place:place + 4] = struct.pack('<I', draw.choice(WORDS))
     elif kind == 3:
         changed = changed[: draw.randrange(4, size + 1)]
     elif kind == 4:

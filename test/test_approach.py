@@ -1,20 +1,32 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The way to a reference that is far away: no jump, a bounded speed, and then the reference."""
 
 from __future__ import annotations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-import numpy as np
-from processes import PAPER
-import pytest
-
 from masmc_ros.loop.base_pose import BasePose
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.reference.approach import Approach, SHORTEST
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.robot.two_link.platform_motion import platform_motion
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from processes import PAPER
+import pytest
 
 SPEED = 0.25
 MS = 1_000_000

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Bad input ends with one line that says what, where and what is right, and leaves nothing.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Bad input ends with one line that says what, where and what is right, and leaves nothing.
 
 The same files are given to the simulation and to the node that they are for.
 """
@@ -14,10 +28,9 @@ import subprocess
 import sys
 
 from forked import completed, PATIENCE
+from masmc_ros.cli.main import main
 import pytest
 from surroundings import domain, domain_variables, surroundings
-
-from masmc_ros.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = str(ROOT / 'config' / 'paper.yaml')
@@ -26,13 +39,20 @@ Masmc = Callable[..., subprocess.CompletedProcess[str]]
 
 @dataclass(frozen=True)
 class BadFile:
-    """A parameter file that is not right.
+    """
+    A parameter file that is not right.
 
-    Attributes:
-        node: the node that refuses it.
-        block: what stands in the node's own block, or the whole file where `is_whole`.
-        words: what the message names.
-        line: the line of the file that is to blame; None where no line is.
+    Attributes
+    ----------
+    node
+        the node that refuses it.
+    block
+        what stands in the node's own block, or the whole file where `is_whole`.
+    words
+        what the message names.
+    line
+        the line of the file that is to blame; None where no line is.
+
     """
 
     node: str

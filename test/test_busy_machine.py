@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The README's tour, node by node without a file, on a machine that has other work."""
 
 from __future__ import annotations
@@ -10,15 +23,11 @@ import signal
 import subprocess
 import sys
 
-import pytest
-
-pytest.importorskip('rclpy')
-
-import numpy as np
-from processes import NODES, PAPER, peer, processes, ros_arguments
-
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
+import numpy as np
+from processes import NODES, PAPER, peer, processes, ros_arguments
+import pytest
 
 LENGTH = 20.0
 

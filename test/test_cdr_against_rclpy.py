@@ -1,15 +1,26 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Messages filled into fixed layouts are those that ROS 2's own serialiser makes."""
 
 from collections.abc import Callable
 from typing import Any
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from rosbags.typesys import get_typestore, Stores
-
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
 from masmc_ros.messages.effort import EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
@@ -28,13 +39,11 @@ from masmc_ros.messages.platform_motion import (
 )
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
-
-pytest.importorskip('rclpy', reason='compares with ROS 2')
-
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
+import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import get_typestore, Stores
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
@@ -76,7 +85,8 @@ def aligning(layout: Layout) -> np.ndarray:
 
 
 def assert_same(ours: bytes, message: Any, layout: Layout) -> None:
-    """Compare our bytes with two other serialisers'.
+    """
+    Compare our bytes with two other serialisers'.
 
     ROS 2's leaves in the bytes that align what the memory held before, rosbags zeroes them.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Received messages: those of our layout are taken over, all others are told apart."""
 
 from functools import partial
@@ -7,9 +20,6 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
 from masmc_ros.messages.effort import EFFORT, EffortCdr
@@ -18,6 +28,8 @@ from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import twist_stamped_layout, TwistStampedCdr
 from masmc_ros.messages.reference_window import reference_layout, ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+import numpy as np
+import pytest
 
 
 def state() -> JointStateCdr:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Commanded rates out of a log: stamps, refused messages, report, export."""
 
 from __future__ import annotations
@@ -6,10 +19,6 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import pytest
-from report_html import lines, Page
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
@@ -20,6 +29,9 @@ from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
+import numpy as np
+import pytest
+from report_html import lines, Page
 
 PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
 TICK = 1_000_000

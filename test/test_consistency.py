@@ -1,10 +1,27 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Base parameters that bodies can have: Q(theta), the masses behind it, and H(q)."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
+from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import Geometry, posture
+from masmc_ros.robot.two_link.parameters import base_parameters
 import numpy as np
 from robots import (
     all_angles,
@@ -17,11 +34,6 @@ from robots import (
     machines,
     PROPERTY,
 )
-
-from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
-from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import Geometry, posture
-from masmc_ros.robot.two_link.parameters import base_parameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -1,14 +1,24 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a recorder says that it is: not beyond what may still be missing."""
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from masmc_ros.nodes.recorder import coverage
 from masmc_ros.nodes.recorder.coverage import Coverage
+import pytest
 
 
 def recorded(last: int, *, frames: int, decimation: int = 1) -> Coverage:

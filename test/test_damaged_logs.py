@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Damaged logs: one line from every command, and recovery keeps every chunk that is there."""
 
 from __future__ import annotations
@@ -11,6 +24,10 @@ import struct
 import time
 
 from damage import damaged
+from masmc_ros.cli.main import main
+from masmc_ros.log.read.scan import scan
+from masmc_ros.log.records import RECORD_HEAD
+from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk, StreamReader
@@ -18,11 +35,6 @@ from mcap.writer import CompressionType, Writer
 import pytest
 from test_recover import read
 import zstandard
-
-from masmc_ros.cli.main import main
-from masmc_ros.log.read.scan import scan
-from masmc_ros.log.records import RECORD_HEAD
-from masmc_ros.log.recover.recover import recover
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES, LIMIT = 400, 300.0
@@ -106,18 +118,19 @@ def check(
 
 
 def chunks_in(data: bytes, whole: bytes) -> Iterator[list[tuple[str, int, bytes]]]:
-    """Yield the messages of the chunks of a log that are there byte for byte.
+    """
+    Yield the messages of the chunks of a log that are there byte for byte.
 
     Their definitions stand in the first chunk and in the summary: without both, of no chunk.
     """
     place = RECORD_HEAD.size
     indexes = summaries(whole)
-    first = whole[indexes[0].chunk_start_offset + place :][: indexes[0].chunk_length - place]
-    end = whole[indexes[-1].chunk_start_offset + indexes[-1].chunk_length :]
+    first = whole[indexes[0].chunk_start_offset + place:][: indexes[0].chunk_length - place]
+    end = whole[indexes[-1].chunk_start_offset + indexes[-1].chunk_length:]
     if not (first in data or end in data):
         return
     for index, messages in zip(indexes, contents(whole), strict=True):
-        body = whole[index.chunk_start_offset + place :][: index.chunk_length - place]
+        body = whole[index.chunk_start_offset + place:][: index.chunk_length - place]
         if body in data:
             yield messages
 

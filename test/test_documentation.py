@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The documents' tables are generated and current, and their local links lead somewhere."""
 
 import importlib.util
@@ -6,12 +19,11 @@ from pathlib import Path
 import re
 from types import ModuleType
 
-import pytest
-
 from masmc_ros.params.file import read
 from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.scenario.node_parameters import declared, NODES
 from masmc_ros.scenario.scenario import load_scenario
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]

@@ -1,17 +1,29 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where nobody commands the drives hold, and who comes back does so without a jump."""
 
 from __future__ import annotations
-
-import numpy as np
-from processes import PAPER
-import pytest
 
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.scenario.scenario import activation, load_scenario
+import numpy as np
+from processes import PAPER
+import pytest
 
 DURATION = 8.0
 LIMITS = (
@@ -47,14 +59,14 @@ def test_disabled_it_stands_and_enabled_it_does_not_jump(
     """Free under this disturbance the arm turned by 87 rad, and enabling it kicked by 649 N m."""
     run = computed(ticks, *settings)
     # The wheels are braked from the path's speed.
-    moved = np.ptp(run.position[ticks[0] : ticks[1], HELD], axis=0)
+    moved = np.ptp(run.position[ticks[0]:ticks[1], HELD], axis=0)
     assert (moved < [0.5, 0.5, 0.05, 0.1]).all()
-    assert not run.torque[ticks[0] : ticks[1]].any()
-    torque = np.abs(run.torque[ticks[1] :]).max(axis=0)
+    assert not run.torque[ticks[0]:ticks[1]].any()
+    torque = np.abs(run.torque[ticks[1]:]).max(axis=0)
     assert (torque < [3.0, 3.0, 7.0, 5.0]).all()
     assert np.abs(run.error[-1]).max() < 0.05
     # What the drives do to hold is no torque that is applied.
-    assert not run.applied[ticks[0] + 1 : ticks[1] + 1].any()
+    assert not run.applied[ticks[0] + 1:ticks[1] + 1].any()
 
 
 @pytest.mark.parametrize('ticks', [QUICK, SLOWER, LONG])

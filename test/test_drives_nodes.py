@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Real nodes: who commands, whose reference is followed, and joints by names of their own."""
 
 from __future__ import annotations
@@ -7,21 +20,17 @@ import csv
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
-import numpy as np
-from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import SetBool
-
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.messages.effort import EffortCdr
+import numpy as np
+from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool
 
 NAMES = ('base_x', 'base_y', 'yaw', 'front/right', 'front/left', 'shoulder', 'elbow')
 RATE_LIMIT = 1000.0
@@ -123,7 +132,7 @@ def stands_and_comes_back(log: Path) -> None:
             assert k < 1000 or (np.abs(torque) < [4.0, 4.0, 10.0, 8.0]).all(), k
             longest = max(longest, len(held))
             if len(held) > 1000:
-                positions = run.position[held[0] : k, 5:]
+                positions = run.position[held[0]:k, 5:]
                 assert np.ptp(positions, axis=0).max() < 0.1
             held = []
         before = torque

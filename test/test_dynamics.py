@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Dynamics (10)-(12): properties 1 to 3 of the paper, the inverse inertia, power and energy."""
 
 from __future__ import annotations
@@ -9,6 +22,24 @@ from typing import Any
 
 from hypothesis import example, given
 from hypothesis import strategies as st
+from masmc_ros.loop import records
+from masmc_ros.loop.dense import tick_input
+from masmc_ros.numerics.record import fill
+from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
+from masmc_ros.robot.two_link.dynamics import (
+    BaseParameters,
+    coriolis,
+    Inertia,
+    inertia,
+    inertia_solve,
+    inertia_times,
+    regressor,
+    regressor_times,
+    regressor_transpose_times,
+)
+from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 import numpy as np
 from plant_state import derivative, PlantState
 import pytest
@@ -30,25 +61,6 @@ from robots import (
     STEP,
 )
 from scenario import law_records, Scenario
-
-from masmc_ros.loop import records
-from masmc_ros.loop.dense import tick_input
-from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
-from masmc_ros.robot.two_link.dynamics import (
-    BaseParameters,
-    coriolis,
-    Inertia,
-    inertia,
-    inertia_solve,
-    inertia_times,
-    regressor,
-    regressor_times,
-    regressor_transpose_times,
-)
-from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
-from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 ROBOT = Machine(DEFAULT)
 

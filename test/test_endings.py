@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How runs end: quietly when they are over, with one line and status 2 where they cannot go on."""
 
 from __future__ import annotations
@@ -9,19 +22,15 @@ import subprocess
 import sys
 import time
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
-from processes import PATIENCE, peer, processes, ros_arguments
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
-from surroundings import surroundings
-
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.recorder.listening import take_rest
+from processes import PATIENCE, peer, processes, ros_arguments
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from surroundings import surroundings
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -43,7 +52,7 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
         assert started.wait() == {'composed': 0}, started.output()
         lines = composed.stderr()
     (over,) = (i for i, line in enumerate(lines) if ' ticks in ' in line)
-    assert len(lines[over + 1 :]) == 1, lines[over:]
+    assert len(lines[over + 1:]) == 1, lines[over:]
     assert 'messages in' in lines[-1]
     contents = read_log(log)
     assert contents.stamps('joint_states')[-1] == 500_000_000

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Exported numbers are the log's."""
 
 from __future__ import annotations
@@ -13,16 +26,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from logged_runs import Numbers, numbers, write_run
-import numpy as np
-from numpy.typing import NDArray
-import pytest
-from report_runs import paper_like, run_of
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.columns import columns_of
 from masmc_ros.report.export import FORMATS, write_export
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from report_runs import paper_like, run_of
 
 COUNT = 60
 ROOT = Path(__file__).resolve().parent.parent

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Faults brought into a run of real nodes: it goes on, and never applies a wild torque."""
 
 from __future__ import annotations
@@ -10,25 +23,20 @@ from pathlib import Path
 import signal
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from builtin_interfaces.msg import Time
 from checked_log import check_log
 from live_run import live_run, LiveRun
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
 from nav_msgs.msg import Odometry
 import numpy as np
 from processes import NODES
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 from std_srvs.srv import SetBool
-
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import JOINTS
-from masmc_ros.messages.platform_motion import OdometryCdr
-from masmc_ros.messages.reference_window import ReferenceWindow
 
 GARBAGE = b'\x00\x01\x00\x00\xff\xff\xff\x7f'
 """A message that promises more than it holds."""
@@ -182,7 +190,7 @@ def are_refused(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, Bad
             publishers[key].publish(make(run.stamp + 2_000_000))
         run.spin(0.02)
         return all(
-            any(reason in line for line in lines(run, key)[seen[key] :])
+            any(reason in line for line in lines(run, key)[seen[key]:])
             for key, (_, reason) in bad.items()
         )
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the Foxglove layout names is in a run's log, and its panels are all there."""
 
 from __future__ import annotations
@@ -9,11 +22,10 @@ from pathlib import Path
 import re
 from typing import Any
 
-import pytest
-from viewed_run import computed_run, decoded, ROOT
-
 from masmc_ros.messages.names import ODOM_FRAME
 from masmc_ros.messages.topics import SYSTEM_TOPICS
+import pytest
+from viewed_run import computed_run, decoded, ROOT
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 SETTINGS = Path(__file__).with_name('viewer_settings.json')
@@ -73,7 +85,7 @@ def follow(message: Any, path: str) -> Any:
         if step[1]:
             message = getattr(message, step[1])
         elif step[2] == ':':
-            rest = ''.join(s[0] for s in steps[number + 1 :])
+            rest = ''.join(s[0] for s in steps[number + 1:])
             return [follow(each, rest) for each in message]
         else:
             message = message[int(step[2])]

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whatever time a viewer jumps to, the frames are those of the state of that time."""
 
 from __future__ import annotations
@@ -8,11 +21,6 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
-from rosbags.highlevel import AnyReader
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -26,13 +34,17 @@ from masmc_ros.robot.two_link.frames import (
 )
 from masmc_ros.robot.two_link.names import FRAMES
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
+from rosbags.highlevel import AnyReader
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'
 POSITION = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
 
 
 def matrix(translation: Array, quaternion: Array) -> Array:
-    """Return the matrix (4 x 4) of a transform; quaternion x, y, z, w."""
+    """Return the 4 x 4 transform of a quaternion x, y, z, w and a translation."""
     x, y, z, w = quaternion
     assert np.isclose(np.dot(quaternion, quaternion), 1.0, rtol=0.0, atol=1e-14)
     out = np.eye(4)

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""A controller on a robot whose messages come twice, late, out of order, by a clock that jumps.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A controller on a robot whose messages come twice, late, out of order, by a clock that jumps.
 
 The test is the robot: it stands still, and says at every tick what time it is.
 """
@@ -13,20 +27,15 @@ import signal
 import time
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
 import numpy as np
 from numpy.typing import NDArray
 from processes import NodeProcess, Peer, peer, Processes, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.joint_state import JointStateCdr
 
 MS = 1_000_000
 PERIOD = 2 * MS
@@ -36,12 +45,18 @@ NODES = ('recorder', 'trajectory', 'controller')
 
 
 class StillRobot:
-    """A robot that stands still whatever it is told to do.
+    """
+    A robot that stands still whatever it is told to do.
 
-    Attributes:
-        stamp: the latest stamp sent in ns.
-        answers: every command, by the stamp in ns that it answers.
-        told: every state that the controller told.
+    Attributes
+    ----------
+    stamp
+        the latest stamp sent in ns.
+    answers
+        every command, by the stamp in ns that it answers.
+    told
+        every state that the controller told.
+
     """
 
     def __init__(self, tester: Peer, folder: Path, nodes: dict[str, NodeProcess]) -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The implicit reaching law: its optimality conditions, its solution, its disturbance estimate."""
 
 from __future__ import annotations
@@ -8,16 +21,15 @@ from itertools import product
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import Array, assert_agree, between, PROPERTY
-from scenario import law_records, Scenario
-
 from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reaching, solution
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.two_link import TWO_LINK
+import numpy as np
+import pytest
+from robots import Array, assert_agree, between, PROPERTY
+from scenario import law_records, Scenario
 
 MOST_AXES = 6
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Kinematics (1)-(5): Jacobian, its derivative, inverse and transpose, singular arm."""
 
 from __future__ import annotations
@@ -6,24 +19,6 @@ from __future__ import annotations
 import math
 
 from hypothesis import example, given
-import numpy as np
-import pytest
-from robots import (
-    all_angles,
-    Angles,
-    assert_agree,
-    columns,
-    DEFAULT,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-    regular_angles,
-    STEP,
-    trigonometry,
-)
-
 from masmc_ros.robot.two_link.geometry import (
     Geometry,
     joint_torque,
@@ -41,6 +36,23 @@ from masmc_ros.robot.two_link.kinematics import (
     task_force_from_quasi,
     task_position,
     task_velocity,
+)
+import numpy as np
+import pytest
+from robots import (
+    all_angles,
+    Angles,
+    assert_agree,
+    columns,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    regular_angles,
+    STEP,
+    trigonometry,
 )
 
 ROBOT = Machine(DEFAULT)

@@ -1,10 +1,37 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The compiled model against the same robot's equations derived from its Lagrangian."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from lagrangian import Matrices, matrices
+from masmc_ros.robot.two_link.dynamics import (
+    coriolis,
+    inertia,
+    inertia_times,
+    regressor,
+    regressor_times,
+)
+from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import (
+    quasi_force_from_task,
+    quasi_from_task,
+    task_drift,
+    task_velocity,
+)
 import numpy as np
 from plant_state import derivative, PlantState
 from robots import (
@@ -20,21 +47,6 @@ from robots import (
     quads,
     quasi_map,
     regular_angles,
-)
-
-from masmc_ros.robot.two_link.dynamics import (
-    coriolis,
-    inertia,
-    inertia_times,
-    regressor,
-    regressor_times,
-)
-from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import (
-    quasi_force_from_task,
-    quasi_from_task,
-    task_drift,
-    task_velocity,
 )
 
 TOLERANCE = 1e-11

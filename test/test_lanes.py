@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs side by side in lanes: each has the bits of the run alone."""
 
 from __future__ import annotations
@@ -9,17 +22,16 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import Machine, machines
-from scenario import Scenario, whole, write_law, write_plant
-
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.robot.two_link.two_link import TWO_LINK
+import numpy as np
+import pytest
+from robots import Machine, machines
+from scenario import Scenario, whole, write_law, write_plant
 
 LANES = 16
 TICKS = 60

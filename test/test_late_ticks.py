@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a busy machine does to a run by the wall clock: the bounds of docs/real_time.md."""
 
 from __future__ import annotations
@@ -7,18 +20,17 @@ from pathlib import Path
 from typing import Any
 
 from delayed_loop import Delay, delayed_run, DelayedRun
-import numpy as np
-import pytest
-from robots import DEFAULT, Machine
-from scenario import Scenario
-from test_stability_bounds import CHATTERING, SMOOTH, variation
-
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario, Values
+import numpy as np
+import pytest
+from robots import DEFAULT, Machine
+from scenario import Scenario
+from test_stability_bounds import CHATTERING, SMOOTH, variation
 
 CONFIG = Path(__file__).parent.parent / 'config'
 NODES = ('plant', 'trajectory', 'controller')

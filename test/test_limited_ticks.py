@@ -1,16 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the controller makes of ticks that were cut, left out, or answered by somebody else."""
 
 from __future__ import annotations
 
 from typing import Any
-
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy')
-
-from processes import PAPER
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
@@ -18,6 +24,9 @@ from masmc_ros.loop.simulation import robot_of
 from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from processes import PAPER
+import pytest
 
 PERIOD = 1e-3
 GENTLE = ('controller.k_s1=20', 'controller.k_s2=20', 'controller.law=smc')

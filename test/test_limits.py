@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Limits of the commanded torque: what they keep, and that nothing winds up behind them."""
 
 from __future__ import annotations
@@ -9,15 +22,14 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import Array, between, PROPERTY
-from scenario import axes, Scenario, whole
-
 from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.numerics.limits import limited
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import Array, between, PROPERTY
+from scenario import axes, Scenario, whole
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

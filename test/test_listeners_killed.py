@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Nodes that steer outlive whoever listens to them, however it dies."""
 
 from __future__ import annotations
@@ -10,17 +23,13 @@ import signal
 import time
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from forks import Forks, forks
-from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
-
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
+from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
 AT_ONCE = 4

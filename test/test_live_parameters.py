@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Gains change while a run goes on: checked, applied between two ticks, told with the tick."""
 
 from __future__ import annotations
@@ -7,18 +20,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
+from masmc_ros.cli.main import main
+from masmc_ros.scenario.node_parameters import declared
 from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
+import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
-
-from masmc_ros.cli.main import main
-from masmc_ros.scenario.node_parameters import declared
 
 Call = Callable[[Any, str, Any], Any]
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Four processes in lock-step give the bits of the simulation, whatever happens on the way."""
 
 from __future__ import annotations
@@ -6,17 +19,13 @@ from __future__ import annotations
 from pathlib import Path
 import signal
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
-from processes import NODES, PAPER, peer, processes, ros_arguments
-from std_msgs.msg import String
-
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.scenario.scenario import load_scenario
+from processes import NODES, PAPER, peer, processes, ros_arguments
+import pytest
+from std_msgs.msg import String
 
 OTHER = """
 /**:
@@ -141,7 +150,8 @@ def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) 
 def check_a_successor_takes_up_the_run(
     folder: Path, commands: tuple[str, ...], **settings: str
 ) -> None:
-    """Kill the controller of a run and start it again: states and commands stay what they are.
+    """
+    Kill the controller of a run and start it again: states and commands stay what they are.
 
     `settings` are parameters as of `ros_arguments`, `commands` the topics that answer states.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """In lock-step every node may hang or be killed: the run waits, goes on, and has the same bits."""
 
 from __future__ import annotations
@@ -9,17 +22,13 @@ from pathlib import Path
 import signal
 import time
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from builtin_interfaces.msg import Time
 from log_contents import LogContents, read_log
+from masmc_ros.cli.main import main
 from processes import NodeProcess, NODES, PAPER, Peer, peer, processes, ros_arguments
+import pytest
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
-
-from masmc_ros.cli.main import main
 
 DURATION = 16.0
 SETTINGS = ('controller.law=smc', f'duration={DURATION}')

@@ -1,13 +1,25 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Message definitions are those of ROS 2 Jazzy."""
 
 from importlib import import_module
 from time import monotonic
 
-import pytest
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import definition
+import pytest
 
 TYPES = (
     'builtin_interfaces/msg/Time',
@@ -44,7 +56,7 @@ def test_hashes_are_those_of_running_publishers(monkeypatch: pytest.MonkeyPatch)
                 assert monotonic() < deadline, f'{topic} was not seen'
             type_hash = endpoints[0].topic_type_hash
             expected = f'RIHS{type_hash.version:02d}_{bytes(type_hash.value).hex()}'
-            assert definition(type_name).hash == expected
+            assert definition(type_name).type_hash == expected
             node.destroy_publisher(publisher)
     finally:
         context.shutdown()

@@ -1,15 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Paths: their bytes, and which poses they have."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import DEFAULT
-from rosbags.typesys import get_typestore, Stores
-
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath, MOST_POSES, thinned
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
@@ -18,6 +26,10 @@ from masmc_ros.reference.trajectory import parameters, Trajectory
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.robot.two_link.frames import end_effector_height
 from masmc_ros.robot.two_link.parameters import Robot
+import numpy as np
+import pytest
+from robots import DEFAULT
+from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = 'nav_msgs/msg/Path'

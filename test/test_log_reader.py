@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs come back out of their logs as they went in, whoever wrote them."""
 
 import os
@@ -8,11 +21,6 @@ import sys
 from typing import Any
 
 from logged_runs import ARRAY, numbers, STATE, write_run
-from mcap.writer import Writer
-import numpy as np
-import pytest
-from rosbags.typesys import get_typestore, Stores
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
@@ -23,6 +31,10 @@ from masmc_ros.messages.names import JOINTS, TELEMETRY
 from masmc_ros.messages.platform_motion import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import ODOMETRY
+from mcap.writer import Writer
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -1,11 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Messages filled in bulk are those filled one by one."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-import numpy as np
-
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -21,6 +32,7 @@ from masmc_ros.messages.rows import (
     twist_stamped_rows,
 )
 from masmc_ros.messages.telemetry import TelemetryCdr
+import numpy as np
 
 STAMPS = hnp.arrays(np.int64, st.integers(0, 12), elements=st.integers(0, 2**31 * 10**9 - 1))
 

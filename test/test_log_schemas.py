@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The definitions in a log say what readers' type stores and ROS 2's own classes say."""
 
 from __future__ import annotations
@@ -7,13 +20,12 @@ from collections.abc import Iterator
 from importlib import import_module
 import re
 
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from mcap.reader import make_reader
 from mcap_ros2._vendor.rosidl_adapter.parser import Field, parse_message_string
 import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-
-from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 
 TYPES = sorted({topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)})
 _CLASS_NAMES = {'float64': 'double', 'float32': 'float', 'byte': 'octet', 'bool': 'boolean'}

@@ -1,13 +1,25 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which samples and states hold at a time."""
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-
 from masmc_ros.log.read.timeline import last_pass, sample_reference
 from masmc_ros.messages.reference_window import ReferenceWindow
+import numpy as np
+import pytest
 
 MS = 1_000_000
 
@@ -136,4 +148,4 @@ def test_remaining_stamps_ascend_and_the_last_is_kept(stamps: list[int]) -> None
     assert (np.diff(array[kept]) > 0).all()
     assert list(kept[-1:]) == list(range(len(stamps)))[-1:]
     for index in set(range(len(stamps))) - set(kept.tolist()):
-        assert min(stamps[index + 1 :]) <= stamps[index]
+        assert min(stamps[index + 1:]) <= stamps[index]

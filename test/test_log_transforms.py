@@ -1,14 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """TFMessages filled into fixed layouts are those that other serialisers make."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from rosbags.typesys import get_typestore, Stores
-
 from masmc_ros.messages.rows import transforms_rows
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.transforms import (
@@ -18,6 +27,9 @@ from masmc_ros.messages.transforms import (
     TransformsCdr,
 )
 from masmc_ros.robot.two_link.names import FRAMES
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = 'tf2_msgs/msg/TFMessage'

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logs are what ROS 2's tools and the usual viewers read."""
 
 import os
@@ -9,6 +22,13 @@ import sys
 import time
 
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
+from masmc_ros import __version__
+from masmc_ros.errors import InputError
+from masmc_ros.log.qos import LATCHED, Qos
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.write.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.names import JOINTS
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, MessageIndex
@@ -19,14 +39,6 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 import yaml
-
-from masmc_ros import __version__
-from masmc_ros.errors import InputError
-from masmc_ros.log.qos import LATCHED, Qos
-from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.write.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.names import JOINTS
 
 TICKS = 2000
 PER_TICK = 6
@@ -70,7 +82,7 @@ def test_header_and_channels(log: Path) -> None:
         assert channel.message_encoding == 'cdr'
         assert (schema.name, schema.encoding) == (type_name, 'ros2msg')
         assert schema.data.decode() == definition(type_name).text
-        assert channel.metadata['topic_type_hash'] == definition(type_name).hash
+        assert channel.metadata['topic_type_hash'] == definition(type_name).type_hash
         assert set(channel.metadata) == {'topic_type_hash', 'offered_qos_profiles'}
     assert len(summary.schemas) == 2
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Error dynamics (18) and Lyapunov function (19)-(23) in continuous time, signs and all."""
 
 from __future__ import annotations
@@ -7,6 +20,15 @@ from dataclasses import dataclass
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from masmc_ros.law.plug_in import TickInput
+from masmc_ros.law.registry import LAWS
+from masmc_ros.loop import records
+from masmc_ros.loop.dense import tick_input
+from masmc_ros.numerics.record import fill
+from masmc_ros.robot.two_link.dynamics import coriolis
+from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_drift, task_position
+from masmc_ros.robot.two_link.two_link import TWO_LINK
 import numpy as np
 from plant_state import derivative, PlantState
 import pytest
@@ -21,16 +43,6 @@ from robots import (
     Quad,
     quads,
 )
-
-from masmc_ros.law.plug_in import TickInput
-from masmc_ros.law.registry import LAWS
-from masmc_ros.loop import records
-from masmc_ros.loop.dense import tick_input
-from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link.dynamics import coriolis
-from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import task_drift, task_position
-from masmc_ros.robot.two_link.two_link import TWO_LINK
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Mutated parameter files: nodes and simulation agree, and nothing runs longer than a life."""
 
 from __future__ import annotations
@@ -9,13 +22,12 @@ import random
 import re
 import time
 
-import pytest
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.node_parameters import declared, NODES
 from masmc_ros.scenario.scenario import activation, load_scenario
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = [ROOT / 'config' / name for name in ('paper.yaml', 'robust.yaml')]
@@ -159,13 +171,12 @@ def test_nodes_and_simulation_agree(tmp_path: Path) -> None:
 
 def refusal_of_nodes(path: Path) -> str | None:
     """Return what the first node says that refuses a file; None where all take it."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.node import Node
-
     from masmc_ros.loop.timing import Timing
     from masmc_ros.nodes.parameters.ros_parameters import RosParameters
     from masmc_ros.nodes.process.command_line import parse
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.node import Node
 
     arguments = ['--ros-args', '--params-file', str(path)]
     context = Context()

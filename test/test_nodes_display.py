@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A viewer that joins an endless run late sees the robot, its path and where it is to go."""
 
 from __future__ import annotations
@@ -8,19 +21,15 @@ from pathlib import Path as File
 import signal
 import sys
 
-import pytest
-
-pytest.importorskip('rclpy')
-
-from nav_msgs.msg import Path
-from processes import BOUNDED, PAPER, peer, processes, ros_arguments
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from std_srvs.srv import Trigger
-
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.scenario.scenario import load_scenario
+from nav_msgs.msg import Path
+from processes import BOUNDED, PAPER, peer, processes, ros_arguments
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 
 def stamp(message: Path, pose: int | None = None) -> int:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What one gets who joins a run late, and that those who were there in time miss nothing."""
 
 from __future__ import annotations
@@ -10,11 +23,12 @@ import sys
 import time
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.qos import publisher_qos
 from nav_msgs.msg import Path as PathMessage
 from processes import (
     domain_variables,
@@ -29,12 +43,6 @@ from rclpy.qos import DurabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
-
-from masmc_ros.messages.names import TELEMETRY, telemetry_topic
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.qos import publisher_qos
 
 LATCHED: dict[str, Any] = {
     'controller/state': String,

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The live node shows a run to viewers and turns its gains, on real nodes."""
 
 from __future__ import annotations
@@ -14,13 +27,16 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy')
-pytest.importorskip('foxglove')
-
 from foxglove_client import Viewer, viewer
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp, transforms_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.nodes.live.node import SAMPLED
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
 from processes import (
     BOUNDED,
     NodeProcess,
@@ -33,21 +49,13 @@ from processes import (
     ros_arguments,
     shortened,
 )
+import pytest
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from surroundings import domain_variables, surroundings
-
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.stamps import header_stamp, transforms_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.nodes.live.node import SAMPLED
-from masmc_ros.scenario.scenario import load_scenario
 
 NODES = ('trajectory', 'controller', 'plant')
 PERIOD = 1_000_000

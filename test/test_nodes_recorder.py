@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the recorder writes: every message, once, in a file that every reader opens."""
 
 from __future__ import annotations
@@ -8,11 +21,12 @@ from pathlib import Path
 import signal
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import LogContents, read_log
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.messages.names import TELEMETRY
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
@@ -27,15 +41,10 @@ from processes import (
     ros_arguments,
     shortened,
 )
+import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
-
-from masmc_ros.log.read.reader import read_run
-from masmc_ros.messages.names import TELEMETRY
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.scenario.scenario import load_scenario
 
 LAST = 700
 """Last tick of the recorded runs; on no grid of a decimated topic."""

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Messages of other senders: read by name and by meaning, or refused with one line."""
 
 from __future__ import annotations
@@ -8,16 +21,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-import pytest
-
-pytest.importorskip('rclpy')
-
-from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.messages.effort import EffortCdr
@@ -26,6 +29,12 @@ from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.hermite import quintic
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from numpy.typing import NDArray
+from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 POSITION = np.array([0.1, -0.2, 1.4, 3.0, -2.0, 0.7, -1.2])
 VELOCITY = np.array([0.3, 0.1, -0.2, 1.0, 2.0, 0.4, -0.5])
@@ -52,7 +61,7 @@ class Controlled:
 
     @property
     def stamp(self) -> int:
-        """The latest stamp in ns."""
+        """Return the latest stamp in ns."""
         return self._tick * 1_000_000
 
     def next_stamp(self) -> int:

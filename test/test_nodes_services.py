@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The plant's services pause, step and reset, in lock-step and by the wall clock."""
 
 from __future__ import annotations
@@ -10,20 +23,15 @@ import signal
 import time
 from typing import Any, NamedTuple
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
-
 from masmc_ros.cli.main import main
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
+from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
 
 PERIOD = 1_000_000
 
@@ -218,7 +226,7 @@ def test_a_reset_run_has_the_bits_of_a_new_one(tmp_path: Path) -> None:
     for topic in ('joint_states', 'effort_commands', 'controller/parameter_estimate'):
         beginnings = [i for i, stamp in enumerate(live.stamps(topic)) if stamp == 0]
         assert len(beginnings) == 2, topic
-        again = live.messages[topic][beginnings[1] :]
+        again = live.messages[topic][beginnings[1]:]
         # The last state may have found its controller ended.
         assert len(expected.messages[topic]) - len(again) <= (topic != 'joint_states'), topic
         assert again == expected.messages[topic][: len(again)], topic

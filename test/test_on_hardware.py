@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A robot of its own: positions alone, joints in its order, odometry, its clock, late states."""
 
 from __future__ import annotations
@@ -9,11 +22,13 @@ from pathlib import Path
 import time
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.names import JOINTS
+from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry
 import numpy as np
 from processes import PAPER, Peer, peer, processes, ros_arguments
@@ -21,13 +36,6 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-
-from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.names import JOINTS
-from masmc_ros.robot.two_link.platform_motion import platform_motion
-from masmc_ros.scenario.scenario import load_scenario
 
 PERIOD = 0.005
 LATE = 0.03
@@ -50,15 +58,24 @@ AWAY = 0.3
 
 
 class Robot:
-    """A robot by the wall clock: a state every period, of what the commands made of it.
+    """
+    A robot by the wall clock: a state every period, of what the commands made of it.
 
-    Attributes:
-        velocities: what it says of its velocities, given the joints' order.
-        is_on: whether it does anything by itself.
-        tells_pose: whether it tells where its platform is.
-        torques: every torque commanded, N m.
-        answered: the stamps in ns of the states that they answer.
-        wrong: commands that are not four finite numbers.
+    Attributes
+    ----------
+    velocities
+        what it says of its velocities, given the joints' order.
+    is_on
+        whether it does anything by itself.
+    tells_pose
+        whether it tells where its platform is.
+    torques
+        every torque commanded, N m.
+    answered
+        the stamps in ns of the states that they answer.
+    wrong
+        commands that are not four finite numbers.
+
     """
 
     def __init__(self, tester: Peer) -> None:
@@ -125,12 +142,18 @@ class Robot:
 
 
 class Watched(Robot):
-    """The robot, and what its controller says.
+    """
+    The robot, and what its controller says.
 
-    Attributes:
-        told: what the controller told of its state.
-        health: what it reported last.
-        errors: tracking errors in m.
+    Attributes
+    ----------
+    told
+        what the controller told of its state.
+    health
+        what it reported last.
+    errors
+        tracking errors in m.
+
     """
 
     def __init__(self, tester: Peer) -> None:
@@ -149,7 +172,7 @@ class Watched(Robot):
             past=False,
         )
 
-    def set(self, **values: Any) -> None:
+    def set(self, **values: Any) -> None:  # noqa: A003
         new = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
         request = SetParametersAtomically.Request(parameters=new)
         name = '/controller/set_parameters_atomically'

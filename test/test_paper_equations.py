@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""What the paper prints where it disagrees with the mechanism, and what is right instead.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the paper prints where it disagrees with the mechanism, and what is right instead.
 
 docs/model.md discusses each of these; (15)-(23) are in test_lyapunov.py.
 """
@@ -8,6 +22,8 @@ from __future__ import annotations
 
 from hypothesis import given
 from lagrangian import matrices
+from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_velocity
 import numpy as np
 from robots import (
     all_angles,
@@ -20,9 +36,6 @@ from robots import (
     machines,
     PROPERTY,
 )
-
-from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import task_velocity
 
 SWAP = [1, 0, 2, 3]
 """Exchanges the columns of the right and of the left wheel."""

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`masmc param` on real nodes: what `ros2 param` says, and exit statuses that tell."""
 
 from __future__ import annotations
@@ -10,20 +23,16 @@ import subprocess
 import sys
 import time
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from forked import completed
+from masmc_ros.params.file import read
+from masmc_ros.scenario.node_parameters import declared
 from processes import PATIENCE, peer, Processes, processes
+import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from std_msgs.msg import String
 from surroundings import domain_variables, surroundings
 import yaml
-
-from masmc_ros.params.file import read
-from masmc_ros.scenario.node_parameters import declared
 
 
 @pytest.fixture(scope='module')

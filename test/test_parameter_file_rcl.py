@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameter files mean the same here as in rclpy's nodes: same values, same refusals."""
 
 from collections.abc import Iterator
@@ -7,15 +20,12 @@ from typing import Any
 
 from hypothesis import example, given, HealthCheck, settings
 from hypothesis import strategies as st
-import pytest
-
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import parse_value, read
-
-rclpy = pytest.importorskip('rclpy')
-
-from rclpy.context import Context  # noqa: E402
-from rclpy.node import Node  # noqa: E402
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
 
 DOMAIN = 87
 NODES = (('controller', '/'), ('controller', '/left'), ('plant', '/left/arm'))

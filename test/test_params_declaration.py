@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A parameter's declaration coerces what is right and refuses the rest in one line."""
 
 import array
@@ -7,10 +20,9 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-import pytest
-
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import check_all, Parameter
+import pytest
 
 GAIN = Parameter('k_s1', 100.0, 'Gain', length=4, broadcast=True, minimum=0.0, read_only=False)
 PERIOD = Parameter(

@@ -1,16 +1,28 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameters written for people: Markdown tables and values as YAML."""
 
 import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-import pytest
-
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.documentation import markdown_table
 from masmc_ros.params.file import parse_value
 from masmc_ros.params.text import yaml_text
+import pytest
 
 
 def test_table() -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The plant over a control period: energy, order of integration, disturbance, torque limit."""
 
 from __future__ import annotations
@@ -8,6 +21,16 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import plant_start, plant_tick
+from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.numerics.record import fill
+from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from robots import (
@@ -23,17 +46,6 @@ from robots import (
     Quad,
     quads,
 )
-
-from masmc_ros.errors import InputError
-from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import plant_start, plant_tick
-from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
-from masmc_ros.loop.simulation import robot_of
-from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
-from masmc_ros.robot.two_link.two_link import TWO_LINK
-from masmc_ros.scenario.scenario import load_scenario
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logs of robots whose platform is no joint: its pose is that of their odometry."""
 
 from __future__ import annotations
@@ -8,15 +21,14 @@ import csv
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pytest
-from rosbags.typesys import get_typestore, Stores
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.write.writer import LogWriter
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
 
 PAPER = str(Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml')
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -36,7 +48,8 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def without_base_joints(
     log: Path, folder: Path, change: Callable[[Any], bool] = lambda _: True
 ) -> Path:
-    """Return a log of the same run by a robot that publishes its driven joints alone.
+    """
+    Return a log of the same run by a robot that publishes its driven joints alone.
 
     `change` is given each odometry message and tells whether it is kept.
     """

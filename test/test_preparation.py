@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The kernels of all laws are at hand before a live change asks for one."""
 
 from __future__ import annotations
@@ -6,9 +19,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 import subprocess
-
-import numpy as np
-import pytest
 
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
@@ -18,6 +28,8 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.robot.two_link.two_link import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'
 PATIENCE = 60.0

@@ -1,19 +1,31 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Projection of theta_hat: what it keeps, and that it never leads away from a robot's theta."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.law.parts.adaptation import MARGIN, projected
+from masmc_ros.robot.two_link.consistency import is_consistent
+from masmc_ros.robot.two_link.dynamics import BaseParameters
 import numpy as np
 import pytest
 from robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
 from scenario import Scenario
 from test_consistency import reduced_inertia, stretched
-
-from masmc_ros.law.parts.adaptation import MARGIN, projected
-from masmc_ros.robot.two_link.consistency import is_consistent
-from masmc_ros.robot.two_link.dynamics import BaseParameters
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -79,7 +91,8 @@ def test_whatever_the_gradients_the_estimate_stays_that_of_bodies(
 def test_projection_comes_no_farther_from_any_robot_in_the_set(
     robot: Machine, lower: float, upper: float, seed: int, size: float
 ) -> None:
-    """A robot whose every mass and inertia is within the bounds, centres of mass the same.
+    """
+    A robot whose every mass and inertia is within the bounds, centres of mass the same.
 
     Steps of up to a third of the model in one tick.
     """

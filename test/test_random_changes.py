@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """10 000 changes of parameters in a run, right and wrong ones: none that is wrong is in force."""
 
 from __future__ import annotations
@@ -9,19 +22,15 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, Phase, settings
 from hypothesis import strategies as st
-import pytest
-
-pytest.importorskip('rclpy')
-
 from live_run import live_run, LiveRun
+from masmc_ros.errors import InputError
+from masmc_ros.messages.parameter_record import read_record
+from masmc_ros.scenario.node_parameters import declared
+import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-
-from masmc_ros.errors import InputError
-from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.scenario.node_parameters import declared
 
 EXAMPLES, FEW, CHANGES = 400, 12, 25
 AT_ONCE = 5
@@ -126,7 +135,7 @@ def change_parameters(served: tuple[LiveRun, Any, Any], many: list[dict[str, Any
                     parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in each.items()]
                 )
             )
-            for each in many[first : first + AT_ONCE]
+            for each in many[first:first + AT_ONCE]
         ]
         run.tester.until(lambda futures=futures: all(f.done() for f in futures), 'answers')
         results += [future.result().result for future in futures]

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Explicit reaching terms, surface, reference state and update laws, axis by axis."""
 
 from __future__ import annotations
@@ -8,10 +21,6 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-import pytest
-from robots import between, PROPERTY
-from scenario import Scenario, whole
-
 from masmc_ros.law.parts.adaptation import moved_estimate
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.law.reaching.reaching import reaching_force
@@ -20,6 +29,9 @@ from masmc_ros.law.reaching.sigmoid import sigmoid
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.reaching.tanh import smooth
 from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
+import pytest
+from robots import between, PROPERTY
+from scenario import Scenario, whole
 
 SIGN, SATURATION, TANH, SIGMOID = 'sign', 'saturation', 'tanh', 'sigmoid'
 SMOOTH = (SATURATION, TANH, SIGMOID)

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Resets and activations change the torque: a run's log tells them, so that it can be redone."""
 
 from __future__ import annotations
@@ -6,9 +19,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import pytest
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
@@ -24,6 +34,8 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.scenario.scenario import load_scenario, logged_scenario
+import numpy as np
+import pytest
 
 PAPER = str(Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml')
 LEARNING = (

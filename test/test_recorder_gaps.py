@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a recorder misses is told in the log, on /diagnostics and in the report."""
 
 from __future__ import annotations
@@ -6,15 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 import signal
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from diagnostic_msgs.msg import DiagnosticArray
-from processes import peer, processes
-from sensor_msgs.msg import JointState
-from test_recorder_killed import recorder, ROBOT
-
 from masmc_ros.cli.recover import recover
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
@@ -22,6 +27,10 @@ from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.report.missing import missing
 from masmc_ros.report.tracking import tracking
+from processes import peer, processes
+import pytest
+from sensor_msgs.msg import JointState
+from test_recorder_killed import recorder, ROBOT
 
 PERIOD = 10**6
 HELD_UP = 8 * 10**9

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Recorders that are killed at any moment lose next to nothing."""
 
 from __future__ import annotations
@@ -7,20 +20,16 @@ from pathlib import Path
 import random
 import signal
 
-import pytest
-
-pytest.importorskip('rclpy')
-
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
-from rosbags.highlevel import AnyReader
-from sensor_msgs.msg import JointState
-
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
+import pytest
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
 
 ROUNDS, AT_ONCE = 17, 3
 MOST_LOST = 0.6

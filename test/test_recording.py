@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Recordings in parts, on disks that are full, and queues that are."""
 
 from __future__ import annotations
@@ -9,10 +22,6 @@ import subprocess
 import sys
 import textwrap
 
-from mcap.reader import make_reader
-import pytest
-from rosbags.highlevel import AnyReader
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run
@@ -21,6 +30,9 @@ from masmc_ros.log.write.recording import LOST, Options, Recording
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.text import string_message
+from mcap.reader import make_reader
+import pytest
+from rosbags.highlevel import AnyReader
 
 TICKS = 3000
 

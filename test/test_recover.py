@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logs that were cut off anywhere are completed, with everything that was whole in them."""
 
 from __future__ import annotations
@@ -11,12 +24,6 @@ from pathlib import Path
 import random
 
 from logged_runs import ARRAY, numbers, STATE, write_run
-from mcap.reader import make_reader
-from mcap.records import ChunkIndex
-from mcap_ros2.decoder import DecoderFactory
-import pytest
-from rosbags.highlevel import AnyReader
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
@@ -24,6 +31,11 @@ from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
 from masmc_ros.log.write.writer import ChannelRows, COMPRESSIONS, LogWriter
 from masmc_ros.messages.rows import effort_rows, joint_state_rows
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
+from mcap_ros2.decoder import DecoderFactory
+import pytest
+from rosbags.highlevel import AnyReader
 
 TICKS = 160
 COMMIT = 20
@@ -262,7 +274,7 @@ def test_a_whole_chunk_with_a_wrong_checksum_is_left_out(tmp_path: Path) -> None
     path.write_bytes(data)
     recover(path)
     messages, _ = read(path)
-    assert messages == log.messages[: sum(log.counts[:4])] + log.messages[sum(log.counts[:5]) :]
+    assert messages == log.messages[: sum(log.counts[:4])] + log.messages[sum(log.counts[:5]):]
 
 
 def test_chunks_of_a_long_run(tmp_path: Path) -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A lock-step run that was stopped, started and reset on its way is computed again, bit by bit."""
 
 from __future__ import annotations
@@ -6,20 +19,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from log_contents import read_log
-from processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool, Trigger
-
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
 from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
+import pytest
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 LEARNING = {
     # A place to stay at, so that a robot that nobody steers is not far from it.
@@ -61,7 +70,7 @@ class Run:
     def trigger(self, name: str) -> None:
         assert self.tester.call(Trigger, name, Trigger.Request(), again=False).success
 
-    def set(self, **values: Any) -> None:
+    def set(self, **values: Any) -> None:  # noqa: A003
         new = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
         request = SetParametersAtomically.Request(parameters=new)
         name = '/controller/set_parameters_atomically'

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report's page in a real browser, where one is installed."""
 
 from __future__ import annotations
@@ -11,12 +24,11 @@ import subprocess
 from typing import Any
 
 from browser import chromium, LIMIT, look, needs_chromium
+from masmc_ros.report.report import write_report
 from matplotlib.image import imread
 import numpy as np
 import pytest
 from report_runs import paper_like, with_change
-
-from masmc_ros.report.report import write_report
 
 FIREFOX = next(filter(None, map(shutil.which, ('firefox', 'firefox-esr'))), None)
 needs_firefox = pytest.mark.skipif(FIREFOX is None, reason='no Firefox here')

@@ -1,13 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the report shows of limits that cut the torque, and of resets and activations."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
-from report_html import lines, Page
-from report_runs import paper_like, with_change
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
@@ -16,6 +25,9 @@ from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
 from masmc_ros.report.page import report_page
 from masmc_ros.report.tracking import tracking
+import numpy as np
+from report_html import lines, Page
+from report_runs import paper_like, with_change
 
 
 def page(run: Run) -> Page:

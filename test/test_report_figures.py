@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Figures and the folder of a report."""
 
 from __future__ import annotations
@@ -11,14 +24,6 @@ from pathlib import Path
 
 from hypothesis import given
 from logged_runs import numbers, write_run
-import matplotlib
-from matplotlib.figure import Figure
-from matplotlib.image import imread
-import numpy as np
-import pytest
-from report_runs import paper_like, run_of, ticks, without_error
-from robots import all_angles, Angles, Machine, machines, PROPERTY
-
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
@@ -32,6 +37,13 @@ from masmc_ros.report.robot_drawing import arm_points
 from masmc_ros.report.style import paper_style, png
 from masmc_ros.report.tracking import tracking
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
+import matplotlib
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from report_runs import paper_like, run_of, ticks, without_error
+from robots import all_angles, Angles, Machine, machines, PROPERTY
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
@@ -114,7 +126,7 @@ def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
 def test_errors_are_drawn_in_mm_and_enlarged(draw: Callable[..., Figure], first: int) -> None:
     run = paper_like()
     tracked = tracking(run)
-    error = 1000.0 * tracked.error[:, first : first + 2]
+    error = 1000.0 * tracked.error[:, first:first + 2]
     with paper_style():
         upper, lower = draw(tracked, metrics(run), 'run').axes
     for axes in (upper, lower):

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Metrics of runs with known answers."""
 
 from __future__ import annotations
@@ -10,16 +23,15 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-import numpy as np
-import pytest
-from report_runs import paper_like, PARAMETERS, run_of, ticks, without_error
-
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.report.metrics import metrics, total_variation
 from masmc_ros.report.tracking import tracking
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from report_runs import paper_like, PARAMETERS, run_of, ticks, without_error
 
 PAPER = Path(__file__).parent.parent / 'config' / 'paper.yaml'
 

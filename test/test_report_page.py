@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report's page: what is in it, and that it needs nothing else."""
 
 from __future__ import annotations
@@ -10,11 +23,6 @@ from typing import Any
 
 from logged_runs import ARRAY, STATE, write_run
 from logged_runs import numbers as numbers_of_a_run
-import numpy as np
-import pytest
-from report_html import lines, numbers, Page
-from report_runs import paper_like, run_of, ticks, with_change, without_error
-
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
@@ -27,6 +35,10 @@ from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
 from masmc_ros.report.page import report_page
 from masmc_ros.report.tracking import tracking
+import numpy as np
+import pytest
+from report_html import lines, numbers, Page
+from report_runs import paper_like, run_of, ticks, with_change, without_error
 
 NETWORK = re.compile(r'(?:https?:)?//[\w.-]+\.\w+', re.IGNORECASE)
 TIMES = ticks()
@@ -168,7 +180,7 @@ def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
     ):
         assert values is not None
         samples = traces.pop(name)
-        for axis, column in zip('xy', values[:, first : first + 2].T, strict=True):
+        for axis, column in zip('xy', values[:, first:first + 2].T, strict=True):
             np.testing.assert_array_equal(samples[axis], column.astype(np.float32))
     assert not traces
     layout = both.figure('run-1-path')['layout']

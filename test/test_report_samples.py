@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the report's page holds of a line: every sample, or the bounds of every stretch."""
 
 from __future__ import annotations
@@ -6,10 +19,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from masmc_ros.report.samples import packed_path, packed_signal
 import numpy as np
 from report_html import unpacked
-
-from masmc_ros.report.samples import packed_path, packed_signal
 
 ANY = st.floats(-1e300, 1e300) | st.sampled_from([0.0, 1.0, np.nan, np.inf, -np.inf])
 SAMPLES = hnp.arrays(float, st.integers(1, 120), elements=ANY)
@@ -47,7 +59,7 @@ def test_every_stretch_has_its_bounds(values: np.ndarray, most: int) -> None:
     assert len(x) == len(low) + 1 == len(high) + 1 <= most + 1
     size = -(-len(values) // most)
     for number, first in enumerate(range(0, len(values), size)):
-        stretch = single(values[first : first + size])
+        stretch = single(values[first:first + size])
         np.testing.assert_allclose(x[number], times[first], rtol=0, atol=1e-9)
         if np.isnan(stretch).all():
             assert np.isnan([low[number], high[number]]).all()

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Settling times of errors with known answers."""
 
 from __future__ import annotations
@@ -9,12 +22,11 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from masmc_ros.report.metrics import metrics
+from masmc_ros.report.settling import FLOOR, settling_band, settling_time
 import numpy as np
 import pytest
 from report_runs import run_of, ticks, with_change
-
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.settling import FLOOR, settling_band, settling_time
 
 NEAR_THE_BAND = st.sampled_from([0.0, 0.5, 1.0]).flatmap(lambda x: st.floats(-0.04 * x, x))
 
@@ -93,7 +105,7 @@ def test_after_settling_the_error_is_in_the_band(errors: np.ndarray) -> None:
     size = np.linalg.norm(errors, axis=1)
     is_in = size <= settling_band(errors)
     if found == math.inf:
-        assert not is_in[(len(t) - 1) // 2 :].all()
+        assert not is_in[(len(t) - 1) // 2:].all()
     else:
         assert is_in[t >= found].all()
         before = t < found

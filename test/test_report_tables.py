@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Labels and tables of runs."""
 
 from __future__ import annotations
@@ -11,12 +24,11 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-import pytest
-from report_runs import paper_like, with_change
-
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import Metrics, metrics
 from masmc_ros.report.table import csv_table, markdown_table, number, text_table
+import pytest
+from report_runs import paper_like, with_change
 
 KNOWN = Metrics(
     begin=10.0,
@@ -95,7 +107,7 @@ def test_text_table_is_aligned() -> None:
     ]  # fmt: skip
     # Every column ends where its rule ends.
     edges = [
-        i for i, letter in enumerate(rule) if letter == '-' and rule[i + 1 : i + 2] in (' ', '')
+        i for i, letter in enumerate(rule) if letter == '-' and rule[i + 1:i + 2] in (' ', '')
     ]
     for line in (first, second):
         assert all(line[i] != ' ' for i in edges[1:])

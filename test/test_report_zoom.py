@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the report's plots draw of a log, near and far, in a real browser: nothing is invented."""
 
 from __future__ import annotations
@@ -10,15 +23,14 @@ import re
 from typing import Any
 
 from browser import look, needs_chromium
-import numpy as np
-import pytest
-from report_runs import run_of, ticks
-
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.report import write_report
 from masmc_ros.report.samples import MOST
 from masmc_ros.report.tracking import tracking
+import numpy as np
+import pytest
+from report_runs import run_of, ticks
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'
 BEGIN, END = 10.0, 10.1

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The URDF is valid, and is the robot that the equations are about."""
 
 from __future__ import annotations
@@ -8,15 +21,14 @@ from xml.etree import ElementTree as Xml
 
 from hypothesis import given
 from hypothesis import strategies as st
-import numpy as np
-import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import DRIVEN_JOINTS
 from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.robot.two_link.parameters import base_parameters
+import numpy as np
+import pytest
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
 
 POSITIONS = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
 

@@ -1,16 +1,28 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Ten minutes under config/robust.yaml: nothing drifts, with noise and within limits."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
 from robots import Array
-
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.scenario.scenario import load_scenario
 
 ROBUST = str(Path(__file__).parent.parent / 'config' / 'robust.yaml')
 
@@ -42,14 +54,15 @@ class LongRun:
 
     def rms(self, begin: float, end: float) -> Array:
         """Return RMS of the distance of E and of F from their paths in a span of time, in mm."""
-        error = 1e3 * self.error[round(1e3 * begin) : round(1e3 * end)]
+        error = 1e3 * self.error[round(1e3 * begin):round(1e3 * end)]
         squares = [(error[:, axes] ** 2).sum(axis=1).mean() for axes in ([0, 1], [2, 3])]
         return np.sqrt(squares)
 
 
 @pytest.mark.parametrize('limits', [(), (LIMITS,)], ids=['no limits', 'limits'])
 def test_ten_minutes_with_noise_are_no_worse_at_the_end(limits: tuple[str, ...]) -> None:
-    """At 600 s as at 20 s of a run that the disturbance meets at the same phase.
+    """
+    At 600 s as at 20 s of a run that the disturbance meets at the same phase.
 
     The periods of path and disturbance have no common multiple; over 100 s the phases even out.
     """

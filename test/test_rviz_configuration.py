@@ -1,16 +1,28 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """RViz's configuration reads what a run publishes, in the way it is published."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.messages.names import ODOM_FRAME
+from masmc_ros.messages.topics import TOPICS, TRANSFORMS
 import pytest
 from viewed_run import computed_run, decoded, ROOT
 import yaml
-
-from masmc_ros.messages.names import ODOM_FRAME
-from masmc_ros.messages.topics import TOPICS, TRANSFORMS
 
 PLUGINS = 'rviz_default_plugins/'
 KIND = {'RobotModel': 'std_msgs/msg/String', 'Path': 'nav_msgs/msg/Path'}

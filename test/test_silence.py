@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """By the wall clock silence is a fault whoever says what; a plant that is paused is not silent."""
 
 from __future__ import annotations
@@ -7,19 +20,14 @@ from pathlib import Path
 import signal
 import time
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
 from processes import Peer, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
-
-from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
 
 NODES = ('plant', 'trajectory', 'controller')
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whatever a stranger sends: no node ends, and the recording is whole, with all of it inside."""
 
 from __future__ import annotations
@@ -9,16 +22,6 @@ import random
 import signal
 import time
 from typing import Any
-
-import pytest
-
-pytest.importorskip('rclpy')
-
-from mcap.reader import make_reader
-import numpy as np
-from processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
-from strangers import NESTED, record, right_message, strange_message, TEXTS, TYPES
-from test_recover import read
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
@@ -34,6 +37,12 @@ from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.plant.command_parts import rate_parts, torque_parts
 from masmc_ros.robot.two_link.names import ARM_JOINTS, DRIVEN_JOINTS
+from mcap.reader import make_reader
+import numpy as np
+from processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
+import pytest
+from strangers import NESTED, record, right_message, strange_message, TEXTS, TYPES
+from test_recover import read
 
 ROUNDS, LIMIT = 40, 400.0
 """Batches of messages that are sent, and the time in s for them."""

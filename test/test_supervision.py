@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The controller's services and timeouts, on real nodes by the wall clock and in lock-step."""
 
 from __future__ import annotations
@@ -7,21 +20,16 @@ from pathlib import Path
 import signal
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from live_run import live_run, LiveRun
 from log_contents import read_log
-import numpy as np
-from processes import peer, processes, ros_arguments, shortened
-from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import SetBool, Trigger
-
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
+import numpy as np
+from processes import peer, processes, ros_arguments, shortened
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool, Trigger
 
 
 def call(run: LiveRun, name: str, value: bool | None = None) -> Any:

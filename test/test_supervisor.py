@@ -1,12 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whether torque may be computed: the state machine, whatever happens in whatever order."""
 
 from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-import pytest
-
 from masmc_ros.loop.stamp_order import Order, StampOrder
 from masmc_ros.loop.supervisor import (
     ACTIVE,
@@ -16,6 +27,7 @@ from masmc_ros.loop.supervisor import (
     Supervisor,
     would_follow,
 )
+import pytest
 
 MS = 1_000_000
 EVENTS = {

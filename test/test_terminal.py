@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The commands as a terminal has them: signals, full devices, what was meant by a slip."""
 
 from __future__ import annotations
@@ -15,12 +28,11 @@ import sys
 import time
 from typing import Any
 
+from masmc_ros.cli.main import main
+from masmc_ros.scenario.node_parameters import declared, NODES
 import pytest
 from test_bad_input import PAPER, PATIENCE, the_line
 from viewed_run import computed_run
-
-from masmc_ros.cli.main import main
-from masmc_ros.scenario.node_parameters import declared, NODES
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': os.pathsep.join(e or os.getcwd() for e in sys.path)}
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Nodes of this package keep out of the shared memory of Fast DDS, unless told otherwise."""
 
 from __future__ import annotations
@@ -8,14 +21,10 @@ from pathlib import Path
 import subprocess
 import sys
 
+from masmc_ros.nodes.middleware import transport
 import pytest
-
-pytest.importorskip('rclpy')
-
 from rclpy.utilities import get_rmw_implementation_identifier
 from surroundings import surroundings
-
-from masmc_ros.nodes.middleware import transport
 
 PROFILES = Path(transport.__file__).with_name('fast_dds')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -104,6 +113,6 @@ def test_both_profiles_differ_in_discovery_alone() -> None:
         for name in ('localhost.xml', 'subnet.xml')
     )
     begin, end = local.index('<builtin>'), local.index('</builtin>')
-    rest = local[:begin] + local[end + 1 :]
+    rest = local[:begin] + local[end + 1:]
     rest.remove('<maxInitialPeersRange>32</maxInitialPeersRange>')
     assert rest[2:] == wide[2:]

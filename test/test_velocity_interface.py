@@ -1,12 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Commanded rates: the kinematic law, the drives' velocity loops, and both along the path."""
 
 from __future__ import annotations
 
 from pathlib import Path
-
-import numpy as np
-import pytest
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
@@ -17,6 +27,8 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.robot.plant.drives import drive, joint_inertias
 from masmc_ros.robot.two_link.two_link import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
 
 PAPER = str(Path(__file__).parent.parent / 'config' / 'paper.yaml')
 RATES = 'plant.command_interface=velocity', 'controller.command_interface=velocity'

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Commanded rates between real nodes: lock-step, real time, bad messages, disagreement."""
 
 from __future__ import annotations
@@ -11,16 +24,24 @@ from pathlib import Path
 import signal
 from typing import Any
 
-import pytest
-
-pytest.importorskip('rclpy')
-
 from foxglove_client import viewer
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from live_run import live_run, LiveRun
 from log_contents import read_log
+from masmc_ros.cli.main import main
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.loop.simulation import robot_of
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.reference.windows import ReferenceWindows
+from masmc_ros.report.parameters import run_robot
+from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
+import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -34,18 +55,6 @@ from test_lockstep import (
     TICK_TOPICS,
 )
 from test_nodes_live import listening
-
-from masmc_ros.cli.main import main
-from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.simulation import robot_of
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
-from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.report.parameters import run_robot
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
-from masmc_ros.scenario.scenario import load_scenario
 
 TOPICS = (
     'cmd_vel',

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`masmc view` serves a log as a viewer reads it, and opens installed viewers."""
 
 from __future__ import annotations
@@ -19,11 +32,10 @@ from urllib.parse import parse_qs, urlsplit
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from masmc_ros.cli.file_server import FileServer
 from mcap.reader import make_reader
 import pytest
 from viewed_run import computed_run, ROOT
-
-from masmc_ros.cli.file_server import FileServer
 
 PATIENCE = 60.0
 
@@ -187,7 +199,7 @@ def test_any_range_has_the_files_bytes(
         assert response.status == 416
         assert response.headers['Content-Range'] == f'bytes */{len(content)}'
         return
-    assert data == content[first : first + length + 1]
+    assert data == content[first:first + length + 1]
     assert int(response.headers['Content-Length']) == len(data)
     if len(data) < len(content):
         assert response.status == 206

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The viewers' own libraries decode every message of a log to what it says.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The viewers' own libraries decode every message of a log to what it says.
 
 They parse the definitions in the log, and read the messages by them: a definition that does
 not fit its messages, an index or a chunk that is not right would show here.
@@ -13,18 +27,14 @@ from pathlib import Path
 import struct
 from typing import Any
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rosbags')
-
-from node_readers import read_log, run_read_log, SOURCES
-from viewed_run import computed_run, decoded, ROOT
-
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import robot_of
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.scenario.scenario import load_scenario
+from node_readers import read_log, run_read_log, SOURCES
+import numpy as np
+import pytest
+from viewed_run import computed_run, decoded, ROOT
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 
@@ -69,7 +79,7 @@ def check(log: Path, told: Any) -> None:
     assert told['topics']['/effort_commands']['last']['data'] == run.torque[-1].tolist()
     error = told['topics']['/controller/tracking_error']['last']
     assert run.tracking_error is not None
-    assert error['data'][error['layout']['data_offset'] :] == run.tracking_error[-1].tolist()
+    assert error['data'][error['layout']['data_offset']:] == run.tracking_error[-1].tolist()
 
 
 def test_every_message_of_a_computed_run(tmp_path: Path) -> None:
@@ -111,7 +121,7 @@ def test_the_layouts_script_draws_the_paths_of_e_and_f(run_and_made: tuple[Path,
     messages = made['/masmc/paths']
     for point, first in (('e', 0), ('f', 2)):
         for kind, values in wanted.items():
-            whole = values[:, first : first + 2]
+            whole = values[:, first:first + 2]
             name = f'{point}_{kind}'
             assert all(len(each[name]) == len(each['x']) for each in messages)
             drawn = np.array(

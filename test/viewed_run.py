@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A short computed run for tests of what viewers show, and its messages decoded."""
 
 from __future__ import annotations
@@ -7,10 +20,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.cli.main import main
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-
-from masmc_ros.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER = ROOT / 'config' / 'paper.yaml'

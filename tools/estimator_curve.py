@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Error against torque variation of the velocity estimator and of a first-order filter.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Error against torque variation of the velocity estimator and of a first-order filter.
 
 `python tools/estimator_curve.py` draws docs/images/estimator.png and renews the table in
 docs/estimator.md. The paper's scenario, smc with the implicit law and observer_gain 0.5, at
@@ -13,13 +27,12 @@ import math
 from pathlib import Path
 import re
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parent.parent
 SETTINGS = (

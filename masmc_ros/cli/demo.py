@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`masmc demo`: the paper's experiment on real nodes, logged and reported."""
 
 from __future__ import annotations
@@ -12,14 +25,13 @@ import subprocess
 import sys
 import time
 
-from tqdm import tqdm
-
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
+from tqdm import tqdm
 
 LAWS = ('smc', 'rasmc')
 NODES = ('recorder', 'trajectory', 'controller', 'plant')

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How a command ends when it is told to, and with whom a child process ends."""
 
 from __future__ import annotations
@@ -34,7 +47,8 @@ class Ended(KeyboardInterrupt):
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Raise Ended within where a signal comes, and leave no unfinished file behind.
+    """
+    Raise Ended within where a signal comes, and leave no unfinished file behind.
 
     A signal that is ignored, as under `nohup`, stays so.
     """
@@ -63,7 +77,8 @@ def child_environment() -> dict[str, str]:
 
 
 def end_with_parent() -> None:
-    """End by SIGTERM when the process ends that asked for it, killed or not.
+    """
+    End by SIGTERM when the process ends that asked for it, killed or not.
 
     Only that process's own child does; Linux tells it.
     """

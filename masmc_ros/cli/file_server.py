@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""One file over HTTP for an application of this machine: parts of it, from any web page.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One file over HTTP for an application of this machine: parts of it, from any web page.
 
 A viewer reads the parts of a log that it shows by range requests. The address holds a secret,
 so that other pages that the browser has open do not find the file.
@@ -121,7 +135,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _part(header: str | None, size: int) -> range | None:
-    """Return the bytes that a request asks for; None where the file has none of them.
+    """
+    Return the bytes that a request asks for; None where the file has none of them.
 
     As HTTP allows, a header that is not understood, such as several ranges, asks for all.
     """

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""`masmc param`: parameters of running nodes, where the ros2 command is not installed.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`masmc param`: parameters of running nodes, where the ros2 command is not installed.
 
 Arguments and output are those of `ros2 param`; a refusal, though, has an exit status.
 """
@@ -10,12 +24,11 @@ import argparse
 import sys
 from typing import Any
 
-import yaml
-
 from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import InputError
 from masmc_ros.params.file import parse_value
 from masmc_ros.params.node_name import complaint
+import yaml
 
 _REFUSED = 1
 """Exit status where a node refuses a value."""

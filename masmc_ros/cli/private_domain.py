@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A ROS domain of one's own on this machine, so that a run meets no other and no robot."""
 
 from __future__ import annotations
@@ -19,7 +32,8 @@ _DOMAINS = range(1, 102)
 
 @contextmanager
 def private_domain() -> Iterator[dict[str, str]]:
-    """Yield environment variables of a domain that no other such run uses meanwhile.
+    """
+    Yield environment variables of a domain that no other such run uses meanwhile.
 
     Raises UserError where all are taken.
     """
@@ -32,7 +46,8 @@ def private_domain() -> Iterator[dict[str, str]]:
 
 @contextmanager
 def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
-    """Yield the first domain that no other process of this user has locked, and nobody uses.
+    """
+    Yield the first domain that no other process of this user has locked, and nobody uses.
 
     Raises UserError where all are taken.
     """

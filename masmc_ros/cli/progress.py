@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a run on real nodes is, seen from outside: the stamps of odom."""
 
 from __future__ import annotations
@@ -7,16 +20,15 @@ from contextlib import suppress
 import os
 from types import TracebackType
 
+from masmc_ros.errors import InputError
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.middleware.transport import prepare_transport
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
-
-from masmc_ros.errors import InputError
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.transport import prepare_transport
 
 
 class RunProgress:

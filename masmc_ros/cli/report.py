@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`masmc report`: metrics and figures from logged runs."""
 
 from __future__ import annotations
@@ -7,11 +20,10 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from tqdm import tqdm
-
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.report.missing import unread
 from masmc_ros.report.report import check_report, write_report
+from tqdm import tqdm
 
 
 def report(logs: Sequence[str], output: str) -> int:

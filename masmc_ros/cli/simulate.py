@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`masmc simulate`: the closed loop of a parameter file or of a log, computed without ROS."""
 
 from __future__ import annotations
@@ -10,9 +23,6 @@ from pathlib import Path
 import shutil
 import sys
 from typing import Any, NamedTuple
-
-import numpy as np
-from tqdm import tqdm
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run, Run
@@ -26,6 +36,8 @@ from masmc_ros.report.table import text_table
 from masmc_ros.robot.two_link import AXES
 from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
+import numpy as np
+from tqdm import tqdm
 
 _PROGRESS_FROM = 200_000
 """Ticks from which a run takes long enough to show its progress."""
@@ -41,7 +53,8 @@ class _Source(NamedTuple):
 
 
 def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrite: bool) -> int:
-    """Compute a run, log it if asked to, and print what it reached.
+    """
+    Compute a run, log it if asked to, and print what it reached.
 
     The run of a log is computed again, with the changes of gains, resets and activations on
     its way, and compared with what the log says. A file's run is active from its first tick.

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Declarations of live parameters: an entry for each of what a mechanism has several of."""
 
 from __future__ import annotations
@@ -12,16 +25,26 @@ from masmc_ros.robot.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class PerEntry:
-    """A live parameter with an entry per task axis, joint or base parameter, or one for all.
+    """
+    A live parameter with an entry per task axis, joint or base parameter, or one for all.
 
-    Attributes:
-        name: as `Parameter` has it.
-        size: what it has an entry for each of: 'axes', 'joints' or 'parameters'.
-        default: of every entry, or the name of what the mechanism has for it.
-        description: what it means; what the entries are of is said after it.
-        unit: SI unit or ''.
-        note: what is said last.
-        is_positive: whether 0 is out of range too.
+    Attributes
+    ----------
+    name
+        as `Parameter` has it.
+    size
+        what it has an entry for each of: 'axes', 'joints' or 'parameters'.
+    default
+        of every entry, or the name of what the mechanism has for it.
+    description
+        what it means; what the entries are of is said after it.
+    unit
+        SI unit or ''.
+    note
+        what is said last.
+    is_positive
+        whether 0 is out of range too.
+
     """
 
     name: str

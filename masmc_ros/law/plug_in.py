@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""What a user's own law is given at a tick, and what it gives back.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a user's own law is given at a tick, and what it gives back.
 
 A law is a class named by an entry point of the group `masmc_ros.laws`. It is plain Python
 over the same compiled formulas as the built-in laws and runs in the same loop, slower.
@@ -11,10 +25,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from masmc_ros.params.declaration import Parameter
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.params.declaration import Parameter
 
 Array = NDArray[np.float64]
 

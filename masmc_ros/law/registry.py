@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""All control laws and reaching terms by name: those of this folder, and users' own.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+All control laws and reaching terms by name: those of this folder, and users' own.
 
 A new law or reaching term is a file beside the others and one line here.
 """
@@ -48,10 +62,14 @@ def names() -> tuple[str, ...]:
 
 @cache
 def load(name: str) -> Law | type[PlugInLaw]:
-    """Return a law: formulas that are compiled, or a class in plain Python.
+    """
+    Return a law: formulas that are compiled, or a class in plain Python.
 
-    Raises:
-        InputError: where a plugged-in one cannot be loaded.
+    Raises
+    ------
+    InputError
+        where a plugged-in one cannot be loaded.
+
     """
     if name in LAWS:
         return LAWS[name]
@@ -64,7 +82,8 @@ def load(name: str) -> Law | type[PlugInLaw]:
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Return the controller's declarations: of laws, reaching terms and parts, and of users' own.
+    """
+    Return the controller's declarations: of laws, reaching terms and parts, and of users' own.
 
     Every name once, in the order in which nodes and tables show them.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a law knows at a tick: the state, the reference, and the sliding surface of both."""
 
 from __future__ import annotations
@@ -40,7 +53,8 @@ def tick_of(
     position: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tick:
-    """Return the tick of a measured state and of x_d, xdot_d and xddot_d.
+    """
+    Return the tick of a measured state and of x_d, xdot_d and xddot_d.
 
     v_r = J^-1 xdot_r and a_r = J^-1 (xddot_r - Jdot v_r) with (13) and (14).
     """

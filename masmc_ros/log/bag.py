@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`metadata.yaml`: by it ROS 2 knows the files of a folder for the parts of one recording."""
 
 from __future__ import annotations
@@ -8,11 +21,10 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
 from masmc_ros.messages.definitions import Definition, definition
+import yaml
 
 METADATA_FILE = 'metadata.yaml'
 
@@ -79,10 +91,14 @@ def write_bag_metadata(
 
 
 def part_names(folder: Path) -> list[str]:
-    """Return the files of a recording in their order.
+    """
+    Return the files of a recording in their order.
 
-    Raises:
-        InputError: where the folder has no such file, or one that cannot be understood.
+    Raises
+    ------
+    InputError
+        where the folder has no such file, or one that cannot be understood.
+
     """
     path = folder / METADATA_FILE
     if path.exists():
@@ -124,7 +140,7 @@ def _topic(topic: TopicCount) -> dict[str, object]:
                 '\n'.join(each.to_yaml() for each in topic.qos)
             )
             or [],
-            'type_description_hash': (topic.defined or definition(topic.type_name)).hash,
+            'type_description_hash': (topic.defined or definition(topic.type_name)).type_hash,
         },
         'message_count': topic.messages,
     }

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Quality of service as a log keeps it, so that a player offers what was recorded."""
 
 from __future__ import annotations
@@ -10,13 +23,20 @@ _INFINITE = 'sec: 9223372036\n    nsec: 854775807'
 
 @dataclass(frozen=True)
 class Qos:
-    """What a publisher offers: the names are those of ROS 2's QoS policies.
+    """
+    What a publisher offers: the names are those of ROS 2's QoS policies.
 
-    Attributes:
-        depth: how many messages are kept.
-        history: `keep_last` or `keep_all`.
-        reliability: `reliable` or `best_effort`.
-        durability: `volatile` or `transient_local`.
+    Attributes
+    ----------
+    depth
+        how many messages are kept.
+    history
+        `keep_last` or `keep_all`.
+    reliability
+        `reliable` or `best_effort`.
+    durability
+        `volatile` or `transient_local`.
+
     """
 
     depth: int = 1000

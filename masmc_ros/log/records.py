@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The records of an MCAP file as they stand there, whole or not."""
 
 from __future__ import annotations
@@ -15,12 +28,11 @@ from typing import Any, NamedTuple
 import zlib
 
 import lz4.frame
+from masmc_ros.errors import InputError
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, MessageIndex, Metadata, Schema
 import zstandard
-
-from masmc_ros.errors import InputError
 
 Data = mmap.mmap | bytes
 """A file, or the records of a chunk."""
@@ -115,7 +127,8 @@ def unpacked_size(data: Data, start: int) -> int:
 
 
 def decompressed(chunk: Chunk) -> bytes:
-    """Return the records of a chunk; raises where they are damaged.
+    """
+    Return the records of a chunk; raises where they are damaged.
 
     It never takes more memory than the chunk says, nor more than one can mean.
     """
@@ -152,7 +165,8 @@ class FoundChunk(NamedTuple):
 
 
 def chunk_at(data: Data, start: int) -> FoundChunk | None:
-    """Return the chunk that begins at a place, None where there is none that can be read.
+    """
+    Return the chunk that begins at a place, None where there is none that can be read.
 
     Opcode and length before it need not be right: its own sizes and checksum tell.
     """
@@ -163,7 +177,7 @@ def chunk_at(data: Data, start: int) -> FoundChunk | None:
     place += _CHUNK_HEAD.size
     if name_size > max(map(len, _COMPRESSIONS)) or place + name_size + 8 > len(data):
         return None
-    name = bytes(data[place : place + name_size])
+    name = bytes(data[place:place + name_size])
     place += name_size
     (length,) = _LENGTH.unpack_from(data, place)
     place += _LENGTH.size
@@ -189,7 +203,7 @@ def chunk_at(data: Data, start: int) -> FoundChunk | None:
 
 def is_sound(data: Data, opcode: int, start: int, end: int) -> bool:
     """Tell whether a record other than a chunk, of a kind that is known, is what it says."""
-    body = data[start + RECORD_HEAD.size : end]
+    body = data[start + RECORD_HEAD.size:end]
     if opcode == Opcode.MESSAGE:
         return len(body) >= MESSAGE_HEAD.size
     kind = _KINDS.get(opcode)
@@ -206,7 +220,8 @@ def is_sound(data: Data, opcode: int, start: int, end: int) -> bool:
 
 
 def next_sound(data: Data, position: int, *, has_chunks: bool) -> int | None:
-    """Return where the next record begins that can be read; None where there is none.
+    """
+    Return where the next record begins that can be read; None where there is none.
 
     In a log that `has_chunks`, single messages are none: they may be those of a damaged one.
     """
@@ -264,7 +279,7 @@ def _written(record: Any) -> bytes:
     """Return a record as it is written, without its head."""
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()[RECORD_HEAD.size :]
+    return builder.end()[RECORD_HEAD.size:]
 
 
 def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
@@ -275,7 +290,7 @@ def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
     _, _, _, _, name_size = _CHUNK_HEAD.unpack_from(rest, RECORD_HEAD.size)
     start = head + name_size
     compression = rest[head:start].decode('ascii', errors='replace')
-    data = rest[start + 8 :]
+    data = rest[start + 8:]
     try:
         if compression == 'zstd':
             most = max(LARGEST_CHUNK, LARGEST_RATIO * len(data))

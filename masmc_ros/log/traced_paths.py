@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The end effector's paths for viewers: where it is to go, and where it has been.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The end effector's paths for viewers: where it is to go, and where it has been.
 
 Live nodes and computed logs make them with the same functions, so that they are the same
 bytes. They lie at the height of the end effector's frame.
@@ -9,9 +23,6 @@ from __future__ import annotations
 
 from collections import deque
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
 from masmc_ros.reference.trajectory import Trajectory
@@ -19,6 +30,8 @@ from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.robot.two_link.frames import end_effector_height
 from masmc_ros.robot.two_link.names import ODOM_FRAME
 from masmc_ros.robot.two_link.parameters import Robot
+import numpy as np
+from numpy.typing import NDArray
 
 MOST_POSES = 1000
 """The largest number of poses in a path."""
@@ -56,11 +69,16 @@ class DesiredPath:
         self._recent: deque[_Pose] = deque(maxlen=MOST_POSES)
 
     def whole(self, trajectory: Trajectory, origin_ns: int = 0) -> bytes | None:
-        """Return the whole path as a message; None for an endless one.
+        """
+        Return the whole path as a message; None for an endless one.
 
-        Args:
-            trajectory: what is followed.
-            origin_ns: stamp at which it begins, in ns.
+        Parameters
+        ----------
+        trajectory
+            what is followed.
+        origin_ns
+            stamp at which it begins, in ns.
+
         """
         if self._timing.last is None:
             return None
@@ -71,12 +89,18 @@ class DesiredPath:
         return path_message(self._frame, int(stamps[0]), stamps, points)
 
     def piece(self, stamp_ns: int, starts_ns: int, samples: NDArray[np.float64]) -> bytes:
-        """Add what is sent of a trajectory, and return its latest piece as a message.
+        """
+        Add what is sent of a trajectory, and return its latest piece as a message.
 
-        Args:
-            stamp_ns: stamp of the message, the robot's time, in ns.
-            starts_ns: stamp of the first sample in ns.
-            samples: (n, 12) at consecutive ticks.
+        Parameters
+        ----------
+        stamp_ns
+            stamp of the message, the robot's time, in ns.
+        starts_ns
+            stamp of the first sample in ns.
+        samples
+            (n, 12) at consecutive ticks.
+
         """
         for tick in range(0, len(samples), pose_stride(self._timing)):
             x, y = samples[tick, :2].tolist()
@@ -102,14 +126,20 @@ class ActualPath:
         return tick % self._stride == 0 or tick % self._sent_stride == 0 or self._is_last(tick)
 
     def add(self, tick: int, position: NDArray[np.float64]) -> bytes | None:
-        """Add the state of a tick that it takes.
+        """
+        Add the state of a tick that it takes.
 
-        Args:
-            tick: number of the tick; with a smaller one than before the path goes on from there.
-            position: (7) in the order of joint_states.
+        Parameters
+        ----------
+        tick
+            number of the tick; with a smaller one than before the path goes on from there.
+        position
+            (7) in the order of joint_states.
 
-        Returns:
+        Returns
+        -------
             The path as a message, with the tick's stamp, where it is due.
+
         """
         stamp = self._timing.stamp(tick)
         x, y = task_positions(self._lengths, position[None])[0, :2].tolist()

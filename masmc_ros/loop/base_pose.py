@@ -1,14 +1,26 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The platform's pose where it comes as odometry, beside joint states without base joints."""
 
 from __future__ import annotations
 
 import math
 
+from masmc_ros.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.errors import InputError
 
 OLDEST_POSE_NS = 100_000_000
 """How far in ns odometry may be from a joint state that it is carried on to."""
@@ -18,14 +30,18 @@ _FLAT = 1e-3
 
 
 class BasePose:
-    """The latest odometry, carried on to the stamps of the joint states.
+    """
+    The latest odometry, carried on to the stamps of the joint states.
 
     Odometry comes less often than joint states. In between the twist is taken as constant:
     the platform goes on along an arc of its circle. Yaw is unwound, so that it never steps
     by a whole turn.
 
-    Attributes:
-        stamp_ns: the stamp of the latest odometry in ns, None before the first.
+    Attributes
+    ----------
+    stamp_ns
+        the stamp of the latest odometry in ns, None before the first.
+
     """
 
     def __init__(self) -> None:
@@ -35,11 +51,15 @@ class BasePose:
         self._forward = self._left = self._turn = 0.0
 
     def update(self, stamp_ns: int, pose: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
-        """Take a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
+        """
+        Take a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
 
-        Raises:
-            InputError: for numbers that are not finite and for a quaternion that has not the
-                length 1 or tilts the platform; nothing is changed then.
+        Raises
+        ------
+        InputError
+            for numbers that are not finite and for a quaternion that has not the
+            length 1 or tilts the platform; nothing is changed then.
+
         """
         if not (np.isfinite(pose).all() and np.isfinite(twist).all()):
             raise InputError('odom: a number of the pose or of the twist is not finite')

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The closed loop in compiled code: single ticks for the nodes, stretches of runs in lanes."""
 
 from __future__ import annotations
@@ -19,7 +32,8 @@ from masmc_ros.robot.plant.tick import advance, observe, write_velocity
 
 @kernel
 def control_tick(settings: Any, memory: Any, now: Any) -> None:
-    """Compute one tick of the law.
+    """
+    Compute one tick of the law.
 
     Each argument is an array of one record: of the law's settings, of its memory, which the
     next tick takes up, and of the signals, whose state and reference are read and whose
@@ -57,7 +71,8 @@ def settle(settings: Any, memory: Any) -> None:
 
 @kernel
 def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
-    """Advance the plant by one control period; tell whether all of its state is still finite.
+    """
+    Advance the plant by one control period; tell whether all of its state is still finite.
 
     The signals' command answers the state of `tick`; their state becomes that of the next.
     """
@@ -68,7 +83,8 @@ def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bo
 
 @kernel
 def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
-    """Advance the plant by one control period in which nobody commands: its drives hold.
+    """
+    Advance the plant by one control period in which nobody commands: its drives hold.
 
     They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
     where torques are commanded, none of them is applied meanwhile: what the drives make to hold
@@ -89,7 +105,8 @@ def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
 
 @formula
 def is_finite(now: Any) -> bool:
-    """Tell whether the state, true and as it is measured, consists of finite numbers.
+    """
+    Tell whether the state, true and as it is measured, consists of finite numbers.
 
     Of a finite true state it need not: beyond 1e9 rad an angle has no sine.
     """
@@ -124,7 +141,8 @@ def closed_loop(
     reference: Any,
     signals: Any,
 ) -> None:
-    """Run ticks first ... first + n - 1, in all lanes, and keep their signals (n).
+    """
+    Run ticks first ... first + n - 1, in all lanes, and keep their signals (n).
 
     Records as in `control_tick` and `plant_tick`; `now` holds the state at the first tick and
     is left with that of the tick after the last. `reference` (n, 3 axes) is that of every

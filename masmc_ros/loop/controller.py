@@ -1,13 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The controller as an object: gains, memory between ticks, and live changes of gains."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
@@ -24,6 +34,8 @@ from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill, take_over
 from masmc_ros.robot.two_link.parameters import Robot
 from masmc_ros.robot.two_link.two_link import TWO_LINK
+import numpy as np
+from numpy.typing import NDArray
 
 VELOCITY_INTERFACE = COMMAND_INTERFACES[VELOCITY]
 ESTIMATED_RATES = SOURCES[ESTIMATED]
@@ -32,7 +44,8 @@ Array = NDArray[np.float64]
 
 
 class Controller:
-    """A control law with its memory; arrays are written in place at every tick.
+    """
+    A control law with its memory; arrays are written in place at every tick.
 
     `torque` (joints, N m), `error` (axes, m) and `surface` (axes, m/s) are the last tick's
     results, `raw_torque` what the law asked for before `torque_limit` and `torque_rate_limit`,
@@ -92,7 +105,8 @@ class Controller:
         self.forget()
 
     def rest(self) -> None:
-        """Note that no torque is commanded in place of one that is computed.
+        """
+        Note that no torque is commanded in place of one that is computed.
 
         What was predicted for the next tick is void, and the velocity estimator begins anew;
         what was learned stays.
@@ -104,7 +118,8 @@ class Controller:
         self.memory['follows'] = 0
 
     def rates(self, velocity: Array) -> Array:
-        """Return the driven joints' rates (rad/s) before a tick of these velocities.
+        """
+        Return the driven joints' speeds in rad/s before a tick of these velocities.
 
         Those measured, or the last tick's estimate, with which the estimator begins at zero.
         """
@@ -115,7 +130,8 @@ class Controller:
         return self.memory['rates'][0, :, 0].copy() if follows else np.zeros(joints)
 
     def skip(self, periods: int) -> None:
-        """Note that so many ticks were left out, with the last torque held meanwhile.
+        """
+        Note that so many ticks were left out, with the last torque held meanwhile.
 
         The disturbance estimate takes nothing from what happened in them, and the velocity
         estimator goes through them at once.
@@ -134,7 +150,8 @@ class Controller:
             self._plug_in = type(self._plug_in)()
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Apply checked values of some parameters from the next tick on.
+        """
+        Apply checked values of some parameters from the next tick on.
 
         theta_hat persists, within the bounds of a projection that is in force. Entering the
         implicit law, or a disturbance estimate switched on or off, starts that estimate from
@@ -154,14 +171,16 @@ class Controller:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the law in force consists of formulas, which whole runs are compiled with.
+        """
+        Whether the law in force consists of formulas, which whole runs are compiled with.
 
         So does the kinematic law of commanded rates, whatever `law` says.
         """
         return self._plug_in is None
 
     def tick(self, position: Array, velocity: Array, reference: Array) -> bool:
-        """Compute one tick; True where the task is close to singular.
+        """
+        Compute one tick; True where the task is close to singular.
 
         `position` and `velocity` in the order of joint_states, `reference` x_d, xdot_d, xddot_d.
         """

@@ -1,13 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Dense matrices of one tick for laws in plain Python, made by the formulas of `robot/`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import task_inertia as inertia_of_task
@@ -16,6 +26,8 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import tabulate, tail, thirds, unit
 from masmc_ros.robot import mechanism
+import numpy as np
+from numpy.typing import NDArray
 
 Numbers = tuple[float, ...]
 
@@ -79,14 +91,22 @@ def tick_input(
     estimate: NDArray[np.float64],
     commanded: NDArray[np.float64],
 ) -> TickInput:
-    """Return what a law in plain Python is given: state, reference and dense matrices.
+    """
+    Return what a law in plain Python is given: state, reference and dense matrices.
 
-    Args:
-        settings: those of a built-in law, with the parameters in force.
-        now: signals with the state and the reference.
-        gains: every parameter by name.
-        estimate: theta_hat.
-        commanded: the last tick's torque in N m.
+    Parameters
+    ----------
+    settings
+        those of a built-in law, with the parameters in force.
+    now
+        signals with the state and the reference.
+    gains
+        every parameter by name.
+    estimate
+        theta_hat.
+    commanded
+        the last tick's torque in N m.
+
     """
     error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = _dense(
         settings, now

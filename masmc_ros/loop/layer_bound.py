@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""How long a torque may be held under a boundary layer, and how thick the layer has to be.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How long a torque may be held under a boundary layer, and how thick the layer has to be.
 
 Inside the layer a smooth switching term is the gain K_s1 + K_s2 / delta. Held for h seconds it
 is stable as long as h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
@@ -10,14 +24,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.law.tick import task_inertia
 from masmc_ros.loop import records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.record import fill, get
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.two_link.two_link import TWO_LINK
+import numpy as np
 
 
 @kernel
@@ -38,7 +51,8 @@ def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
 
 
 def longest_hold(inertia: float, k_s1: float, k_s2: float, layer: float) -> float:
-    """Return the time in s for which a torque may be held, infinite without gains.
+    """
+    Return the time in s for which a torque may be held, infinite without gains.
 
     Of kg, N s/m, N and m/s.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The records of compiled code, made from what laws, plant and parameters declare."""
 
 from __future__ import annotations
@@ -9,9 +22,6 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import parameters, REACHING
@@ -21,6 +31,8 @@ from masmc_ros.numerics.record import Field, fill, new_record
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.mechanism import Mechanism
 from masmc_ros.robot.plant import tick as plant_tick
+import numpy as np
+from numpy.typing import NDArray
 
 Records = NDArray[np.void]
 
@@ -30,7 +42,8 @@ _CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
 
 
 def field_of(parameter: Parameter) -> Field | None:
-    """Return the field that compiled code reads a parameter from, None if it reads none.
+    """
+    Return the field that compiled code reads a parameter from, None if it reads none.
 
     A choice is read as its position among the choices.
     """

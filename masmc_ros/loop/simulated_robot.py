@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulated robot: state, disturbance and torque limit, advanced tick by tick."""
 
 from __future__ import annotations
@@ -7,9 +20,6 @@ from collections.abc import Callable, Mapping
 from decimal import Decimal
 import math
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import (
@@ -29,6 +39,8 @@ from masmc_ros.robot.mechanism import Mechanism
 from masmc_ros.robot.plant.drives import joint_inertias
 from masmc_ros.robot.two_link.parameters import Robot
 from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT, TWO_LINK
+import numpy as np
+from numpy.typing import NDArray
 
 PLANT = (
     Parameter(
@@ -152,7 +164,8 @@ A joint that feels a quarter of its own inertia, as in a stretched arm, is stabl
 
 
 class SimulatedRobot:
-    """The plant's state and how it moves; arrays are views of `now`, the signals of the tick.
+    """
+    The plant's state and how it moves; arrays are views of `now`, the signals of the tick.
 
     `position`, `velocity` (positions) are what is measured at the tick, in the order of
     joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
@@ -195,7 +208,8 @@ class SimulatedRobot:
             )
 
     def advance(self, command: NDArray[np.float64] | None) -> None:
-        """Hold a command (joints) for one period; with None the drives hold the joints.
+        """
+        Hold a command (joints) for one period; with None the drives hold the joints.
 
         Torques in N m, or with `command_interface` velocity the base's own velocities and the
         rates of the joints that it does not move by. Raises InputError where the state is no

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A whole run of the closed loop without ROS traffic, signals and all."""
 
 from __future__ import annotations
@@ -6,9 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement
@@ -21,6 +31,8 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.two_link.parameters import ROBOT, Robot
+import numpy as np
+from numpy.typing import NDArray
 
 _OF_PLANT = ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
 _COMPUTED = ('raw_torque', 'torque', 'error', 'surface', 'estimate', 'singular')
@@ -37,7 +49,8 @@ class Simulation:
     """The closed loop of one robot, trajectory and controller."""
 
     def __init__(self, values: Mapping[str, Values], changes: Sequence[Change] = ()) -> None:
-        """Take the checked parameter values of every node, by node name.
+        """
+        Take the checked parameter values of every node, by node name.
 
         `changes` of the controller are made on the way, in order of their ticks. It begins
         active or not, by `active_on_start`. Raises InputError where they do not fit together.
@@ -57,7 +70,8 @@ class Simulation:
         )
 
     def run(self, block: int = BLOCK) -> Iterator[Stretch]:
-        """Yield the run from its first to its last tick, `block` ticks at a time.
+        """
+        Yield the run from its first to its last tick, `block` ticks at a time.
 
         Raises InputError for an endless run, a path out of reach and a run that diverges.
         """
@@ -88,7 +102,7 @@ class Simulation:
                     self._make(change)
             compiles = self._is_active and self.controller.is_compiled
             advance = self._compiled if compiles else self._interpreted
-            samples = reference[start - first : stop - first]
+            samples = reference[start - first:stop - first]
             followed = self._followed(start, samples)
             parts.append(advance(start, samples, followed, final=final and stop == end))
         return parts[0] if not changes else joined(parts, changes)
@@ -110,7 +124,8 @@ class Simulation:
             self._is_active = change.event != DEACTIVATED
 
     def _followed(self, first: int, reference: Array) -> Array:
-        """Return what the controller follows from a tick on (n, 12), the reference being given.
+        """
+        Return what the controller follows from a tick on (n, 12), the reference being given.
 
         After an activation it goes from where the robot then is to the reference.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Whether the controller may move the robot: inactive, active, or in a fault with a reason."""
 
 from __future__ import annotations
@@ -12,7 +25,8 @@ NO_REFERENCE = 'no reference'
 
 
 def would_follow(text: str) -> bool:
-    """Tell whether a controller in the state that this text tells follows what is sent to it.
+    """
+    Tell whether a controller in the state that this text tells follows what is sent to it.
 
     One in the fault that a reference ends does: it becomes active by one alone.
     """
@@ -20,19 +34,28 @@ def would_follow(text: str) -> bool:
 
 
 class Supervisor:
-    """The state machine behind the controller's services and timeouts.
+    """
+    The state machine behind the controller's services and timeouts.
 
     Torque is computed in `active` alone. A fault is either passing, and over as soon as its
     cause is, or latched, and over only when somebody says so. After an activation the
     controller starts anew.
 
-    Attributes:
-        state: `inactive`, `active` or `fault`.
-        is_active: whether torque is to be computed.
-        reason: why it is not active, in one line; empty while active.
-        cause: what kind of fault, empty without one.
-        is_latched: whether a fault stays until somebody clears it.
-        activations: how often it has started anew so far.
+    Attributes
+    ----------
+    state
+        `inactive`, `active` or `fault`.
+    is_active
+        whether torque is to be computed.
+    reason
+        why it is not active, in one line; empty while active.
+    cause
+        what kind of fault, empty without one.
+    is_latched
+        whether a fault stays until somebody clears it.
+    activations
+        how often it has started anew so far.
+
     """
 
     def __init__(self, *, active: bool) -> None:
@@ -44,7 +67,7 @@ class Supervisor:
 
     @property
     def text(self) -> str:
-        """The state and, where it is not active, the reason: `fault: emergency stop`."""
+        """Return the state and, where it is not active, the reason: `fault: emergency stop`."""
         return f'{self.state}: {self.reason}' if self.reason else self.state
 
     def enable(self) -> None:
@@ -69,7 +92,8 @@ class Supervisor:
         return True
 
     def fail(self, cause: str, reason: str, *, is_latched: bool = False) -> bool:
-        """Note a fault; tell whether it is news.
+        """
+        Note a fault; tell whether it is news.
 
         A passing fault counts only where the controller is active; a latched one counts
         everywhere but in another latched one, the reason of which stays.
@@ -80,7 +104,8 @@ class Supervisor:
         return counts
 
     def recover(self, cause: str, *, is_anew: bool) -> bool:
-        """Become active again if a passing fault of this cause stands; tell whether.
+        """
+        Become active again if a passing fault of this cause stands; tell whether.
 
         `is_anew`: whether that is an activation, or goes on where it was interrupted.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Message definitions of ROS 2 Jazzy: their text and hash, as a log keeps them."""
 
 from __future__ import annotations
@@ -13,15 +26,20 @@ if TYPE_CHECKING:
 
 
 class Definition(NamedTuple):
-    """What a message is.
+    """
+    What a message is.
 
-    Attributes:
-        text: the definition with those that it is made of, in the form `ros2msg`.
-        hash: the version hash of REP-2011, `RIHS01_...`.
+    Attributes
+    ----------
+    text
+        the definition with those that it is made of, in the form `ros2msg`.
+    type_hash
+        the version hash of REP-2011, `RIHS01_...`.
+
     """
 
     text: str
-    hash: str
+    type_hash: str
 
 
 @cache
@@ -34,13 +52,19 @@ def _store() -> Typestore:
 
 @cache
 def definition(type_name: str) -> Definition:
-    """Return the definition of a message type.
+    """
+    Return the definition of a message type.
 
-    Args:
-        type_name: such as `sensor_msgs/msg/JointState`.
+    Parameters
+    ----------
+    type_name
+        such as `sensor_msgs/msg/JointState`.
 
-    Raises:
-        InputError: for a type that is none of Jazzy's own.
+    Raises
+    ------
+    InputError
+        for a type that is none of Jazzy's own.
+
     """
     store = _store()
     if type_name not in store.fielddefs:

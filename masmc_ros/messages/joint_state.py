@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The state of the robot: sensor_msgs/JointState."""
 
 from __future__ import annotations
@@ -7,12 +20,11 @@ from functools import lru_cache
 from math import isfinite
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import Layout, NANOSECONDS, StampedMessage
 from masmc_ros.messages.names import JOINTS
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 _REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
 
@@ -39,13 +51,20 @@ def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
 
 
 class JointStateCdr(StampedMessage):
-    """A joint state whose arrays are views into the message.
+    """
+    A joint state whose arrays are views into the message.
 
-    Attributes:
-        names: (7) of the joints.
-        position: (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
-        velocity: (7) their rates in m/s and rad/s.
-        effort: (7) zeros for the base joints, then the four torques in N m.
+    Attributes
+    ----------
+    names
+        (7) of the joints.
+    position
+        (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+    velocity
+        (7) their rates in m/s and rad/s.
+    effort
+        (7) zeros for the base joints, then the four torques in N m.
+
     """
 
     def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
@@ -72,7 +91,8 @@ class JointStateCdr(StampedMessage):
     def check(
         self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None
     ) -> None:
-        """Refuse positions and velocities of `joints` that are not finite, by InputError.
+        """
+        Refuse positions and velocities of `joints` that are not finite, by InputError.
 
         With `unknown_velocity` that takes the place of such velocities instead.
         """
@@ -92,20 +112,28 @@ class JointStateCdr(StampedMessage):
         *,
         unknown_velocity: float | None = None,
     ) -> None:
-        """Take over a joint state of any sender, joint by joint by name.
+        """
+        Take over a joint state of any sender, joint by joint by name.
 
         Joints of other names are left out; efforts that are absent or NaN become zero.
 
-        Args:
-            message: sensor_msgs/JointState as any deserialiser gives it.
-            joints: which joints to take, all or the driven ones, which are the last of
-                `names`; what is held of the others stays.
-            unknown_velocity: what to take for velocities that are absent or not finite; None
-                refuses them.
+        Parameters
+        ----------
+        message
+            sensor_msgs/JointState as any deserialiser gives it.
+        joints
+            which joints to take, all or the driven ones, which are the last of
+            `names`; what is held of the others stays.
+        unknown_velocity
+            what to take for velocities that are absent or not finite; None
+            refuses them.
 
-        Raises:
-            InputError: for missing or repeated joints, sizes that do not go with the names,
-                numbers that are not finite; nothing is changed then.
+        Raises
+        ------
+        InputError
+            for missing or repeated joints, sizes that do not go with the names,
+            numbers that are not finite; nothing is changed then.
+
         """
         joints = joints or self.names
         names = list(message.name)

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""A command for some joints: numbers, labelled with the stamp of the state that they answer.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A command for some joints: numbers, labelled with the stamp of the state that they answer.
 
 A void command answers a state and commands nothing. It is laid out like any other: as many
 zeros, which whoever looks no further takes for the command, before a `data_offset` that says
@@ -13,11 +27,10 @@ from math import isfinite
 import re
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS
 from masmc_ros.messages.multi_array import MultiArrayLayout
+import numpy as np
 
 NANOSECOND_DIGITS = 9
 
@@ -30,11 +43,16 @@ _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS
 
 
 class LabelledLayout(MultiArrayLayout):
-    """A command whose label has a known number of digits.
+    """
+    A command whose label has a known number of digits.
 
-    Attributes:
-        digits: where the digits of the stamp stand in the message.
-        padding: where it says how many of its numbers are none.
+    Attributes
+    ----------
+    digits
+        where the digits of the stamp stand in the message.
+    padding
+        where it says how many of its numbers are none.
+
     """
 
     def __init__(self, prefix: str, count: int, digits: int) -> None:
@@ -48,14 +66,22 @@ class LabelledLayout(MultiArrayLayout):
 
 
 class CommandKind:
-    """What commands of one topic are, and the layouts that they come in.
+    """
+    What commands of one topic are, and the layouts that they come in.
 
-    Attributes:
-        what: what a command is called.
-        joints: that it is for, in order.
-        quantity: what each number is, such as `torque`.
-        prefix: of its label, before the stamp.
-        paddings: how many numbers are none, in the message, of a command and of a void one.
+    Attributes
+    ----------
+    what
+        what a command is called.
+    joints
+        that it is for, in order.
+    quantity
+        what each number is, such as `torque`.
+    prefix
+        of its label, before the stamp.
+    paddings
+        how many numbers are none, in the message, of a command and of a void one.
+
     """
 
     def __init__(self, what: str, quantity: str, prefix: str, joints: Sequence[str]) -> None:
@@ -90,18 +116,22 @@ class CommandKind:
             whole, padding = layout.template, layout.padding
             template = (
                 whole[: layout.digits.start],
-                whole[layout.digits.stop : padding.start]
+                whole[layout.digits.stop:padding.start]
                 + self.paddings[is_void]
-                + whole[padding.stop : layout.data],
+                + whole[padding.stop:layout.data],
             )
             self._templates[digits, is_void] = template
         return template
 
     def layout_of_label(self, size: bytes) -> LabelledLayout | None:
-        """Return the layout that a label of this size goes with, None where no stamp fits it.
+        """
+        Return the layout that a label of this size goes with, None where no stamp fits it.
 
-        Args:
-            size: as it stands in the message, at `LABEL_SIZE`.
+        Parameters
+        ----------
+        size
+            as it stands in the message, at `LABEL_SIZE`.
+
         """
         if size not in self._by_size:
             digits = int.from_bytes(size, 'little') - len(self.prefix) - 1
@@ -111,11 +141,15 @@ class CommandKind:
         return self._by_size[size]
 
     def label_stamp(self, message: Any) -> int | None:
-        """Return the stamp in ns on the label of a message, None where it has none.
+        """
+        Return the stamp in ns on the label of a message, None where it has none.
 
-        Raises:
-            InputError: for a label that starts like ours and has no stamp, or one that is no
-                time.
+        Raises
+        ------
+        InputError
+            for a label that starts like ours and has no stamp, or one that is no
+            time.
+
         """
         dimensions = message.layout.dim
         label = dimensions[0].label if dimensions else ''
@@ -131,14 +165,21 @@ class CommandKind:
 
 
 class LabelledCdr:
-    """A command as std_msgs/Float64MultiArray.
+    """
+    A command as std_msgs/Float64MultiArray.
 
-    Attributes:
-        kind: what it is.
-        data: a number for each joint of the kind.
-        stamp_ns: stamp in ns of the state that it answers; None for a received command
-            without a label.
-        is_void: whether it commands nothing.
+    Attributes
+    ----------
+    kind
+        what it is.
+    data
+        a number for each joint of the kind.
+    stamp_ns
+        stamp in ns of the state that it answers; None for a received command
+        without a label.
+    is_void
+        whether it commands nothing.
+
     """
 
     def __init__(self, kind: CommandKind) -> None:
@@ -166,17 +207,24 @@ class LabelledCdr:
         return all(map(isfinite, self.data.tolist()))
 
     def load(self, raw: bytes) -> bool:
-        """Take over a received command that is labelled and laid out like ours.
+        """
+        Take over a received command that is labelled and laid out like ours.
 
-        Args:
-            raw: the message with its encapsulation header.
+        Parameters
+        ----------
+        raw
+            the message with its encapsulation header.
 
-        Returns:
+        Returns
+        -------
             False, with nothing changed, for every other message, which a full deserialiser
             has to read: see `load_message`.
 
-        Raises:
-            InputError: for a stamp that is no time; nothing is changed then.
+        Raises
+        ------
+        InputError
+            for a stamp that is no time; nothing is changed then.
+
         """
         layout = self.kind.layout_of_label(raw[LABEL_SIZE])
         if layout is None or not layout.matches(raw):
@@ -192,21 +240,27 @@ class LabelledCdr:
         if padding not in (command, void):
             return False
         self.is_void = padding == void
-        self._numbers[:] = raw[layout.data :]
+        self._numbers[:] = raw[layout.data:]
         self._digits = digits
         self.stamp_ns = stamp_ns
         return True
 
     def load_message(self, message: Any) -> None:
-        """Take over a command of any sender, such as ros2_control's, labelled or not.
+        """
+        Take over a command of any sender, such as ros2_control's, labelled or not.
 
-        Args:
-            message: std_msgs/Float64MultiArray as any deserialiser gives it.
+        Parameters
+        ----------
+        message
+            std_msgs/Float64MultiArray as any deserialiser gives it.
 
-        Raises:
-            InputError: for another number of joints than the kind's, for a number that is not
-                finite and for a label that starts like ours and has no stamp; nothing is
-                changed then.
+        Raises
+        ------
+        InputError
+            for another number of joints than the kind's, for a number that is not
+            finite and for a label that starts like ours and has no stamp; nothing is
+            changed then.
+
         """
         kind = self.kind
         stamp_ns = kind.label_stamp(message)

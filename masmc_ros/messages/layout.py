@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where everything stands in a CDR message whose strings and sizes are known."""
 
 from __future__ import annotations
@@ -6,10 +19,9 @@ from __future__ import annotations
 from functools import cached_property
 import struct
 
+from masmc_ros.errors import InputError
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.errors import InputError
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian: what every ROS 2 middleware sends on such a machine."""
@@ -33,7 +45,8 @@ def checked_stamp(stamp_ns: int) -> int:
 
 
 class Layout:
-    """The bytes of one CDR message: which are constant, which vary, which only align.
+    """
+    The bytes of one CDR message: which are constant, which vary, which only align.
 
     The fields are appended in the order of the message definition. Alignment counts from the
     end of the 4-byte encapsulation header. The bytes that only align hold zero here; ROS 2's
@@ -99,12 +112,12 @@ class Layout:
 
     @property
     def varying(self) -> list[slice]:
-        """The parts that differ from message to message, in order."""
+        """Return the parts that differ from message to message, in order."""
         return self._varying
 
     @cached_property
     def template(self) -> bytes:
-        """The whole message, zero where it varies."""
+        """Return the whole message, zero where it varies."""
         return bytes(self._bytes)
 
     @cached_property
@@ -122,7 +135,7 @@ class Layout:
 
     @cached_property
     def _rest(self) -> struct.Struct:
-        """Takes out what does not vary, aligning bytes included."""
+        """Take out what does not vary, aligning bytes included."""
         form = '<'
         position = 0
         for part in self._varying:
@@ -153,41 +166,51 @@ class Layout:
 
 
 class Message:
-    """One message of a fixed layout, kept in memory where its numbers are float64 views.
+    """
+    One message of a fixed layout, kept in memory where its numbers are float64 views.
 
     The bytes lie so that the doubles fall on multiples of 8: reading and writing them
     copies nothing and serialises nothing.
     """
 
     def __init__(self, layout: Layout) -> None:
-        """Make a message that holds zeros.
+        """
+        Make a message that holds zeros.
 
-        Args:
-            layout: what the message looks like; not changed any more from here on.
+        Parameters
+        ----------
+        layout
+            what the message looks like; not changed any more from here on.
+
         """
         self._layout = layout
         self._lead = -len(ENCAPSULATION) % 8
         self._memory = np.zeros((self._lead + layout.size + 7) // 8)
-        self._wire = memoryview(self._memory.data).cast('B')[self._lead : self._lead + layout.size]
+        self._wire = memoryview(self._memory.data).cast('B')[self._lead:self._lead + layout.size]
         self._wire[:] = layout.template
 
     def _view(self, offset: int, count: int) -> NDArray[np.float64]:
         first = (self._lead + offset) // 8
-        return self._memory[first : first + count]
+        return self._memory[first:first + count]
 
     def to_bytes(self) -> bytes:
         """Return the message as it is sent."""
         return self._wire.tobytes()
 
     def load(self, raw: bytes) -> bool:
-        """Take over a received message.
+        """
+        Take over a received message.
 
-        Args:
-            raw: the message with its encapsulation header.
+        Parameters
+        ----------
+        raw
+            the message with its encapsulation header.
 
-        Returns:
+        Returns
+        -------
             False, with nothing changed, where strings or sizes differ: a message of another
             layout, which a full deserialiser has to read.
+
         """
         if self._layout.equals(raw):
             self._wire[:] = raw
@@ -211,6 +234,6 @@ class StampedMessage(Message):
 
     @property
     def stamp_ns(self) -> int:
-        """The stamp in ns since time 0."""
+        """Return the stamp in ns since time 0."""
         seconds, nanoseconds = STAMP.unpack_from(self._wire, self._STAMP_OFFSET)
         return int(seconds * NANOSECONDS + nanoseconds)

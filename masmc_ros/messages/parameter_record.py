@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a node says on `NODE/parameters`: its parameters in force, and events, as JSON."""
 
 from __future__ import annotations
@@ -15,15 +28,24 @@ _INTEGERS = range(-(2**63), 2**63)
 
 
 class ParameterRecord(NamedTuple):
-    """The parameters of a node in force from one tick on.
+    """
+    The parameters of a node in force from one tick on.
 
-    Attributes:
-        node: its full name.
-        tick: the first tick that was computed with them.
-        stamp: of that tick, ns.
-        parameters: all of them by name.
-        changed: names of those that are new; none at the start of a node and with an event.
-        event: what else changed at the tick, one of the controller's EVENTS; empty for none.
+    Attributes
+    ----------
+    node
+        its full name.
+    tick
+        the first tick that was computed with them.
+    stamp
+        of that tick, ns.
+    parameters : mapping
+        all of them by name.
+    changed
+        names of those that are new; none at the start of a node and with an event.
+    event
+        what else changed at the tick, one of the controller's EVENTS; empty for none.
+
     """
 
     node: str
@@ -40,7 +62,7 @@ class ParameterRecord(NamedTuple):
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The new values by name."""
+        """Return the new values by name."""
         return {name: self.parameters[name] for name in self.changed}
 
     def to_text(self) -> str:
@@ -84,7 +106,8 @@ def record_of(raw: bytes) -> ParameterRecord:
 
 
 def parameter_values(found: Any) -> dict[str, Any]:
-    """Return the `parameters` of an object read from JSON, by name.
+    """
+    Return the `parameters` of an object read from JSON, by name.
 
     Raises TypeError, ValueError or KeyError where there are none, or one has a value that no
     parameter of ROS 2 has, such as a list in a list.

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The motion of the platform and the time: Twist, TwistStamped, Odometry, Clock and Time."""
 
 from __future__ import annotations
@@ -6,11 +19,10 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.messages.layout import Layout, Message, NANOSECONDS, StampedMessage
 from masmc_ros.messages.names import BASE_FRAME, ODOM_FRAME
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +46,8 @@ class TimeCdr(StampedMessage):
 
 
 def twist_numbers(twist: Any) -> list[float]:
-    """Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
+    """
+    Return the six numbers of a twist, linear (m/s) and angular (rad/s), each x, y, z.
 
     `twist` is one of the classes here, or a geometry_msgs/Twist of any deserialiser.
     """
@@ -44,7 +57,8 @@ def twist_numbers(twist: Any) -> list[float]:
 
 
 def odometry_numbers(odometry: Any) -> tuple[int, Floats, Floats]:
-    """Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
+    """
+    Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
 
     The pose is (7) position in m and quaternion x, y, z, w; the twist (6) as `twist_numbers`.
     """
@@ -73,11 +87,16 @@ def twist_layout() -> TwistLayout:
 
 
 class TwistCdr(Message):
-    """A geometry_msgs/Twist whose numbers are views into the message.
+    """
+    A geometry_msgs/Twist whose numbers are views into the message.
 
-    Attributes:
-        linear: (3) velocity in m/s, x forward.
-        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    Attributes
+    ----------
+    linear
+        (3) velocity in m/s, x forward.
+    angular
+        (3) rate in rad/s, z up, counter-clockwise positive.
+
     """
 
     def __init__(self) -> None:
@@ -98,11 +117,16 @@ def twist_stamped_layout(frame_prefix: str = '') -> TwistLayout:
 
 
 class TwistStampedCdr(StampedMessage):
-    """A geometry_msgs/TwistStamped in `base_link` whose numbers are views into the message.
+    """
+    A geometry_msgs/TwistStamped in `base_link` whose numbers are views into the message.
 
-    Attributes:
-        linear: (3) velocity in m/s, x forward.
-        angular: (3) rate in rad/s, z up, counter-clockwise positive.
+    Attributes
+    ----------
+    linear
+        (3) velocity in m/s, x forward.
+    angular
+        (3) rate in rad/s, z up, counter-clockwise positive.
+
     """
 
     def __init__(self, frame_prefix: str = '') -> None:
@@ -133,15 +157,24 @@ def odometry_layout(frame_prefix: str = '') -> OdometryLayout:
 
 
 class OdometryCdr(StampedMessage):
-    """A nav_msgs/Odometry of the platform whose numbers are views into the message.
+    """
+    A nav_msgs/Odometry of the platform whose numbers are views into the message.
 
-    Attributes:
-        position: (3) of `base_link` in `odom`, m.
-        orientation: (4) of `base_link` in `odom`, quaternion x, y, z, w.
-        pose_covariance: (36) rows of x, y, z in m and the rotations about them in rad.
-        linear: (3) velocity in `base_link`, m/s.
-        angular: (3) rate in `base_link`, rad/s.
-        twist_covariance: (36) rows of the same axes, in m/s and rad/s.
+    Attributes
+    ----------
+    position
+        (3) of `base_link` in `odom`, m.
+    orientation
+        (4) of `base_link` in `odom`, quaternion x, y, z, w.
+    pose_covariance
+        (36) rows of x, y, z in m and the rotations about them in rad.
+    linear
+        (3) velocity in `base_link`, m/s.
+    angular
+        (3) rate in `base_link`, rad/s.
+    twist_covariance
+        (36) rows of the same axes, in m/s and rad/s.
+
     """
 
     def __init__(self, frame_prefix: str = '') -> None:

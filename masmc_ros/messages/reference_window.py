@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A stretch of the reference, sent ahead of time as std_msgs/Float64MultiArray."""
 
 from __future__ import annotations
@@ -7,13 +20,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.multi_array import MultiArrayLayout
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
+import numpy as np
+from numpy.typing import NDArray
 
 STAMP_NUMBERS = 3
 """How many numbers come before the samples: seconds, nanoseconds, sample period."""
@@ -34,14 +46,20 @@ def reference_layout(samples: int) -> MultiArrayLayout:
 
 @dataclass(frozen=True)
 class ReferenceWindow:
-    """Samples of the reference at equal distances, or a single set-point.
+    """
+    Samples of the reference at equal distances, or a single set-point.
 
-    Attributes:
-        stamp_ns: time of the first sample in ns; None for a set-point, which holds from its
-            arrival on.
-        period: time from sample to sample in s; 0 for a set-point.
-        samples: (n, 3, 4) position (m), velocity (m/s), acceleration (m/s^2) of the task
-            axes x_E, y_E, x_F, y_F in the world.
+    Attributes
+    ----------
+    stamp_ns
+        time of the first sample in ns; None for a set-point, which holds from its
+        arrival on.
+    period
+        time from sample to sample in s; 0 for a set-point.
+    samples
+        (n, 3, 4) position (m), velocity (m/s), acceleration (m/s^2) of the task
+        axes x_E, y_E, x_F, y_F in the world.
+
     """
 
     stamp_ns: int | None
@@ -67,17 +85,24 @@ class ReferenceWindow:
 
     @staticmethod
     def from_bytes(raw: bytes) -> ReferenceWindow | None:
-        """Read a received window that is laid out like ours.
+        """
+        Read a received window that is laid out like ours.
 
-        Args:
-            raw: the message with its encapsulation header.
+        Parameters
+        ----------
+        raw
+            the message with its encapsulation header.
 
-        Returns:
+        Returns
+        -------
             None for every other message, which a full deserialiser has to read: see
             `from_message`.
 
-        Raises:
-            InputError: as `from_message`.
+        Raises
+        ------
+        InputError
+            as `from_message`.
+
         """
         start = reference_layout(1).data
         samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, _SAMPLE)
@@ -90,15 +115,21 @@ class ReferenceWindow:
 
     @staticmethod
     def from_message(message: Any) -> ReferenceWindow:
-        """Read a window or a set-point of any sender.
+        """
+        Read a window or a set-point of any sender.
 
-        Args:
-            message: std_msgs/Float64MultiArray as any deserialiser gives it.
+        Parameters
+        ----------
+        message
+            std_msgs/Float64MultiArray as any deserialiser gives it.
 
-        Raises:
-            InputError: for dimensions that are not samples x derivative x task, for another
-                number of values than they promise, for a set-point that has not 4, 8 or 12
-                values, for a stamp or a period that is none, for numbers that are not finite.
+        Raises
+        ------
+        InputError
+            for dimensions that are not samples x derivative x task, for another
+            number of values than they promise, for a set-point that has not 4, 8 or 12
+            values, for a stamp or a period that is none, for numbers that are not finite.
+
         """
         numbers = np.array(message.data, dtype=np.float64)
         dimensions = [(each.label, int(each.size)) for each in message.layout.dim]

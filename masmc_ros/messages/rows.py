@@ -1,12 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Many messages of one layout at once, as the rows of a matrix of bytes."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from masmc_ros.messages.effort import EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
@@ -21,17 +31,24 @@ from masmc_ros.messages.platform_motion import (
 )
 from masmc_ros.messages.telemetry import telemetry_layout
 from masmc_ros.messages.transforms import transforms_layout
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 Rows = NDArray[np.uint8]
 Stamps = NDArray[np.int64]
 
 
 class CommandRows(NamedTuple):
-    """Commands whose labels are equally long.
+    """
+    Commands whose labels are equally long.
 
-    Attributes:
-        indices: (n) which of the given commands they are.
-        rows: (n, size) their messages.
+    Attributes
+    ----------
+    indices
+        (n) which of the given commands they are.
+    rows
+        (n, size) their messages.
+
     """
 
     indices: NDArray[np.intp]
@@ -45,7 +62,7 @@ def _rows(layout: Layout, count: int) -> Rows:
 def _fill(rows: Rows, offset: int, values: ArrayLike, kind: str = '<f8') -> None:
     """Write `values` (N, n) into the rows, from byte `offset` on."""
     data = np.ascontiguousarray(values, dtype=kind).view(np.uint8)
-    rows[:, offset : offset + data.shape[1]] = data
+    rows[:, offset:offset + data.shape[1]] = data
 
 
 def _fill_stamps(rows: Rows, stamps: Stamps, offset: int = len(ENCAPSULATION)) -> None:
@@ -60,14 +77,22 @@ def joint_state_rows(
     efforts: ArrayLike,
     names: tuple[str, ...] = JOINTS,
 ) -> Rows:
-    """Return joint states as (N, size).
+    """
+    Return joint states as (N, size).
 
-    Args:
-        stamps: (N) in ns.
-        positions: (N, 7) in m and rad.
-        velocities: (N, 7) in m/s and rad/s.
-        efforts: (N, 7) zeros for the base joints, then torques in N m.
-        names: (7) of the joints.
+    Parameters
+    ----------
+    stamps
+        (N) in ns.
+    positions
+        (N, 7) in m and rad.
+    velocities
+        (N, 7) in m/s and rad/s.
+    efforts
+        (N, 7) zeros for the base joints, then torques in N m.
+    names
+        (7) of the joints.
+
     """
     layout, position, velocity, effort = joint_state_layout(names)
     rows = _rows(layout, len(stamps))
@@ -88,13 +113,20 @@ def effort_rows(
 def command_rows(
     kind: CommandKind, stamps: Stamps, numbers: ArrayLike, is_void: ArrayLike = False
 ) -> list[CommandRows]:
-    """Return commands, one group for each number of digits of the seconds.
+    """
+    Return commands, one group for each number of digits of the seconds.
 
-    Args:
-        kind: what they are.
-        stamps: (N) of the states that they answer, in ns, not negative.
-        numbers: (N, n), one for each joint of the kind.
-        is_void: (N) or for all, whether they command nothing.
+    Parameters
+    ----------
+    kind
+        what they are.
+    stamps
+        (N) of the states that they answer, in ns, not negative.
+    numbers
+        (N, n), one for each joint of the kind.
+    is_void
+        (N) or for all, whether they command nothing.
+
     """
     numbers = np.asarray(numbers)
     voids = np.broadcast_to(np.asarray(is_void, bool), len(numbers))
@@ -107,9 +139,9 @@ def command_rows(
         layout = kind.layout(length + 1 + NANOSECOND_DIGITS)
         rows = _rows(layout, len(indices))
         start = layout.digits.start
-        rows[:, start : start + length] = _digits(seconds[indices], length)
+        rows[:, start:start + length] = _digits(seconds[indices], length)
         rows[:, start + length] = ord('.')
-        rows[:, start + length + 1 : layout.digits.stop] = _digits(
+        rows[:, start + length + 1:layout.digits.stop] = _digits(
             nanoseconds[indices], NANOSECOND_DIGITS
         )
         rows[:, layout.padding] = paddings[voids[indices].astype(int)]
@@ -125,12 +157,18 @@ def _digits(numbers: Stamps, count: int) -> Rows:
 
 
 def telemetry_rows(label: str, stamps: Stamps, values: ArrayLike) -> Rows:
-    """Return telemetry messages called `label` as (N, size).
+    """
+    Return telemetry messages called `label` as (N, size).
 
-    Args:
-        label: what the values are.
-        stamps: (N) in ns.
-        values: (N, n).
+    Parameters
+    ----------
+    label
+        what the values are.
+    stamps
+        (N) in ns.
+    values
+        (N, n).
+
     """
     values = np.asarray(values)
     layout = telemetry_layout(label, values.shape[1])
@@ -148,12 +186,18 @@ def twist_rows(twists: ArrayLike) -> Rows:
 
 
 def twist_stamped_rows(stamps: Stamps, twists: ArrayLike, frame_prefix: str = '') -> Rows:
-    """Return stamped twists in `base_link` as (N, size); see `twist_rows`.
+    """
+    Return stamped twists in `base_link` as (N, size); see `twist_rows`.
 
-    Args:
-        stamps: (N) in ns.
-        twists: (N, 6).
-        frame_prefix: of the frame's name.
+    Parameters
+    ----------
+    stamps
+        (N) in ns.
+    twists
+        (N, 6).
+    frame_prefix
+        of the frame's name.
+
     """
     layout, linear = twist_stamped_layout(frame_prefix)
     rows = _rows(layout, len(stamps))
@@ -165,13 +209,20 @@ def twist_stamped_rows(stamps: Stamps, twists: ArrayLike, frame_prefix: str = ''
 def odometry_rows(
     stamps: Stamps, poses: ArrayLike, twists: ArrayLike, frame_prefix: str = ''
 ) -> Rows:
-    """Return odometries with zero covariances as (N, size).
+    """
+    Return odometries with zero covariances as (N, size).
 
-    Args:
-        stamps: (N) in ns.
-        poses: (N, 7) position in m and quaternion x, y, z, w of `base_link` in `odom`.
-        twists: (N, 6) linear (m/s), then angular (rad/s), in `base_link`.
-        frame_prefix: of the names of both frames.
+    Parameters
+    ----------
+    stamps
+        (N) in ns.
+    poses
+        (N, 7) position in m and quaternion x, y, z, w of `base_link` in `odom`.
+    twists
+        (N, 6) linear (m/s), then angular (rad/s), in `base_link`.
+    frame_prefix
+        of the names of both frames.
+
     """
     layout, pose, twist = odometry_layout(frame_prefix)
     rows = _rows(layout, len(stamps))
@@ -182,12 +233,18 @@ def odometry_rows(
 
 
 def transforms_rows(stamps: Stamps, transforms: ArrayLike, frame_prefix: str = '') -> Rows:
-    """Return the transforms of all frames as (N, size).
+    """
+    Return the transforms of all frames as (N, size).
 
-    Args:
-        stamps: (N) in ns.
-        transforms: (N, 6, 7) translation in m and quaternion x, y, z, w, as FRAMES lists them.
-        frame_prefix: of the names of all frames.
+    Parameters
+    ----------
+    stamps
+        (N) in ns.
+    transforms
+        (N, 6, 7) translation in m and quaternion x, y, z, w, as FRAMES lists them.
+    frame_prefix
+        of the names of all frames.
+
     """
     transforms = np.asarray(transforms)
     layout, stamp_offsets, number_offsets = transforms_layout(frame_prefix)

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The time a serialised message speaks of, read without deserialising it."""
 
 from __future__ import annotations
@@ -29,7 +42,8 @@ _STAMPED = (
 
 
 def header_stamp(raw: bytes) -> int:
-    """Return the stamp in ns of a message that begins with a header or a time.
+    """
+    Return the stamp in ns of a message that begins with a header or a time.
 
     Raises InputError where the message is too short for one, and for one that is no time.
     """
@@ -40,11 +54,12 @@ def transforms_stamp(raw: bytes) -> int | None:
     """Return the stamp in ns of a TFMessage's first transform; None where it has none."""
     start = len(ENCAPSULATION) + 4
     # What stands behind a count of 0 only fills the message up.
-    return _stamp_at(raw, start) if any(raw[len(ENCAPSULATION) : start]) else None
+    return _stamp_at(raw, start) if any(raw[len(ENCAPSULATION):start]) else None
 
 
 def stamp_reader(topic: str, type_name: str) -> StampReader:
-    """Return how to read the stamp in ns of a topic's messages; None for one without.
+    """
+    Return how to read the stamp in ns of a topic's messages; None for one without.
 
     `topic` is relative to the robot. Commands have the stamp of the state that they answer,
     telemetry that of the state that it belongs to.

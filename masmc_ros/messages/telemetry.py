@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the controller tells of itself: one vector per tick as std_msgs/Float64MultiArray."""
 
 from __future__ import annotations
@@ -24,10 +37,14 @@ def telemetry_layout(label: str, count: int) -> MultiArrayLayout:
 
 
 class TelemetryCdr(Message):
-    """A stamped vector whose numbers are a view into the message.
+    """
+    A stamped vector whose numbers are a view into the message.
 
-    Attributes:
-        values: (count) the vector.
+    Attributes
+    ----------
+    values
+        (count) the vector.
+
     """
 
     def __init__(self, label: str, count: int) -> None:
@@ -45,18 +62,24 @@ class TelemetryCdr(Message):
 
     @property
     def stamp_ns(self) -> int:
-        """The stamp in ns; InputError where a sender wrote numbers that are no time."""
+        """Return the stamp in ns; InputError where a sender wrote numbers that are no time."""
         return _stamp(*_STAMP_PAIR.unpack_from(self._wire, self._stamp_offset))
 
     def load_message(self, message: Any) -> None:
-        """Take over a telemetry message whatever its labels.
+        """
+        Take over a telemetry message whatever its labels.
 
-        Args:
-            message: std_msgs/Float64MultiArray as any deserialiser gives it.
+        Parameters
+        ----------
+        message
+            std_msgs/Float64MultiArray as any deserialiser gives it.
 
-        Raises:
-            InputError: for another number of values, or without the two numbers of the stamp
-                before them, or where these are no time; nothing is changed then.
+        Raises
+        ------
+        InputError
+            for another number of values, or without the two numbers of the stamp
+            before them, or where these are no time; nothing is changed then.
+
         """
         count = len(self.values)
         offset = message.layout.data_offset

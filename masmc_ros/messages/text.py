@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """std_msgs/String in CDR."""
 
 from __future__ import annotations
@@ -16,10 +29,10 @@ def string_message(text: str) -> bytes:
 def text_of(raw: bytes) -> str:
     """Return the text of a serialised std_msgs/String; InputError where it is none."""
     start = len(ENCAPSULATION) + 4
-    size = int.from_bytes(raw[start - 4 : start], 'little')
+    size = int.from_bytes(raw[start - 4:start], 'little')
     if len(raw) < start + size:
         raise InputError(f'{len(raw)} bytes that are no text')
     try:
-        return raw[start : start + max(0, size - 1)].decode()
+        return raw[start:start + max(0, size - 1)].decode()
     except UnicodeDecodeError:
         raise InputError(f'a text of {size} bytes that is not UTF-8') from None

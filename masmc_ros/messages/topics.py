@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The topics of a run, by their names relative to the robot."""
 
 from __future__ import annotations
@@ -57,7 +70,8 @@ TRANSFORMS = Topic(
 
 
 def transforms_topic(namespace: str, frame_prefix: str) -> str:
-    """Return where a robot sends its transforms.
+    """
+    Return where a robot sends its transforms.
 
     Robots share /tf where prefixes tell their frames apart. Where nothing but the namespace
     does, each has a topic of its own.

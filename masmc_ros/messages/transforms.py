@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Where the robot's frames are at a time: tf2_msgs/TFMessage.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where the robot's frames are at a time: tf2_msgs/TFMessage.
 
 All transforms of a tick travel in one message, the fixed one too: the latest message at or
 before a time then tells everything of that time, wherever a viewer jumps to.
@@ -10,11 +24,10 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.messages.layout import ENCAPSULATION, Layout, Message, NANOSECONDS, STAMP
 from masmc_ros.robot.two_link.names import FRAMES
+import numpy as np
+from numpy.typing import NDArray
 
 _COUNT = 4
 """Bytes of a count, and of the length in front of a string."""
@@ -72,7 +85,8 @@ def first_frames(raw: bytes) -> tuple[str, str]:
 
 
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
-    """Tell whether a TFMessage speaks of a robot whose frames have this prefix.
+    """
+    Tell whether a TFMessage speaks of a robot whose frames have this prefix.
 
     It does so where parent or child is the robot's own: `map` to `left/odom` is of `left/`.
     A robot without a prefix has the frames without one.
@@ -85,6 +99,6 @@ def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
 def _string(raw: bytes, start: int) -> tuple[str, int]:
     """Return the string of a message at a place, and the end of it."""
     start += (len(ENCAPSULATION) - start) % _COUNT
-    length = int.from_bytes(raw[start : start + _COUNT], 'little')
+    length = int.from_bytes(raw[start:start + _COUNT], 'little')
     end = start + _COUNT + length
-    return raw[start + _COUNT : end - 1].decode('utf-8', 'replace'), end
+    return raw[start + _COUNT:end - 1].decode('utf-8', 'replace'), end

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""How formulas become machine code, and where that code is kept.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How formulas become machine code, and where that code is kept.
 
 Two decorators for everything numerical in this package:
 
@@ -22,12 +36,11 @@ from pathlib import Path
 import sys
 from typing import Any, cast
 
+from masmc_ros.errors import UserError
+from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit, typeof
 from numba.core.codegen import ll
-
-from masmc_ros.errors import UserError
-from masmc_ros.user_folder import runtime_folder
 
 OLDEST_NUMBA = (0, 58)
 """That of Ubuntu 24.04; setup.py says the same."""
@@ -58,7 +71,8 @@ def is_interpreted(kernel: Any) -> bool:
 
 
 def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
-    """Return a kernel as it is for the types of these arguments, compiled if need be.
+    """
+    Return a kernel as it is for the types of these arguments, compiled if need be.
 
     It takes arguments of the same types and no others. A kernel looks at the types at every
     call, which takes longer than a tick of control.
@@ -79,7 +93,8 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def machine_code(name: str, *contents: str) -> Path:
-    """Return the path of a file beside the machine code of these sources for this machine.
+    """
+    Return the path of a file beside the machine code of these sources for this machine.
 
     `contents` tell what else that code was made from. Numba keeps it apart by where the sources
     are, too.
@@ -93,7 +108,8 @@ def machine_code(name: str, *contents: str) -> Path:
 
 @cache
 def _cache_directory() -> Path:
-    """Directory of the machine code made from exactly these sources.
+    """
+    Directory of the machine code made from exactly these sources.
 
     Numba renews a cached function when its own file changes, but not when a function that
     it inlines does. A directory per content of all numerical sources closes that gap.

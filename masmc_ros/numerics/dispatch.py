@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Functions of a contract: which formula is meant is chosen by the type of the first argument.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Functions of a contract: which formula is meant is chosen by the type of the first argument.
 
 A contract (of mechanisms, of laws, of reaching terms) names functions and says what they
 take and return. Whoever fulfils it is an object with formulas of these names. The choice is
@@ -13,11 +27,10 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
-from numba import types
-import numpy as np
-
 from masmc_ros.numerics.generated import called, Compiler, generated
 from masmc_ros.numerics.record import tag_of
+from numba import types
+import numpy as np
 
 Finder = Callable[[Any], Any]
 

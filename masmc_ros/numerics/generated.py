@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Functions whose machine code is written out for the types that they are called with.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Functions whose machine code is written out for the types that they are called with.
 
 A formula works on numbers and tuples, and compiled tuples have no loops. What is the same
 for every length of a tuple, every record and every choice among formulas is therefore told
@@ -24,12 +38,17 @@ Type = Any
 
 
 def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate `write(compiler, types, values)`, which emits the instructions of `plain`.
+    """
+    Decorate `write(compiler, types, values)`, which emits the instructions of `plain`.
 
-    Args:
-        plain: the function in plain Python.
-        result: (typing context, types of the arguments) -> type of the result, or None where
-            the arguments are not such.
+    Parameters
+    ----------
+    plain
+        the function in plain Python.
+    result
+        (typing context, types of the arguments) -> type of the result, or None where
+        the arguments are not such.
+
     """
 
     class Template(AbstractTemplate):
@@ -63,7 +82,7 @@ class Compiler:
         """Return the entries of a tuple."""
         return [self.builder.extract_value(value, i) for i in range(len(of))]
 
-    def tuple(self, values: Sequence[Any], of: Type | None = None) -> Any:
+    def tuple(self, values: Sequence[Any], of: Type | None = None) -> Any:  # noqa: A003
         """Return a tuple of values."""
         return self.context.make_tuple(self.builder, of or self.result, values)
 

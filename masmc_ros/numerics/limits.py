@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Limits of what is commanded: magnitude and rate, one joint at a time."""
 
 from __future__ import annotations
@@ -17,7 +30,8 @@ def clipped(value: float, limit: float) -> float:
 def limited(
     value: float, previous: float, limit: float, rate_limit: float, period: float
 ) -> float:
-    """Return a command within its limits: of magnitude, and of change since `previous`.
+    """
+    Return a command within its limits: of magnitude, and of change since `previous`.
 
     Torques in N m, the rate in N m/s, the period in s; a limit of 0 is none. Magnitude has
     the last word, so that a limit that was lowered holds at once.

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Elementary functions whose every bit is the same on every machine.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Elementary functions whose every bit is the same on every machine.
 
 The C library's sin, cos and tanh differ between machines in the last bit. These use only
 the IEEE operations + - * /, which do not. Argument reduction and minimax polynomials are
@@ -34,7 +48,8 @@ _TANH_SATURATION = 20.0
 
 @formula
 def sin_cos(angle: float) -> tuple[float, float]:
-    """Return (sin, cos) of an angle in rad.
+    """
+    Return (sin, cos) of an angle in rad.
 
     Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
     worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.

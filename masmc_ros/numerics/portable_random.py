@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Random numbers that are the same on every machine, and the same again after a reset.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Random numbers that are the same on every machine, and the same again after a reset.
 
 Counter-based: a number is a function of a key and of where it is used, so that nothing has
 to be remembered between two of them. Philox-2x32-10 of J. K. Salmon, M. A. Moraes, R. O. Dror
@@ -34,7 +48,8 @@ def philox(low: int, high: int, key: int) -> tuple[int, int]:
 
 @formula
 def gaussian(seed: int, tick: int, axis: int) -> float:
-    """Return a number of mean 0 and variance 1 that belongs to a seed, a tick and an axis.
+    """
+    Return a number of mean 0 and variance 1 that belongs to a seed, a tick and an axis.
 
     The sum of twelve uniform numbers, which needs no logarithm: normal but for its tails,
     which end at 6, and a kurtosis of 2.9.

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Records of declared fields, [component, lane], as compiled code and Python read them.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Records of declared fields, [component, lane], as compiled code and Python read them.
 
 A field is declared once, where what it belongs to stands: a gain, a setting, something to
 remember, a signal. Its size is a name (`axes`, `joints`, ...) that the mechanism gives a
@@ -16,12 +30,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.generated import Compiler, generated
 from numba import types
 from numba.core import cgutils
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.numerics.generated import Compiler, generated
 
 ONE = ''
 """Size of a field that is one number."""
@@ -53,17 +66,25 @@ def record_type(
     lanes: int = 1,
     tags: Mapping[str, str] | None = None,
 ) -> np.dtype[Any]:
-    """Return the type of a record of some fields, each named once.
+    """
+    Return the type of a record of some fields, each named once.
 
-    Args:
-        fields: those declared; of several of one name the first counts.
-        sizes: number of components by name of a size.
-        lanes: runs side by side.
-        tags: what the compiler is to choose by, by name.
+    Parameters
+    ----------
+    fields
+        those declared; of several of one name the first counts.
+    sizes
+        number of components by name of a size.
+    lanes
+        runs side by side.
+    tags
+        what the compiler is to choose by, by name.
+
     """
     known: dict[str, Field] = {}
     for field in fields:
         known.setdefault(field.name, field)
+
     def shape(size: str | int) -> tuple[int, ...]:
         components = sizes[size] if isinstance(size, str) and size else size
         return (int(components), lanes) if components else (lanes,)
@@ -90,7 +111,8 @@ def new_record(
 
 
 def fill(record: NDArray[np.void], name: str, value: Any, lane: int | None = None) -> None:
-    """Write a number or a vector into a field of an array of one record.
+    """
+    Write a number or a vector into a field of an array of one record.
 
     Into one lane, or into all of them alike.
     """
@@ -111,7 +133,7 @@ def tag_of(record: types.Record | np.dtype[Any], name: str) -> str:
     fields = record.fields if isinstance(record, types.Record) else record.names or ()
     for field in fields:
         if field.startswith(name + _TAG):
-            return str(field[len(name) + 1 :])
+            return str(field[len(name) + 1:])
     raise KeyError(name)
 
 
@@ -205,7 +227,8 @@ def _places(compiler: Compiler, kinds: Any, values: Any) -> list[Any]:
 
 
 def copied(record: Any) -> Any:
-    """Return a copy of a record; in compiled code one that lives as long as the kernel runs.
+    """
+    Return a copy of a record; in compiled code one that lives as long as the kernel runs.
 
     It lies on the stack, where the compiler sees that nothing else refers to it.
     """

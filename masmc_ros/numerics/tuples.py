@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Tuples of any length in formulas: entry by entry, sums of products, parts.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Tuples of any length in formulas: entry by entry, sums of products, parts.
 
 Sums go from the first entry on and begin with zero, so that they have the same bits wherever
 they are computed.
@@ -10,9 +24,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import types
-
 from masmc_ros.numerics.generated import called, Compiler, generated, like
+from numba import types
 
 Numbers = tuple[float, ...]
 FLOAT = types.float64
@@ -169,25 +182,25 @@ def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 def tail(of: Numbers, as_many: Numbers) -> Numbers:
     """Return the last entries, as many as another tuple has."""
-    return of[len(of) - len(as_many) :]
+    return of[len(of) - len(as_many):]
 
 
 @generated(tail, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
 def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    return compiler.tuple(compiler.entries(values[0], kinds[0])[-len(kinds[1]) :])
+    return compiler.tuple(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
 
 def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Return the three parts of equal length that a tuple is made of."""
     n = len(of) // 3
-    return of[:n], of[n : 2 * n], of[2 * n :]
+    return of[:n], of[n:2 * n], of[2 * n:]
 
 
 @generated(thirds, lambda context, of: like([_floats(len(of) // 3)] * 3))
 def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
     return compiler.tuple([
-        compiler.tuple(entries[k * n : k * n + n], _floats(n)) for k in range(3)
+        compiler.tuple(entries[k * n:k * n + n], _floats(n)) for k in range(3)
     ])
 
 

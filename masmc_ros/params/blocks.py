@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""rcl's walk over the events of a parameter file: node keys, parameter names, values.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+rcl's walk over the events of a parameter file: node keys, parameter names, values.
 
 rcl does not build a YAML document: it walks over the parser's events with a few flags. So
 it accepts some files that look wrong and refuses some that look right, and a file must mean
@@ -12,11 +26,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import yaml
-
 from masmc_ros.params import node_name
 from masmc_ros.params.values import ValueReader, Variant
 from masmc_ros.params.yaml_events import c_string, line_of, yaml_events
+import yaml
 
 PARAMETERS_KEY = 'ros__parameters'
 
@@ -31,7 +44,8 @@ class Entry:
 
 @dataclass
 class NodeEntries:
-    """The parameters of one node key, in the order in which rcl numbers them.
+    """
+    The parameters of one node key, in the order in which rcl numbers them.
 
     `variants` may have numbers beyond `entries`: a value that stands where rcl does not
     expect one goes to whichever parameter had the turn last, even another node's.
@@ -53,7 +67,8 @@ class NodeEntries:
 
 @dataclass
 class _Path:
-    """Names above the current one, joined, and rcl's count of them.
+    """
+    Names above the current one, joined, and rcl's count of them.
 
     The count grows by one a key even where a key brings several names (`/left/controller`,
     `a.b`), and only the last of them goes when the key's map ends.
@@ -100,13 +115,18 @@ class BlockReader(ValueReader):
         self._depth = 0
 
     def read(self, data: bytes) -> list[NodeEntries]:
-        """Walk over a whole file.
+        """
+        Walk over a whole file.
 
-        Returns:
+        Returns
+        -------
             The blocks in the order in which their node keys first appear.
 
-        Raises:
-            InputError: a file that rcl refuses.
+        Raises
+        ------
+        InputError
+            a file that rcl refuses.
+
         """
         for event in yaml_events(data, self.place):
             if isinstance(event, yaml.ScalarEvent):

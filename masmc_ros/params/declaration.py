@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a parameter is: name, type, default, range and the check of its values."""
 
 from __future__ import annotations
@@ -34,28 +47,47 @@ _NOUNS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter's declaration.
+    """
+    A parameter's declaration.
 
-    Attributes:
-        name: dotted name within its node.
-        default: value where none is given; a broadcast one is widened to all entries.
-        description: what it means, one sentence without the unit.
-        unit: SI unit or ''.
-        length: number of entries of an array, None for any number.
-        broadcast: a number stands for an array of `length` equal entries, and integers for
-            doubles. Such a parameter is typed dynamically in ROS 2.
-        minimum: smallest value (of each entry), None for no bound.
-        maximum: largest value (of each entry), None for no bound.
-        exclusive_minimum: whether `minimum` itself is out of range.
-        exclusive_maximum: whether `maximum` itself is out of range.
-        choices: the values that a string (or each entry) may have, or a function that
-            returns them; none means any.
-        read_only: False if it may be changed while the node runs.
-        size: name of what an array has an entry for each of, as compiled code knows it.
-        rule: what else holds of a value of the right type, length and range; None for nothing.
-        rule_text: what is right, where `rule` is there: 'the names of 4 joints'.
-        kind: 'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
-            from the default, the empty tuple being one of strings, where it is not given.
+    Attributes
+    ----------
+    name
+        dotted name within its node.
+    default
+        value where none is given; a broadcast one is widened to all entries.
+    description
+        what it means, one sentence without the unit.
+    unit
+        SI unit or ''.
+    length
+        number of entries of an array, None for any number.
+    broadcast
+        a number stands for an array of `length` equal entries, and integers for
+        doubles. Such a parameter is typed dynamically in ROS 2.
+    minimum
+        smallest value (of each entry), None for no bound.
+    maximum
+        largest value (of each entry), None for no bound.
+    exclusive_minimum
+        whether `minimum` itself is out of range.
+    exclusive_maximum
+        whether `maximum` itself is out of range.
+    choices
+        the values that a string (or each entry) may have, or a function that
+        returns them; none means any.
+    read_only
+        False if it may be changed while the node runs.
+    size
+        name of what an array has an entry for each of, as compiled code knows it.
+    rule
+        what else holds of a value of the right type, length and range; None for nothing.
+    rule_text
+        what is right, where `rule` is there: 'the names of 4 joints'.
+    kind
+        'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
+        from the default, the empty tuple being one of strings, where it is not given.
+
     """
 
     name: str
@@ -94,17 +126,17 @@ class Parameter:
 
     @property
     def bounds(self) -> Bounds:
-        """The range of the number or of each entry."""
+        """Return the range of the number or of each entry."""
         return Bounds(self.minimum, self.maximum, self.exclusive_minimum, self.exclusive_maximum)
 
     @property
     def range_text(self) -> str:
-        """The range of a number, as in '>= 0' or 'in (0, 1]'; '' for no bounds."""
+        """Return the range of a number, as in '>= 0' or 'in (0, 1]'; '' for no bounds."""
         return str(self.bounds)
 
     @property
     def expected(self) -> str:
-        """What is right, as in 'a number or 4 numbers, each >= 0'."""
+        """Say what is right, as in 'a number or 4 numbers, each >= 0'."""
         if self.rule is not None:
             return self.rule_text
         choices = ', '.join(self.known_choices())
@@ -125,18 +157,26 @@ class Parameter:
         return tuple(self.choices() if callable(self.choices) else self.choices)
 
     def check(self, value: object, *, integers_for_doubles: bool = False) -> Value:
-        """Coerce a value to this parameter's type and hold it against length and range.
+        """
+        Coerce a value to this parameter's type and hold it against length and range.
 
-        Args:
-            value: as a parameter file, a ROS 2 node or a command line gives it.
-            integers_for_doubles: take `1` where `1.0` is meant. ROS 2 refuses that for a
-                parameter of static type; a broadcast parameter takes it always.
+        Parameters
+        ----------
+        value
+            as a parameter file, a ROS 2 node or a command line gives it.
+        integers_for_doubles
+            take `1` where `1.0` is meant. ROS 2 refuses that for a
+            parameter of static type; a broadcast parameter takes it always.
 
-        Returns:
+        Returns
+        -------
             A bool, int, float or str, or a tuple of floats or of strings.
 
-        Raises:
-            InputError: names the parameter, the value and what would be right.
+        Raises
+        ------
+        InputError
+            names the parameter, the value and what would be right.
+
         """
         return self._checked(value, integers_for_doubles or self.broadcast, self.known_choices())
 
@@ -220,20 +260,30 @@ def check_all(
     *,
     integers_for_doubles: bool = False,
 ) -> Values:
-    """Check a whole set of values and fill in the defaults.
+    """
+    Check a whole set of values and fill in the defaults.
 
-    Args:
-        parameters: the declarations.
-        values: value by parameter name.
-        where: where the values stand, put in front of messages as it is ('controller: '); a
-            mapping gives the place of each name.
-        integers_for_doubles: as in `Parameter.check`.
+    Parameters
+    ----------
+    parameters : sequence
+        the declarations.
+    values
+        value by parameter name.
+    where
+        where the values stand, put in front of messages as it is ('controller: '); a
+        mapping gives the place of each name.
+    integers_for_doubles
+        as in `Parameter.check`.
 
-    Returns:
+    Returns
+    -------
         A value for every declared parameter, in the order of declaration.
 
-    Raises:
-        InputError: an unknown name, or a value that is not right.
+    Raises
+    ------
+    InputError
+        an unknown name, or a value that is not right.
+
     """
     declared = {parameter.name: parameter for parameter in parameters}
     checked: Values = {name: each.default for name, each in declared.items()}

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """ROS 2 parameter files, read as rclpy's nodes read them."""
 
 from __future__ import annotations
@@ -16,13 +29,19 @@ from masmc_ros.params.values import FileValue, read_value, Variant
 
 @dataclass(frozen=True)
 class Block:
-    """The parameters under one node key.
+    """
+    The parameters under one node key.
 
-    Attributes:
-        pattern: the key, as in `controller`, `/left/controller`, `/**/controller` or `/**`.
-        line: the line on which it first appears, from 1.
-        values: value and line of every parameter by its dotted name. An empty array and an
-            empty map have no type, which is None.
+    Attributes
+    ----------
+    pattern
+        the key, as in `controller`, `/left/controller`, `/**/controller` or `/**`.
+    line
+        the line on which it first appears, from 1.
+    values
+        value and line of every parameter by its dotted name. An empty array and an
+        empty map have no type, which is None.
+
     """
 
     pattern: str
@@ -41,11 +60,16 @@ class Block:
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """A parameter file.
+    """
+    A parameter file.
 
-    Attributes:
-        path: where it was read from, as the user wrote it.
-        blocks: in the order in which their keys first appear. Blocks of the same key are one.
+    Attributes
+    ----------
+    path
+        where it was read from, as the user wrote it.
+    blocks
+        in the order in which their keys first appear. Blocks of the same key are one.
+
     """
 
     path: str
@@ -86,11 +110,15 @@ class ParameterFile:
 
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:
-    """Read a ROS 2 parameter file by the rules of rcl's own parser.
+    """
+    Read a ROS 2 parameter file by the rules of rcl's own parser.
 
-    Raises:
-        InputError: no such file, not readable, not YAML, or not a parameter file; the same
-            files that rcl refuses.
+    Raises
+    ------
+    InputError
+        no such file, not readable, not YAML, or not a parameter file; the same
+        files that rcl refuses.
+
     """
     source = os.fspath(path)
     try:
@@ -117,14 +145,21 @@ def _block(node: NodeEntries) -> Block:
 
 
 def parse_value(text: str, source: str = '') -> FileValue:
-    """Type one value from the command line as `-p NAME:=VALUE` does.
+    """
+    Type one value from the command line as `-p NAME:=VALUE` does.
 
-    Args:
-        text: a scalar (`150`, `1.0`, `rasmc`) or an array (`[150.0, 80.0]`).
-        source: what it is, for the message.
+    Parameters
+    ----------
+    text
+        a scalar (`150`, `1.0`, `rasmc`) or an array (`[150.0, 80.0]`).
+    source
+        what it is, for the message.
 
-    Raises:
-        InputError: empty, not YAML, a map, or an array of several types.
+    Raises
+    ------
+    InputError
+        empty, not YAML, a map, or an array of several types.
+
     """
     what = source or repr(text)
     if not text:

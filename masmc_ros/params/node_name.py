@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node names as parameter files write them, wildcards included."""
 
 from __future__ import annotations
@@ -12,14 +25,19 @@ _WILDCARDS = ('*', '**')
 
 
 def complaint(pattern: str) -> str:
-    """Tell what rcl refuses about a node name in a parameter file.
+    """
+    Tell what rcl refuses about a node name in a parameter file.
 
-    Args:
-        pattern: the name with its namespace, as in `controller`, `/left/controller`,
-            `/**/controller`, `/*` or `/**`.
+    Parameters
+    ----------
+    pattern
+        the name with its namespace, as in `controller`, `/left/controller`,
+        `/**/controller`, `/*` or `/**`.
 
-    Returns:
+    Returns
+    -------
         What is wrong with it, '' if nothing is.
+
     """
     if pattern in ('/*', '/**'):
         return ''
@@ -57,11 +75,16 @@ def qualified(name: str, namespace: str = '/') -> str:
 
 
 def matches(pattern: str, qualified_name: str) -> bool:
-    """Tell whether a block of a parameter file is for a node.
+    """
+    Tell whether a block of a parameter file is for a node.
 
-    Args:
-        pattern: the key of the block; `*` stands for one name, `**` for any number of them.
-        qualified_name: the node's name with its namespace, as in `/left/controller`.
+    Parameters
+    ----------
+    pattern
+        the key of the block; `*` stands for one name, `**` for any number of them.
+    qualified_name
+        the node's name with its namespace, as in `/left/controller`.
+
     """
     absolute = pattern if pattern.startswith('/') else '/' + pattern
     # '/**' thereby becomes '(/\w+)*'.

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Choices that installed packages bring: classes named by entry points of a group."""
 
 from __future__ import annotations
@@ -24,7 +37,8 @@ def _names(read: Callable[..., Any], group: str, path: tuple[str, ...]) -> tuple
 
 
 def load_plug_in(group: str, parameter: str, name: str) -> Any:
-    """Return what a name of a group stands for.
+    """
+    Return what a name of a group stands for.
 
     Raises InputError, naming the parameter that has the name as its value, where it cannot
     be loaded.

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The type of a YAML scalar by the rules of ROS 2 parameter files.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The type of a YAML scalar by the rules of ROS 2 parameter files.
 
 These are the rules of rcl's parser, which uses C's `strtoll` and `strtod`, and not those of
 YAML: `010` is the integer 8, `1e3` and `inf` are doubles, `1e999` and `~` are strings.
@@ -47,15 +61,22 @@ _TINY = _SMALLEST_NORMAL - Fraction(2) ** -1076
 
 
 def typed(text: str, *, quoted: bool = False, tag: str | None = None) -> Scalar:
-    """Give a YAML scalar the type that rcl gives it.
+    """
+    Give a YAML scalar the type that rcl gives it.
 
-    Args:
-        text: the scalar after YAML's own unquoting and unescaping.
-        quoted: whether it stood in single or double quotes.
-        tag: its resolved YAML tag, if it has one; only `!!str` matters.
+    Parameters
+    ----------
+    text
+        the scalar after YAML's own unquoting and unescaping.
+    quoted
+        whether it stood in single or double quotes.
+    tag
+        its resolved YAML tag, if it has one; only `!!str` matters.
 
-    Returns:
+    Returns
+    -------
         A bool, an int (64 bit), a float or a str.
+
     """
     if quoted or tag == _STRING_TAG:
         return text

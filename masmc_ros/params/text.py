@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Values as a user writes them in a parameter file or on a command line."""
 
 from __future__ import annotations
@@ -7,19 +20,22 @@ from collections.abc import Iterable
 import math
 import re
 
-import yaml
-
 from masmc_ros.params.scalar import typed
+import yaml
 
 _PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./-]*')
 
 
 def yaml_text(value: object) -> str:
-    """Write a value on one line so that a parameter file gives back the same value.
+    """
+    Write a value on one line so that a parameter file gives back the same value.
 
-    Args:
-        value: a bool, int, float, str or an iterable of those; None is written as an empty
-            array, which is how a file says that a parameter has no value.
+    Parameters
+    ----------
+    value
+        a bool, int, float, str or an iterable of those; None is written as an empty
+        array, which is how a file says that a parameter has no value.
+
     """
     if value is None:
         return '[]'

@@ -1,15 +1,27 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scalars and arrays written to a parameter by the rules of rcl, and single values."""
 
 from __future__ import annotations
 
 from typing import Any, NoReturn
 
-import yaml
-
 from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import Scalar, typed
 from masmc_ros.params.yaml_events import c_string, line_of, Place, yaml_events
+import yaml
 
 FileValue = Scalar | list[bool] | list[int] | list[float] | list[str] | None
 
@@ -18,7 +30,8 @@ _TYPE_NAMES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a str
 
 
 class Variant:
-    """What was written to one parameter: at most one value of every type.
+    """
+    What was written to one parameter: at most one value of every type.
 
     Values of different types do not replace one another; the first type in the order bool,
     int, float, str, then their arrays, is the one that counts.
@@ -31,7 +44,7 @@ class Variant:
 
     @property
     def value(self) -> FileValue:
-        """The value that counts, None if there is none (an empty array, an empty map)."""
+        """Return the value that counts, None if there is none (an empty array, an empty map)."""
         for values in (self.scalars, self.arrays):
             for type_ in _TYPES:
                 if type_ in values:
@@ -85,10 +98,14 @@ class ValueReader:
 
 
 def read_value(data: bytes, source: str) -> FileValue:
-    """Type one value, as `-p NAME:=VALUE` does; `source` names it in messages.
+    """
+    Type one value, as `-p NAME:=VALUE` does; `source` names it in messages.
 
-    Raises:
-        InputError: not YAML, or neither a scalar nor an array of one type.
+    Raises
+    ------
+    InputError
+        not YAML, or neither a scalar nor an array of one type.
+
     """
 
     def place(_: int) -> str:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """YAML as the stream of events that rcl's parser sees, and refusals with their place."""
 
 from __future__ import annotations
@@ -6,9 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import yaml
-
 from masmc_ros.errors import InputError
+import yaml
 
 Place = Callable[[int], str]
 """What stands in front of a message about a line (from 1): 'path:line', or an option."""
@@ -18,10 +30,14 @@ _LOADER: Any = getattr(yaml, 'CBaseLoader', yaml.BaseLoader)
 
 
 def yaml_events(data: bytes, place: Place) -> Iterator[yaml.Event]:
-    """Parse YAML (UTF-8, or UTF-16 with a byte order mark) into events.
+    """
+    Parse YAML (UTF-8, or UTF-16 with a byte order mark) into events.
 
-    Raises:
-        InputError: not YAML, or not text.
+    Raises
+    ------
+    InputError
+        not YAML, or not text.
+
     """
     try:
         yield from yaml.parse(data, Loader=_LOADER)

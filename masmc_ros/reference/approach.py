@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""How the robot gets from where it is to the reference without a jump.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How the robot gets from where it is to the reference without a jump.
 
 A controller that starts far from its reference would answer the distance at once, with all
 its gains. What it follows instead begins where the robot is and joins the reference
@@ -12,14 +26,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.reference.hermite import quintic
 from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import task_position, task_velocity
+import numpy as np
+from numpy.typing import NDArray
 
 SHORTEST = 0.5
 """Least time in s that an approach takes, and in which a robot that moves is braked."""
@@ -37,7 +50,8 @@ Array = NDArray[np.float64]
 def _distance(
     geometry: Any, position: Any, rates: Any, reference: Any, speed: float, out: Any, motion: Any
 ) -> None:
-    """Write the reference (12) minus the robot at rest, and how the robot moves (4, m/s).
+    """
+    Write the reference (12) minus the robot at rest, and how the robot moves (4, m/s).
 
     On no axis is that more than `speed`.
     """
@@ -88,13 +102,17 @@ def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bo
 
 
 class Approach:
-    """Joins the reference from wherever the robot is, at a bounded speed.
+    """
+    Joins the reference from wherever the robot is, at a bounded speed.
 
     A new approach begins when one is asked for, and, where the reference is watched, when it
     steps: by more than 0.05 s of `speed` in position, or by more than `speed` in velocity.
 
-    Attributes:
-        is_on: whether what is followed is still on its way to the reference, or will be.
+    Attributes
+    ----------
+    is_on
+        whether what is followed is still on its way to the reference, or will be.
+
     """
 
     def __init__(self, geometry: Array, speed: float) -> None:
@@ -124,7 +142,8 @@ class Approach:
                 self.begin()
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
-        """Return what to follow (12) at a stamp in ns; the reference itself once joined.
+        """
+        Return the 12 numbers to follow at a stamp in ns; the reference itself once joined.
 
         `position` (7) in the order of joint_states, `rates` (4) of the driven joints in rad/s,
         `reference` (12).

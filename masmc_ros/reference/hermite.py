@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Quintic Hermite interpolation between two samples of a reference."""
 
 from __future__ import annotations
@@ -10,7 +23,8 @@ Sample = tuple[float, float, float]
 
 @formula
 def quintic(first: Sample, second: Sample, period: float, part: float) -> Sample:
-    """Return position, velocity and acceleration at `part` (0 to 1) of the way.
+    """
+    Return position, velocity and acceleration at `part` (0 to 1) of the way.
 
     The polynomial of degree five in time that has position, velocity and acceleration of
     both samples, which lie `period` s apart; one task axis in m, m/s, m/s2.

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The reference trajectory: its parameters, and samples of it on the control grid."""
 
 from __future__ import annotations
@@ -7,15 +20,14 @@ from collections.abc import Mapping
 import math
 from typing import Any, ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.line_sine import line_sine
 from masmc_ros.robot.two_link.parameters import Robot
+import numpy as np
+from numpy.typing import NDArray
 
 ENTRY_POINTS = 'masmc_ros.references'
 """Group of entry points through which a user's own trajectory types plug in."""
@@ -115,7 +127,8 @@ class Trajectory:
         self._robot = robot
 
     def sample(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return (count, 12) samples at ticks first, first + 1, ...
+        """
+        Return (count, 12) samples at ticks first, first + 1, ...
 
         Raises InputError where the arm cannot reach the desired end effector position from
         the desired position of its base.
@@ -139,7 +152,7 @@ class Trajectory:
         return samples
 
     def positions(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return desired positions (n, 4) in m at any ticks (n), reachable or not."""
+        """Return the desired n x 4 entries, in m, at any n ticks, reachable or not."""
         return self._at(ticks)[1][:, :4]
 
     def _at(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

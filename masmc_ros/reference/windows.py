@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The reference as the controller receives it: windows of samples sent ahead of time.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The reference as the controller receives it: windows of samples sent ahead of time.
 
 It has one owner at a time. Windows, once they cover the present, are a trajectory that runs: a
 set-point is refused until they have ended. A set-point that holds is replaced by windows that
@@ -12,12 +26,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.reference.hermite import quintic
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -87,7 +100,8 @@ class ReferenceWindows:
         self._set_point: Array | None = None
 
     def add(self, start: int, period: float, samples: Array) -> None:
-        """Add samples (n, 12), `period` s apart from the stamp `start` in ns on.
+        """
+        Add samples (n, 12), `period` s apart from the stamp `start` in ns on.
 
         Raises InputError for numbers that are not finite and for a period that is not > 0.
         """
@@ -105,7 +119,8 @@ class ReferenceWindows:
             del self._windows[0]
 
     def set_point(self, numbers: Array, now: int | None = None) -> None:
-        """Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
+        """
+        Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
 
         Raises InputError for another count, for numbers that are not finite, and while windows
         cover the stamp `now` in ns; None is any.
@@ -157,7 +172,7 @@ class ReferenceWindows:
 
     @property
     def end(self) -> int | None:
-        """The stamp in ns up to which windows have come; None without."""
+        """Return the stamp in ns up to which windows have come; None without."""
         return max((window.end for window in self._windows), default=None)
 
     def held_after(self, stamp: int) -> Array | None:

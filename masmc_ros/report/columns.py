@@ -1,13 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The columns of an exported run: a row a state."""
 
 from __future__ import annotations
 
 from itertools import product
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.names import (
@@ -19,6 +29,8 @@ from masmc_ros.messages.names import (
     TASK_AXES,
 )
 from masmc_ros.robot.two_link.dynamics import BaseParameters
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _Part = tuple[Floats, NDArray[np.bool_]]
@@ -49,8 +61,8 @@ def columns_of(run: Run) -> tuple[Column, ...]:
     units = ['m' if number < _LENGTHS else 'rad' for number in range(len(JOINTS))]
     torques, rates = _sent(run)
     joints = run.joint_names
-    driven = joints[len(BASE_JOINTS) :]
-    arm = driven[-len(ARM_JOINTS) :]
+    driven = joints[len(BASE_JOINTS):]
+    arm = driven[-len(ARM_JOINTS):]
     derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
     return (
         Column('time', 's'),
@@ -78,7 +90,8 @@ def _sent(run: Run) -> tuple[bool, bool]:
 
 
 def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the numbers of a run (n, len(columns_of(run))), and which of them the log has.
+    """
+    Return the numbers of a run (n, len(columns_of(run))), and which of them the log has.
 
     What was sent at other times than the states stands with the last state before it; of
     several there, the last counts.

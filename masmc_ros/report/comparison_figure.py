@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """All runs in one figure: distances from the reference, and torques."""
 
 from __future__ import annotations
@@ -7,16 +20,15 @@ from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple
 
+from masmc_ros.log.read.reader import Run
+from masmc_ros.report.metrics import total_variation
+from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
+from masmc_ros.report.tracking import Tracking
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.log.read.reader import Run
-from masmc_ros.report.metrics import total_variation
-from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
-from masmc_ros.report.tracking import Tracking
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +52,8 @@ class Compared(NamedTuple):
 
 
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
-    """Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time.
+    """
+    Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time.
 
     Where no run has torques, platform and arm have the rates that were commanded.
     """
@@ -99,7 +112,8 @@ def _legend(axes: Axes, lines: Sequence[Line2D], labels: Sequence[str], columns:
 
 
 def _scale(axes: Axes) -> None:
-    """Make the axis logarithmic, from where the smallest line has its lowest values but a few.
+    """
+    Make the axis logarithmic, from where the smallest line has its lowest values but a few.
 
     An axis without positive values stays linear.
     """

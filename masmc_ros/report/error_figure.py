@@ -1,15 +1,27 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tracking errors over time: the paper's Figures 4, 5, 7 and 8."""
 
 from __future__ import annotations
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-import numpy as np
-
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.style import BLUE, caption, COLUMN, GREY, new_figure, time_axis, VERMILLION
 from masmc_ros.report.tracking import Tracking
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
 
 _HEIGHT = 78.0
 _MILLIMETRES = 1.0e3
@@ -30,7 +42,8 @@ def platform_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure |
 def _error_figure(
     tracked: Tracking, reached: Metrics, label: str, point: str, first: int, rms: float | None
 ) -> Figure | None:
-    """Draw columns `first` and `first` + 1 of the errors, those of one point, in mm.
+    """
+    Draw columns `first` and `first` + 1 of the errors, those of one point, in mm.
 
     Returns None where there are no errors in the window.
     """
@@ -38,7 +51,7 @@ def _error_figure(
         return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    error = tracked.error[:, first : first + 2] * _MILLIMETRES
+    error = tracked.error[:, first:first + 2] * _MILLIMETRES
     for axes in (upper, lower):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         for values, axis, colour in zip(error.T, 'xy', (BLUE, VERMILLION), strict=True):

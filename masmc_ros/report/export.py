@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Logged runs as tables and arrays for other programs, number for number."""
 
 from __future__ import annotations
@@ -10,13 +23,12 @@ import io
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.report.columns import columns_of, table_of
 from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
+import numpy as np
 
 _BLOCK = 10_000
 """Rows of a CSV file that are made into text at a time."""
@@ -25,20 +37,30 @@ _BLOCK = 10_000
 def write_export(
     runs: Sequence[Run], directory: str | Path, file_format: str, *, overwrite: bool
 ) -> list[Path]:
-    """Write one file a run, named by its log, into a folder, which is made if need be.
+    """
+    Write one file a run, named by its log, into a folder, which is made if need be.
 
-    Args:
-        runs: the runs.
-        directory: the folder.
-        file_format: one of FORMATS.
-        overwrite: whether files that are there already may be replaced.
+    Parameters
+    ----------
+    runs
+        the runs.
+    directory
+        the folder.
+    file_format
+        one of FORMATS.
+    overwrite
+        whether files that are there already may be replaced.
 
-    Returns:
+    Returns
+    -------
         The files.
 
-    Raises:
-        InputError: for a file that is there or cannot be written, and where the format needs
-            what is not installed.
+    Raises
+    ------
+    InputError
+        for a file that is there or cannot be written, and where the format needs
+        what is not installed.
+
     """
     logs = [run.path for run in runs]
     paths = check_export(logs, directory, file_format, overwrite=overwrite)
@@ -52,7 +74,8 @@ def write_export(
 def check_export(
     logs: Sequence[str | Path], directory: str | Path, file_format: str, *, overwrite: bool
 ) -> list[Path]:
-    """Return the files that an export of logs writes, without reading or writing any.
+    """
+    Return the files that an export of logs writes, without reading or writing any.
 
     Raises InputError as `write_export`, and where a file would take the place of a log.
     """
@@ -84,8 +107,8 @@ def _write_csv(run: Run, stream: BinaryIO) -> None:
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow([column.name for column in columns_of(run)])
     for first in range(0, len(values), _BLOCK):
-        block = values[first : first + _BLOCK].astype(object)
-        block[~known[first : first + _BLOCK]] = None
+        block = values[first:first + _BLOCK].astype(object)
+        block[~known[first:first + _BLOCK]] = None
         writer.writerows(block.tolist())
     text.detach()
 

@@ -1,11 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which figures a set of runs gives, and what they are called."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-
-from matplotlib.figure import Figure
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
@@ -15,6 +26,7 @@ from masmc_ros.report.labels import law_of
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.path_figure import path_figure
 from masmc_ros.report.style import paper_style, png
+from matplotlib.figure import Figure
 
 KINDS = ('path', 'end_effector', 'platform')
 """The figures of one run, in the order of the paper's."""
@@ -26,7 +38,8 @@ PAPER_FIGURES = {'smc': 3, 'rasmc': 6}
 def draw_figures(
     compared: Sequence[Compared], reached: Sequence[Metrics]
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield file name and PNG of every figure: three a run, then all runs in one.
+    """
+    Yield file name and PNG of every figure: three a run, then all runs in one.
 
     A run whose log does not tell the positions has no figure of its path, one whose log does
     not tell the errors none of these.
@@ -47,7 +60,8 @@ def draw_figures(
 
 
 def figure_names(runs: Sequence[Run]) -> list[list[str]]:
-    """Return the file names of each run's figures, of which there is one of each of KINDS.
+    """
+    Return the file names of each run's figures, of which there is one of each of KINDS.
 
     The first run under each law of the paper has the paper's: figure_3_smc_path.png. The
     others are named by their logs: RUN_path.png.

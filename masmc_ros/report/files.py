@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Files and folders for results: what is there is whole."""
 
 from __future__ import annotations
@@ -36,10 +49,14 @@ def check_folder(folder: Path) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Write a file that takes its name, or another's place, once it is complete.
+    """
+    Write a file that takes its name, or another's place, once it is complete.
 
-    Raises:
-        InputError: where it cannot be written. What was there before is there still.
+    Raises
+    ------
+    InputError
+        where it cannot be written. What was there before is there still.
+
     """
     try:
         file = WholeFile(path)
@@ -54,7 +71,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def file_stem(name: str, taken: set[str]) -> str:
-    """Turn a name into that of a file, numbered if need be, which is `taken` from then on.
+    """
+    Turn a name into that of a file, numbered if need be, which is `taken` from then on.
 
     Names that differ by upper and lower case only are the same on some machines.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The interactive plots of the page: which there are for a run, and for all of them."""
 
 from __future__ import annotations
@@ -8,16 +21,15 @@ from html import escape
 from itertools import cycle, product
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-import plotly.graph_objects as go
-
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.parameters import Change, run_changes
 from masmc_ros.report.samples import packed_path
 from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, scatter, time_plot
 from masmc_ros.report.tracking import Tracking
+import numpy as np
+from numpy.typing import NDArray
+import plotly.graph_objects as go
 
 Floats = NDArray[np.float64]
 
@@ -38,13 +50,20 @@ _DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
 class Plot(NamedTuple):
-    """A plot of the page.
+    """
+    A plot of the page.
 
-    Attributes:
-        name: without spaces, unlike that of the run's other plots.
-        title: what it shows.
-        figure: the plot.
-        is_over_time: whether its abscissa is the time that all such plots share.
+    Attributes
+    ----------
+    name
+        without spaces, unlike that of the run's other plots.
+    title
+        what it shows.
+    figure
+        the plot.
+    is_over_time
+        whether its abscissa is the time that all such plots share.
+
     """
 
     name: str
@@ -68,7 +87,7 @@ def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) ->
         drawn = []
         styles = cycle(product(_DASHES, COLOURS))
         for each, (dash, colour) in zip(told, styles, strict=False):
-            errors = each.tracked.error[:, first : first + 2] * _MILLIMETRES
+            errors = each.tracked.error[:, first:first + 2] * _MILLIMETRES
             size = np.linalg.norm(errors, axis=1)
             # A logarithm has no place for zero.
             size[size == 0.0] = np.nan
@@ -94,8 +113,8 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
 
     if len(tracked.error):
         for point, name, first in (('E', 'the end effector', 0), ('F', 'platform point F', 2)):
-            errors = tracked.error[:, first : first + 2] * _MILLIMETRES
-            names = [f'e of {axis}' for axis in _AXES[first : first + 2]]
+            errors = tracked.error[:, first:first + 2] * _MILLIMETRES
+            names = [f'e of {axis}' for axis in _AXES[first:first + 2]]
             title = f'Tracking error of {name}'
             add(f'error_{point}', title, 'error (mm)', names, tracked.times, errors)
     if run.sliding_surface is not None and run.sliding_surface_times is not None:
@@ -166,7 +185,7 @@ def _path(run: Run, tracked: Tracking) -> go.Figure:
             ('desired', tracked.desired, INK, 'dash' if name == 'E' else 'dot'),
         ):
             if values is not None:
-                points = values[:, first : first + 2]
+                points = values[:, first:first + 2]
                 _add_path(figure, f'{name} {kind}', points, tone, dash)
     figure.update_xaxes(title='x (m)')
     figure.update_yaxes(title='y (m)', scaleanchor='x')

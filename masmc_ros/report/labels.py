@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Names that tell runs apart in a table or a legend."""
 
 from __future__ import annotations
@@ -18,7 +31,8 @@ RATES = 'rates'
 
 
 def labels(runs: Sequence[Run]) -> list[str]:
-    """Return one label a run, such as 'smc, tanh δ 0.2', all different.
+    """
+    Return one label a run, such as 'smc, tanh δ 0.2', all different.
 
     'changed' follows where parameters were changed while the robot ran.
     Runs under the same law, and those that do not tell theirs, are told apart by their files.
@@ -36,7 +50,8 @@ def labels(runs: Sequence[Run]) -> list[str]:
 
 
 def law_of(run: Run) -> str | None:
-    """Return the law that a run started with, None where the log does not tell.
+    """
+    Return the law that a run started with, None where the log does not tell.
 
     Commanded rates follow from no law: RATES.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a run reached, in numbers."""
 
 from __future__ import annotations
@@ -6,13 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_changes
 from masmc_ros.report.settling import settling_time
 from masmc_ros.report.tracking import Tracking, tracking
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Window = tuple[float, float]
@@ -20,26 +32,40 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True)
 class Metrics:
-    """Errors and torques of a run over the window begin <= t < end, SI units.
+    """
+    Errors and torques of a run over the window begin <= t < end, SI units.
 
     The settling times are over the whole run. What the log does not tell is None.
 
-    Attributes:
-        begin: s from the first state.
-        end: s from the first state.
-        end_effector_rms: root mean square of |e_E|, the distance to the desired point, m.
-        end_effector_max: largest |e_E|, m.
-        platform_rms: root mean square of |e_F|, m.
-        platform_max: largest |e_F|, m.
-        end_effector_settling: s from the first error until |e_E| stays small for good, see
-            `settling_time`; infinity where it does not.
-        platform_settling: likewise of |e_F|.
-        torque_rms: root mean square of the Euclidean norm of the four commanded torques, N m.
-        torque_variation: total variation of the commands per time, summed over the joints,
-            sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
-            command, large for one that chatters.
-        estimate_norm: Euclidean norm of the last estimate of the base inertial parameters,
-            whose units are mixed (kg, kg m2, kg m).
+    Attributes
+    ----------
+    begin
+        s from the first state.
+    end
+        s from the first state.
+    end_effector_rms
+        root mean square of |e_E|, the distance to the desired point, m.
+    end_effector_max
+        largest |e_E|, m.
+    platform_rms
+        root mean square of |e_F|, m.
+    platform_max
+        largest |e_F|, m.
+    end_effector_settling
+        s from the first error until |e_E| stays small for good, see
+        `settling_time`; infinity where it does not.
+    platform_settling
+        likewise of |e_F|.
+    torque_rms
+        root mean square of the Euclidean norm of the four commanded torques, N m.
+    torque_variation
+        total variation of the commands per time, summed over the joints,
+        sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
+        command, large for one that chatters.
+    estimate_norm
+        Euclidean norm of the last estimate of the base inertial parameters,
+        whose units are mixed (kg, kg m2, kg m).
+
     """
 
     begin: float
@@ -56,12 +82,18 @@ class Metrics:
 
 
 def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None = None) -> Metrics:
-    """Compute the metrics of a logged run.
+    """
+    Compute the metrics of a logged run.
 
-    Args:
-        run: the run.
-        window: begin <= t < end in s from the first state; by default the second half.
-        tracked: the run's tracking, if it is known already.
+    Parameters
+    ----------
+    run
+        the run.
+    window
+        begin <= t < end in s from the first state; by default the second half.
+    tracked
+        the run's tracking, if it is known already.
+
     """
     tracked = tracking(run) if tracked is None else tracked
     begun = run.times[0]
@@ -91,16 +123,26 @@ def measure(
     window: Window,
     changed: float = -math.inf,
 ) -> Metrics:
-    """Compute the metrics of signals.
+    """
+    Compute the metrics of signals.
 
-    Args:
-        times: (K) of the errors, s.
-        error: (K, 4) of x_E, y_E, x_F, y_F in m.
-        torque_times: (M) of the commands, s.
-        torque: (M, 4) in N m.
-        estimate: (L, 7) base inertial parameters over time, or None.
-        window: begin <= t < end, s.
-        changed: time of the last change of parameters, s.
+    Parameters
+    ----------
+    times
+        (K) of the errors, s.
+    error
+        (K, 4) of x_E, y_E, x_F, y_F in m.
+    torque_times
+        (M) of the commands, s.
+    torque
+        (M, 4) in N m.
+    estimate
+        (L, 7) base inertial parameters over time, or None.
+    window
+        begin <= t < end, s.
+    changed
+        time of the last change of parameters, s.
+
     """
     begin, end = window
     settling = [settling_time(times, part, changed) for part in (error[:, :2], error[:, 2:])]

@@ -1,11 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a log does not tell, in words, and why."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-
-import numpy as np
 
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
@@ -20,6 +31,7 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.report.tracking import Tracking
+import numpy as np
 
 
 def missing(run: Run, tracked: Tracking) -> list[str]:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report as one page that needs nothing but a browser."""
 
 from __future__ import annotations
@@ -9,8 +22,6 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
 from masmc_ros import __version__
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.interactive import comparison_plots, Plot, run_plots, span_of
@@ -19,6 +30,7 @@ from masmc_ros.report.missing import missing
 from masmc_ros.report.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.settling import BAND, FLOOR
 from masmc_ros.report.table import cells, heads
+from plotly.offline import get_plotlyjs
 
 _SOURCES = Path(__file__).with_name('page')
 _SCRIPTS = ('lines.js', 'page.js')
@@ -26,7 +38,8 @@ _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
 
 def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str:
-    """Return the report of runs as HTML: the same text for the same runs.
+    """
+    Return the report of runs as HTML: the same text for the same runs.
 
     Scripts, styles and data are in the page, and its content security policy keeps the
     browser from loading anything else.

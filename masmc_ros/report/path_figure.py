@@ -1,12 +1,20 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Desired and actual paths in the plane: the paper's Figures 3 and 6."""
 
 from __future__ import annotations
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
@@ -14,6 +22,10 @@ from masmc_ros.report.robot_drawing import draw_robot
 from masmc_ros.report.style import BLACK, BLUE, caption, GREY, new_figure, PAGE, VERMILLION
 from masmc_ros.report.tracking import Tracking
 from masmc_ros.robot.two_link.geometry import Geometry
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +41,8 @@ _SURROUND = 17.0
 
 
 def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
-    """Draw the paths of end effector and platform point F, and the robot now and then.
+    """
+    Draw the paths of end effector and platform point F, and the robot now and then.
 
     Returns None where the log does not tell the positions.
     """
@@ -42,10 +55,10 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
         _draw_instants(axes, Geometry(*robot.geometry), run)
     lines = []
     for name, colour, first in (('E', BLUE, 0), ('F', VERMILLION, 2)):
-        x, y = tracked.actual[:, first : first + 2].T
+        x, y = tracked.actual[:, first:first + 2].T
         lines += axes.plot(x, y, color=colour, linewidth=1.2, label=f'{name} actual', zorder=2.5)
         axes.plot(x[:1], y[:1], 'o', color=colour, markersize=3.5, zorder=2.5)
-        x, y = tracked.desired[:, first : first + 2].T
+        x, y = tracked.desired[:, first:first + 2].T
         lines += axes.plot(
             x, y, color=BLACK, linewidth=0.8, dashes=(4, 3), label=f'{name} desired', zorder=2.6
         )

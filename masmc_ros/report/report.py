@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A folder with everything there is to say about some runs."""
 
 from __future__ import annotations
@@ -32,21 +45,29 @@ _TEXTS = ('report.html', 'table.txt', 'table.md', 'metrics.csv')
 
 
 def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
-    """Write metrics and figures of runs, and of all of them together, into a folder.
+    """
+    Write metrics and figures of runs, and of all of them together, into a folder.
 
     The folder is made if need be. Files of an earlier report in it are replaced, and those
     removed that this one does not have.
 
-    Args:
-        runs: at least one run.
-        directory: the folder.
+    Parameters
+    ----------
+    runs
+        at least one run.
+    directory
+        the folder.
 
-    Returns:
+    Returns
+    -------
         The files: report.html, table.txt, table.md, metrics.csv, the figures, the manifest.
 
-    Raises:
-        InputError: for a run without what a report needs and for a folder that cannot be
-            written. Nothing is written unless everything could be computed.
+    Raises
+    ------
+    InputError
+        for a run without what a report needs and for a folder that cannot be
+        written. Nothing is written unless everything could be computed.
+
     """
     if not runs:
         raise InputError('no runs to report; expected at least one log')

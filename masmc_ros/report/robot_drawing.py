@@ -1,17 +1,29 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The robot seen from above: platform, wheels and arm to scale."""
 
 from __future__ import annotations
 
 import math
 
+from masmc_ros.report.style import BLACK, GREY
+from masmc_ros.robot.two_link.geometry import Geometry
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.report.style import BLACK, GREY
-from masmc_ros.robot.two_link.geometry import Geometry
 
 Floats = NDArray[np.float64]
 

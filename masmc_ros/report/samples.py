@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Every sample of a line, packed to stand in the page, which draws what can be seen of it."""
 
 from __future__ import annotations
@@ -20,12 +33,18 @@ _NANOSECONDS = 1.0e9
 
 
 def packed_signal(times: Floats, values: Floats, most: int = MOST) -> dict[str, Any]:
-    """Return a signal: all its samples, or the least and the greatest value of every stretch.
+    """
+    Return a signal: all its samples, or the least and the greatest value of every stretch.
 
-    Args:
-        times: (n) in s, kept to the nanosecond.
-        values: (n), kept as float32.
-        most: so many samples or stretches at most.
+    Parameters
+    ----------
+    times
+        (n) in s, kept to the nanosecond.
+    values
+        (n), kept as float32.
+    most
+        so many samples or stretches at most.
+
     """
     size = _size(len(times), most)
     starts = np.arange(0, len(times), size)
@@ -41,7 +60,8 @@ def packed_signal(times: Floats, values: Floats, most: int = MOST) -> dict[str, 
 
 
 def packed_path(points: Floats, most: int = MOST) -> dict[str, Any]:
-    """Return points (n, 2) of a path; where there are more than `most`, the first of each so many.
+    """
+    Return points (n, 2) of a path; where there are more than `most`, the first of each so many.
 
     A robot moves on between two of them by less than can be seen.
     """

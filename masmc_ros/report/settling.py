@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How long a tracking error takes to become small and stay small."""
 
 from __future__ import annotations
@@ -33,19 +46,26 @@ def settling_band(errors: Floats) -> float:
 
 
 def settling_time(times: Floats, errors: Floats, changed: float = -math.inf) -> float | None:
-    """Return the time after which |e| stays in the band until the log ends.
+    """
+    Return the time after which |e| stays in the band until the log ends.
 
     The settling time of a step response (Ogata, Modern Control Engineering), with the error in
     the place of the distance from the final value.
 
-    Args:
-        times: (n) s, ascending.
-        errors: (n, m) m; one that is not a number is outside.
-        changed: time of the last change of parameters, s.
+    Parameters
+    ----------
+    times
+        (n) s, ascending.
+    errors
+        (n, m) m; one that is not a number is outside.
+    changed
+        time of the last change of parameters, s.
 
-    Returns:
+    Returns
+    -------
         s from the first error; infinity where it does not settle, or does not stay for long
         enough (see STAY, LEAST_STAY); None without errors.
+
     """
     if not len(errors):
         return None

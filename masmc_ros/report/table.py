@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs next to each other: as text to read, as Markdown and as CSV to compute with."""
 
 from __future__ import annotations
@@ -9,10 +22,9 @@ from dataclasses import asdict
 import io
 import math
 
-import numpy as np
-
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.settling import BAND, FLOOR
+import numpy as np
 
 _HEADS = (
     ('run', ''),
@@ -76,7 +88,8 @@ def markdown_table(rows: Mapping[str, Metrics]) -> str:
 
 
 def csv_table(rows: Mapping[str, Metrics]) -> str:
-    """Return metrics by label as CSV: SI units, all digits, missing ones empty.
+    """
+    Return metrics by label as CSV: SI units, all digits, missing ones empty.
 
     The settling time of what does not settle is `inf`.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Interactive plots of signals over time, with the parameters' changes marked."""
 
 from __future__ import annotations
@@ -8,12 +21,11 @@ from html import escape
 from itertools import groupby
 from typing import Any, NamedTuple
 
+from masmc_ros.report.parameters import Change, change_texts
+from masmc_ros.report.samples import packed_signal
 import numpy as np
 from numpy.typing import NDArray
 import plotly.graph_objects as go
-
-from masmc_ros.report.parameters import Change, change_texts
-from masmc_ros.report.samples import packed_signal
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +53,8 @@ class Line(NamedTuple):
 
 
 def lines(names: Sequence[str], times: Floats, values: Floats) -> list[Line]:
-    """Return the columns of values (n, m), m < 8, as lines that differ.
+    """
+    Return the columns of values (n, m), m < 8, as lines that differ.
 
     From the fifth on they are dashed too: more colours are hard to tell apart.
     """
@@ -61,14 +74,22 @@ def time_plot(
     *,
     is_logarithmic: bool = False,
 ) -> go.Figure:
-    """Draw lines over time.
+    """
+    Draw lines over time.
 
-    Args:
-        drawn: times in s from the first state.
-        quantity: what the ordinate shows, with its unit.
-        span: begin and end of the abscissa in s.
-        changes: of parameters, each marked by a vertical line and a symbol that tells it.
-        is_logarithmic: whether the ordinate is.
+    Parameters
+    ----------
+    drawn
+        times in s from the first state.
+    quantity
+        what the ordinate shows, with its unit.
+    span
+        begin and end of the abscissa in s.
+    changes
+        of parameters, each marked by a vertical line and a symbol that tells it.
+    is_logarithmic
+        whether the ordinate is.
+
     """
     figure = go.Figure(layout=page_layout())
     for name, times, values, colour, dash in drawn:

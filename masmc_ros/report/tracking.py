@@ -1,29 +1,48 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How a run followed its reference: task positions and tracking error (13) over time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.robot.two_link.forward_kinematics import task_positions
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """Task coordinates are x_E, y_E, x_F, y_F in the world, m; times in s from the first state.
+    """
+    Task coordinates are x_E, y_E, x_F, y_F in the world, m; times in s from the first state.
 
-    Attributes:
-        times: (K) of the errors.
-        error: (K, 4) e = x - x_d; K = 0 where the log does not tell it.
-        actual: (N, 4) x at every state; None where the log does not tell it.
-        desired: (N, 4) x_d at every state, NaN where there is none; None likewise.
+    Attributes
+    ----------
+    times
+        (K) of the errors.
+    error
+        (K, 4) e = x - x_d; K = 0 where the log does not tell it.
+    actual
+        (N, 4) x at every state; None where the log does not tell it.
+    desired
+        (N, 4) x_d at every state, NaN where there is none; None likewise.
+
     """
 
     times: Floats
@@ -33,7 +52,8 @@ class Tracking:
 
 
 def tracking(run: Run) -> Tracking:
-    """Return the tracking of a run.
+    """
+    Return the tracking of a run.
 
     The error is the controller's own where the log has it, and computed from the states and
     the reference where not: for that, the log must tell the robot's parameters. Of actual and

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The contract of a mechanism: what the laws and the plant ask of a robot.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The contract of a mechanism: what the laws and the plant ask of a robot.
 
 A mechanism has *joints* that take a torque, *positions* of which the first few are the base's
 pose and the others the joints' angles, *axes* of its task, as many as joints, and *parameters*
@@ -169,7 +183,8 @@ def coriolis(model: Any, posture: Any, theta: Numbers, motion: Numbers) -> Numbe
 
 @_of_model
 def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
-    """Return the first pivot of the inertia's consistency matrix that is not positive, and x.
+    """
+    Return the first pivot of the inertia's consistency matrix that is not positive, and x.
 
     x' Q(theta) x is that pivot. Where all are positive, bodies can have theta, and it is the
     last one.

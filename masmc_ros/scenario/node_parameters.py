@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Which parameters each node declares. Knows nothing of ROS: offline commands read it too."""
 
 from __future__ import annotations
@@ -244,14 +257,18 @@ def accepted(node: str) -> frozenset[str]:
 def drop_foreign(
     node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
 ) -> list[str]:
-    """Take out of what a node is given what is not for it, and return what is for nobody here.
+    """
+    Take out of what a node is given what is not for it, and return what is for nobody here.
 
     `shared` are the names that stand under wildcards such as `/**`, which nodes of other
     packages read too. `where` is as in `check_all`. What the node is to refuse stays.
 
-    Raises:
-        InputError: for a name under a wildcard that is a slip of a known one, and for
-            quality of service, which cannot be overridden.
+    Raises
+    ------
+    InputError
+        for a name under a wildcard that is a slip of a known one, and for
+        quality of service, which cannot be overridden.
+
     """
     own = {parameter.name for parameter in declared(node)}
     foreign = []

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One parameter file and the command line's settings, as the values of every node."""
 
 from __future__ import annotations
@@ -7,8 +20,6 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
@@ -26,6 +37,7 @@ from masmc_ros.scenario.node_parameters import (
     NODES,
     SHARED,
 )
+import numpy as np
 
 Values = dict[str, Any]
 
@@ -40,7 +52,8 @@ _ABSENT = {'plant': {'torque_rate_limit': 0.0}}
 
 
 def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
-    """Read a parameter file as the nodes would, settings on top, defaults below.
+    """
+    Read a parameter file as the nodes would, settings on top, defaults below.
 
     `settings` are NAME=VALUE as on the command line, NAME being NODE.parameter or a shared
     one, which then holds for every node. Returns checked values by node name. Raises
@@ -76,13 +89,17 @@ def activation(scenario: Mapping[str, Values]) -> list[Change]:
 def logged_scenario(
     run: Run, settings: Iterable[str] = ()
 ) -> tuple[dict[str, Values], list[Change]]:
-    """Return a run's parameters and changes, so that it can be computed again.
+    """
+    Return a run's parameters and changes, so that it can be computed again.
 
     It is as long as its log. `settings` as in `load_scenario`; a parameter of the controller
     that is set there is not changed on the way.
 
-    Raises:
-        InputError: where the log does not tell them, or tells what this version does not know.
+    Raises
+    ------
+    InputError
+        where the log does not tell them, or tells what this version does not know.
+
     """
     for node in PARAMETER_NODES:
         if node not in run.parameters:

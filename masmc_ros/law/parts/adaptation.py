@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""What lets adaptation last: dead zone, leakage, e-modification and projection.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What lets adaptation last: dead zone, leakage, e-modification and projection.
 
 With g = Y' J^-1 s the gradient of (23), theta_0 the nominal estimate and f in [0, 1] what
 the dead zone and a saturated torque leave of it, one tick is
@@ -15,8 +29,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
@@ -25,6 +37,7 @@ from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import dot, each
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+import numpy as np
 
 GAMMA = PerEntry(
     'gamma',
@@ -98,7 +111,8 @@ MARGIN = 0.5
 
 @formula
 def beyond_dead_zone(distance: float, width: float) -> float:
-    """Return the part of |s| that lies beyond the dead zone, as a fraction of |s|.
+    """
+    Return the part of |s| that lies beyond the dead zone, as a fraction of |s|.
 
     The gradient times this fraction is that of s less its part inside the zone: continuous,
     zero inside, all of it without a zone.
@@ -111,7 +125,8 @@ def beyond_dead_zone(distance: float, width: float) -> float:
 def moved_estimate(
     estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
 ) -> float:
-    """Return the next estimate of one parameter, pulled to the nominal one at a rate in 1/s.
+    """
+    Return the next estimate of one parameter, pulled to the nominal one at a rate in 1/s.
 
     `gradient` is f g, `gamma` the parameter's entry of Gamma, `period` in s.
     """
@@ -147,7 +162,8 @@ def move_into_half_space(
     upper: float,
     estimate: Any,
 ) -> None:
-    """Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
+    """
+    Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
 
     Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
     the estimation error: no point of both comes farther away. Entries that reach their bound
@@ -226,7 +242,8 @@ def _less(theta: float, nominal: float, part: float) -> float:
 def projected(
     model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
 ) -> Numbers:
-    """Return theta moved into the box, and to where bodies can have it; docs/adaptation.md.
+    """
+    Return theta moved into the box, and to where bodies can have it; docs/adaptation.md.
 
     Every cut is the projection onto a half-space that holds every robot whose bodies are
     all above `lower`, so that none takes theta farther from the theta of such a one. In the

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Rates from joint angles: a Luenberger observer of angle, rate and push, one joint at a time.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Rates from joint angles: a Luenberger observer of angle, rate and push, one joint at a time.
 
 Between two ticks the nominal model says how the commanded torque and the law's disturbance
 estimate accelerate the joint; the push, an acceleration, is what they leave unsaid. At a tick
@@ -49,7 +63,8 @@ _PUSH = 0.1
 
 @formula
 def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
-    """Return the gains of angle, rate (times T) and push (times T^2).
+    """
+    Return the gains of angle, rate (times T) and push (times T^2).
 
     Angle and rate are those of a critically damped filter of second order, both poles at
     1 / (1 + bandwidth T): bandwidth in rad/s, T the period in s.
@@ -70,7 +85,8 @@ def followed(
     period: float,
     gain: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """Return angle (rad), rate (rad/s) and push (rad/s2) one period later.
+    """
+    Return angle (rad), rate (rad/s) and push (rad/s2) one period later.
 
     `acceleration` (rad/s2) is what the model expects over the period, `measured` the angle at
     its end.
@@ -130,7 +146,8 @@ def _followed(
 def estimate_rates(
     settings: Any, memory: Any, position: Numbers, lane: int, knows_torques: bool
 ) -> None:
-    """Bring the estimated angles, rates and pushes to the tick of a position.
+    """
+    Bring the estimated angles, rates and pushes to the tick of a position.
 
     Over ticks that were left out it is one long period with its own gains: those of a short one
     would take what the rates were off by for a jump of the angles, many times too large.

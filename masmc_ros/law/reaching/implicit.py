@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The implicit reaching law: sliding mode without chatter, without a boundary layer.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The implicit reaching law: sliding mode without chatter, without a boundary layer.
 
 Implicit Euler discretisation of the set-valued law (V. Acary and B. Brogliato, "Implicit
 Euler numerical scheme and chattering-free implementation of sliding mode systems", Systems
@@ -19,8 +33,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import task_inertia, Tick
 from masmc_ros.numerics.arrays import taken
@@ -30,6 +42,7 @@ from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import each, least, matrix_times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
+import numpy as np
 
 OBSERVER_GAIN = Parameter(
     'observer_gain',
@@ -60,7 +73,8 @@ def _followed(disturbance: float, impulse: float, gain_per_period: float) -> flo
 def disturbance_estimate(
     inertia: Columns, s: Numbers, predicted: Numbers, gain_per_period: float, disturbance: Numbers
 ) -> Numbers:
-    """Return the next estimate in N.
+    """
+    Return the next estimate in N.
 
     `inertia` is H_x in kg by its columns, `predicted` the s+ of the previous tick in m/s,
     not-a-number where there is none; `gain_per_period` is beta / T in 1/s.
@@ -145,7 +159,8 @@ def _moved(predicted: float, change: float, period: float) -> float:
 def correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Add to s+ what limits of the torque change in it: T J H^-1 (torque - raw torque).
+    """
+    Add to s+ what limits of the torque change in it: T J H^-1 (torque - raw torque).
 
     The disturbance estimate then takes for a disturbance only what is one.
     """
@@ -170,7 +185,8 @@ def implicit_reaching(
     zeta: Any,
     work: Any,
 ) -> None:
-    """Solve for s+ (`following`, n, m/s) and zeta (n).
+    """
+    Solve for s+ (`following`, n, m/s) and zeta (n).
 
     s+ minimises the strictly convex function s+' A s+ / 2 - (H_x s)' s+ + sum T K_s2 |s+|,
     A = H_x + T K_s1. A primal active-set method finds it exactly: axes begin on the surface;

@@ -1,11 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The commands of a log for a platform that takes no torques: twists, stamped or plain."""
 
 from __future__ import annotations
 
 from typing import Any
-
-import numpy as np
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
@@ -13,21 +24,28 @@ from masmc_ros.log.read.decode import message_decoder, Series
 from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import TWIST_STAMPED
+import numpy as np
 
 
 def twists(topic: Topic, arm: Series | None) -> Series:
-    """Read twists: forward speed in m/s and yaw rate in rad/s, 2.
+    """
+    Read twists: forward speed in m/s and yaw rate in rad/s, 2.
 
     A plain one has no stamp, and in a recording the time at which it came may be a tick off.
     The controller sends one before every command for the arm, so that those of the same number
     go together. Where there are more of either, the times of the log have to do.
 
-    Args:
-        topic: of messages of either type, in the order of the log.
-        arm: all commands for the arm in the same order; None where the log has none.
+    Parameters
+    ----------
+    topic
+        of messages of either type, in the order of the log.
+    arm
+        all commands for the arm in the same order; None where the log has none.
 
-    Returns:
+    Returns
+    -------
         Those that are finite, with the stamps of the states that they answer.
+
     """
     if topic.schema is not None and topic.schema.name == TWIST_STAMPED:
         return _decode(topic, is_stamped=True)
@@ -38,7 +56,8 @@ def twists(topic: Topic, arm: Series | None) -> Series:
 
 
 def _decode(topic: Topic, *, is_stamped: bool) -> Series:
-    """Read twists: forward speed and yaw rate, 2; those that nobody takes are left out.
+    """
+    Read twists: forward speed and yaw rate, 2; those that nobody takes are left out.
 
     Stamps are the messages' own, or of plain twists the times of the log.
     """

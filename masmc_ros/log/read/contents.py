@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What is in a log: topics with their messages, metadata and attachments."""
 
 from __future__ import annotations
@@ -12,15 +25,24 @@ if TYPE_CHECKING:
 
 @dataclass
 class Topic:
-    """One topic of a log and its messages.
+    """
+    One topic of a log and its messages.
 
-    Attributes:
-        name: its full name.
-        encoding: of the messages, `cdr` for ROS 2.
-        schema: the definition of the messages; None for a log without.
-        log_times: of each message, ns.
-        messages: each as it was received.
-        orders: position of each among all messages of the log.
+    Attributes
+    ----------
+    name
+        its full name.
+    encoding
+        of the messages, `cdr` for ROS 2.
+    schema
+        the definition of the messages; None for a log without.
+    log_times
+        of each message, ns.
+    messages
+        each as it was received.
+    orders
+        position of each among all messages of the log.
+
     """
 
     name: str
@@ -33,12 +55,18 @@ class Topic:
 
 @dataclass
 class Records:
-    """What a log holds, in the order of the file.
+    """
+    What a log holds, in the order of the file.
 
-    Attributes:
-        topics: by name.
-        metadata: the records of each name.
-        attachments: the last file of each name.
+    Attributes
+    ----------
+    topics
+        by name.
+    metadata
+        the records of each name.
+    attachments
+        the last file of each name.
+
     """
 
     topics: dict[str, Topic] = field(default_factory=dict)

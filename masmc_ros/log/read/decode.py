@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Turns the messages of a topic into arrays: ours in bulk, those of others one by one."""
 
 from __future__ import annotations
@@ -7,9 +20,6 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
@@ -31,6 +41,8 @@ from masmc_ros.messages.layout import (
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
+import numpy as np
+from numpy.typing import NDArray
 
 Rows = NDArray[np.uint8]
 Floats = NDArray[np.float64]
@@ -42,11 +54,16 @@ _STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
 
 
 class Series(NamedTuple):
-    """Stamped values in the order of the log.
+    """
+    Stamped values in the order of the log.
 
-    Attributes:
-        stamps: (n) in ns.
-        values: (n, k).
+    Attributes
+    ----------
+    stamps
+        (n) in ns.
+    values
+        (n, k).
+
     """
 
     stamps: Stamps
@@ -54,11 +71,16 @@ class Series(NamedTuple):
 
 
 class Bulk(NamedTuple):
-    """The rows that had the expected layout.
+    """
+    The rows that had the expected layout.
 
-    Attributes:
-        usable: (n) which they are.
-        series: of all rows, meaningless where not usable.
+    Attributes
+    ----------
+    usable
+        (n) which they are.
+    series
+        of all rows, meaningless where not usable.
+
     """
 
     usable: NDArray[np.bool_]
@@ -67,13 +89,20 @@ class Bulk(NamedTuple):
 
 @dataclass
 class Topical:
-    """How the messages of one kind are read.
+    """
+    How the messages of one kind are read.
 
-    Attributes:
-        width: how many values each has.
-        kind: tells apart the layouts that they may come in, together with their size.
-        bulk: reads messages (n, size) of one kind and size.
-        single: reads a decoded message and its log time in ns: stamp in ns and values.
+    Attributes
+    ----------
+    width
+        how many values each has.
+    kind
+        tells apart the layouts that they may come in, together with their size.
+    bulk
+        reads messages (n, size) of one kind and size.
+    single
+        reads a decoded message and its log time in ns: stamp in ns and values.
+
     """
 
     width: int
@@ -83,10 +112,14 @@ class Topical:
 
 
 def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
-    """Return what makes an object of each message of a topic by the log's own definition.
+    """
+    Return what makes an object of each message of a topic by the log's own definition.
 
-    Raises:
-        InputError: where the log holds no ROS 2 definition.
+    Raises
+    ------
+    InputError
+        where the log holds no ROS 2 definition.
+
     """
     # Imported here: only messages that others laid out need it.
     from mcap_ros2.decoder import DecoderFactory
@@ -116,10 +149,14 @@ def _undecodable(topic: Topic, error: Exception) -> InputError:
 
 
 def decode(topic: Topic, how: Topical) -> Series:
-    """Read a topic, leaving out the messages that every receiver refuses.
+    """
+    Read a topic, leaving out the messages that every receiver refuses.
 
-    Raises:
-        InputError: where no message at all can be used: why the first cannot.
+    Raises
+    ------
+    InputError
+        where no message at all can be used: why the first cannot.
+
     """
     count = len(topic.messages)
     stamps = np.zeros(count, np.int64)
@@ -174,7 +211,7 @@ def _decode_singly(
 def _numbers(rows: Rows, offset: int, count: int, kind: str = '<f8') -> NDArray[Any]:
     """Return `count` numbers of each row, (n, count)."""
     size = np.dtype(kind).itemsize * count
-    return np.ascontiguousarray(rows[:, offset : offset + size]).view(kind)
+    return np.ascontiguousarray(rows[:, offset:offset + size]).view(kind)
 
 
 def _usable(rows: Rows, layout: Layout) -> NDArray[np.bool_] | None:
@@ -193,7 +230,8 @@ def _same(_: bytes) -> Hashable:
 def joint_states(
     names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
 ) -> Topical:
-    """Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
+    """
+    Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
 
     `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
     of others mean nothing.

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Messages that are missing from a topic that is sent at a steady rate, by their stamps."""
 
 from __future__ import annotations
@@ -7,12 +20,11 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.names import STATE_TOPIC
 from mcap.reader import make_reader
 import numpy as np
 from numpy.typing import NDArray
-
-from masmc_ros.messages.layout import NANOSECONDS
-from masmc_ros.messages.names import STATE_TOPIC
 
 MISSING = 'missing_messages'
 """Metadata record: what is missing of each topic in which something is."""
@@ -31,15 +43,22 @@ _GAP = 1.5
 
 
 class Gaps:
-    """Counts what is missing between the first and the last message of a topic.
+    """
+    Counts what is missing between the first and the last message of a topic.
 
     Whether it was never sent, lost on its way or not taken, the stamps do not tell.
 
-    Attributes:
-        count: gaps.
-        missing: messages that would have come in them at the rate around them.
-        longest: the longest interval between two messages in ns, of those that are gaps.
-        at: stamp in ns at which that begins.
+    Attributes
+    ----------
+    count
+        gaps.
+    missing
+        messages that would have come in them at the rate around them.
+    longest
+        the longest interval between two messages in ns, of those that are gaps.
+    at
+        stamp in ns at which that begins.
+
     """
 
     def __init__(self) -> None:

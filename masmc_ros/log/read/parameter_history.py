@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The parameters of a run: what it began with, and what changed when."""
 
 from __future__ import annotations
@@ -17,12 +30,18 @@ from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
 
 @dataclass(frozen=True)
 class ParameterHistory:
-    """Parameters of all nodes; nodes go by their own names, whatever namespace they ran in.
+    """
+    Parameters of all nodes; nodes go by their own names, whatever namespace they ran in.
 
-    Attributes:
-        start: values by node and by name with which the run began.
-        changes: what was changed or happened while it ran, in the order of the log.
-        restarted: nodes that were started again on the way, and began from nothing there.
+    Attributes
+    ----------
+    start
+        values by node and by name with which the run began.
+    changes
+        what was changed or happened while it ran, in the order of the log.
+    restarted
+        nodes that were started again on the way, and began from nothing there.
+
     """
 
     start: dict[str, dict[str, Any]]
@@ -31,21 +50,29 @@ class ParameterHistory:
 
 
 def parameter_history(records: Records, namespace: str, begun: int) -> ParameterHistory:
-    """Return the parameters of a robot's run.
+    """
+    Return the parameters of a robot's run.
 
     They are taken from the topics `NODE/parameters`, which every recorder can record; where a
     log has none of these, from its metadata.
 
-    Args:
-        records: the log.
-        namespace: of the robot, what stands before the names of its topics.
-        begun: position in the log at which the run began; what was changed before is part of
-            its beginning.
+    Parameters
+    ----------
+    records
+        the log.
+    namespace
+        of the robot, what stands before the names of its topics.
+    begun
+        position in the log at which the run began; what was changed before is part of
+        its beginning.
 
     Records that cannot be read are left out, as every node refuses them.
 
-    Raises:
-        InputError: for metadata that cannot be read.
+    Raises
+    ------
+    InputError
+        for metadata that cannot be read.
+
     """
     start: dict[str, dict[str, Any]] = {}
     changes: list[tuple[int, ParameterRecord]] = []

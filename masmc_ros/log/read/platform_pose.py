@@ -1,11 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """States whose joints are the driven ones alone, with the platform's pose from odometry."""
 
 from __future__ import annotations
 
 from contextlib import suppress
-
-import numpy as np
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
@@ -15,20 +26,29 @@ from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import odometry_numbers
+import numpy as np
 
 
 def with_platform_pose(states: Series, odometry: Topic) -> Series:
-    """Add the platform's pose to states, as a controller with `pose_source: odom` does.
+    """
+    Add the platform's pose to states, as a controller with `pose_source: odom` does.
 
-    Args:
-        states: (N, 21) positions, velocities and efforts; stamps ascend.
-        odometry: messages of nav_msgs/Odometry; those that a controller refuses are left out.
+    Parameters
+    ----------
+    states
+        (N, 21) positions, velocities and efforts; stamps ascend.
+    odometry
+        messages of nav_msgs/Odometry; those that a controller refuses are left out.
 
-    Returns:
+    Returns
+    -------
         The states that odometry is near enough to in time.
 
-    Raises:
-        InputError: where it is near none, or cannot be decoded.
+    Raises
+    ------
+    InputError
+        where it is near none, or cannot be decoded.
+
     """
     decode = message_decoder(odometry)
     poses = []
@@ -47,7 +67,7 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
                 base.update(*waiting.pop())
         if base.stamp_ns is not None:
             posed[index] = abs(stamp - base.stamp_ns) <= OLDEST_POSE_NS
-            base.write(stamp, values[index], values[index, len(JOINTS) :])
+            base.write(stamp, values[index], values[index, len(JOINTS):])
     if not posed.any():
         raise InputError(
             f'{odometry.name}: nothing within {OLDEST_POSE_NS * 1e-9:g} s of a joint state, and'

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Reads a run back out of its log, whoever recorded it."""
 
 from __future__ import annotations
@@ -7,9 +20,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE
@@ -46,6 +56,8 @@ from masmc_ros.messages.names import (
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.robot.two_link.names import joint_names, JOINT_NAMES_PARAMETER, NAMES
+import numpy as np
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
@@ -60,43 +72,74 @@ _TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
 
 @dataclass(frozen=True)
 class Run:
-    """One robot's run, N states long. Times are in s and ascend strictly.
+    """
+    One robot's run, N states long. Times are in s and ascend strictly.
 
     After a reset, only what the last pass wrote is kept.
 
-    Attributes:
-        path: the log.
-        times: (N) stamps of the states.
-        position: (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
-        velocity: (N, 7) their rates in m/s and rad/s, NaN where they were not measured.
-        applied_effort: (N, 4) torques applied over the interval that ends with the state, N m.
-        torque: (M, 4) commanded torques in N m; M = 0 where rates were commanded.
-        torque_times: (M) stamps of the states that they answer.
-        cmd_vel: (P, 2) commanded forward speed in m/s and yaw rate in rad/s of the platform;
-            P = 0 where torques were commanded.
-        cmd_vel_times: (P) stamps of the states that they answer, or else of the log.
-        arm_rates: (Q, 2) commanded rates of the arm's joints in rad/s; Q = 0 likewise.
-        arm_rate_times: (Q) stamps of the states that they answer.
-        reference: (N, 12) position (m), velocity (m/s) and acceleration (m/s^2) of x_E, y_E,
-            x_F, y_F at the time of each state; None where the log has none, NaN before it
-            begins.
-        tracking_error: (K, 4) e in m; None where the log has none.
-        tracking_error_times: (K) of these; None likewise.
-        sliding_surface: (K, 4) s in m/s; None where the log has none.
-        sliding_surface_times: (K) of these; None likewise.
-        parameter_estimate: (K, 7) base inertial parameters used; None where the log has none.
-        parameter_estimate_times: (K) of these; None likewise.
-        raw_torque: (K, 4) torque in N m that the law asked for before its limits; None where
-            the log has none.
-        raw_torque_times: (K) of these; None likewise.
-        parameters: with which every node began.
-        changes: of parameters while the robot ran, and events, in the order of the log.
-        restarted: nodes that were started again while the robot ran.
-        joint_names: (7) by which the states are read, in the order of `position`.
-        topics: number of messages of every topic of the log.
-        elsewhere: topics of types that a run has, under names that it does not have.
-        metadata: records of each name, in the order of the log.
-        attachments: files by name.
+    Attributes
+    ----------
+    path
+        the log.
+    times
+        (N) stamps of the states.
+    position
+        (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+    velocity
+        (N, 7) their rates in m/s and rad/s, NaN where they were not measured.
+    applied_effort
+        (N, 4) torques applied over the interval that ends with the state, N m.
+    torque
+        (M, 4) commanded torques in N m; M = 0 where rates were commanded.
+    torque_times
+        (M) stamps of the states that they answer.
+    cmd_vel
+        (P, 2) commanded forward speed in m/s and yaw rate in rad/s of the platform;
+        P = 0 where torques were commanded.
+    cmd_vel_times
+        (P) stamps of the states that they answer, or else of the log.
+    arm_rates
+        (Q, 2) commanded rates of the arm's joints in rad/s; Q = 0 likewise.
+    arm_rate_times
+        (Q) stamps of the states that they answer.
+    reference
+        (N, 12) position (m), velocity (m/s) and acceleration (m/s^2) of x_E, y_E,
+        x_F, y_F at the time of each state; None where the log has none, NaN before it
+        begins.
+    tracking_error
+        (K, 4) e in m; None where the log has none.
+    tracking_error_times
+        (K) of these; None likewise.
+    sliding_surface
+        (K, 4) s in m/s; None where the log has none.
+    sliding_surface_times
+        (K) of these; None likewise.
+    parameter_estimate
+        (K, 7) base inertial parameters used; None where the log has none.
+    parameter_estimate_times
+        (K) of these; None likewise.
+    raw_torque
+        (K, 4) torque in N m that the law asked for before its limits; None where
+        the log has none.
+    raw_torque_times
+        (K) of these; None likewise.
+    parameters : mapping
+        with which every node began.
+    changes
+        of parameters while the robot ran, and events, in the order of the log.
+    restarted
+        nodes that were started again while the robot ran.
+    joint_names
+        (7) by which the states are read, in the order of `position`.
+    topics
+        number of messages of every topic of the log.
+    elsewhere
+        topics of types that a run has, under names that it does not have.
+    metadata
+        records of each name, in the order of the log.
+    attachments
+        files by name.
+
     """
 
     path: Path
@@ -142,15 +185,21 @@ def is_log(path: Path) -> bool:
 
 
 def read_run(path: str | Path) -> Run:
-    """Read the log of one robot, in whatever namespace it ran.
+    """
+    Read the log of one robot, in whatever namespace it ran.
 
-    Args:
-        path: an MCAP file that this package, `ros2 bag record` or another tool wrote, or the
-            folder of a recording in several.
+    Parameters
+    ----------
+    path
+        an MCAP file that this package, `ros2 bag record` or another tool wrote, or the
+        folder of a recording in several.
 
-    Raises:
-        InputError: for a file that is missing, no MCAP file, damaged, incomplete, or without
-            the states of exactly one robot.
+    Raises
+    ------
+    InputError
+        for a file that is missing, no MCAP file, damaged, incomplete, or without
+        the states of exactly one robot.
+
     """
     # Who reads no log need not have what reads MCAP.
     from masmc_ros.log.read.scan import scan
@@ -200,7 +249,7 @@ def _run(path: Path, records: Records) -> Run:
         times=_seconds(states),
         position=position,
         velocity=velocity,
-        applied_effort=effort[:, len(BASE_JOINTS) :],
+        applied_effort=effort[:, len(BASE_JOINTS):],
         torque=torques.values,
         torque_times=_seconds(torques),
         cmd_vel=cmd_vel.values,
@@ -292,7 +341,7 @@ def _states(
         if odometry is None:
             hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
-        driven = names[len(BASE_JOINTS) :]
+        driven = names[len(BASE_JOINTS):]
         return decode(topic, joint_states(names, driven)), odometry
 
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Reads the records of an MCAP file in the order in which they were written."""
 
 from __future__ import annotations
@@ -6,9 +19,6 @@ from __future__ import annotations
 import mmap
 import os
 from pathlib import Path
-
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
@@ -27,20 +37,28 @@ from masmc_ros.log.records import (
     stream_of,
     unpacked_size,
 )
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 _MEMORY = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // 2
 """Bytes that a log may take at most: half of what the machine has."""
 
 
 def scan(path: Path) -> Records:
-    """Read a whole log.
+    """
+    Read a whole log.
 
-    Args:
-        path: the file, or the folder of a recording in parts.
+    Parameters
+    ----------
+    path
+        the file, or the folder of a recording in parts.
 
-    Raises:
-        InputError: for a file that is missing, no MCAP file, damaged or incomplete, and for a
-            folder that is no recording.
+    Raises
+    ------
+    InputError
+        for a file that is missing, no MCAP file, damaged or incomplete, and for a
+        folder that is no recording.
+
     """
     records = Records()
     if not os.path.isdir(path):
@@ -73,7 +91,7 @@ def _scan_data(path: Path, data: Data, found: Records) -> None:
     collector, end, is_over = _Collector(found), len(MAGIC), False
     for opcode, start, end in records(data):
         try:
-            collector.take(opcode, data[start + RECORD_HEAD.size : end])
+            collector.take(opcode, data[start + RECORD_HEAD.size:end])
         # Whatever a library says of bytes that were never written so.
         except Exception as error:
             reason = f'channel {error} is not declared' if type(error) is KeyError else error
@@ -85,7 +103,7 @@ def _scan_data(path: Path, data: Data, found: Records) -> None:
             break
     if is_over and data[end:] == MAGIC:
         return
-    is_cut = data[-len(MAGIC) :] != MAGIC or len(data) == len(MAGIC)
+    is_cut = data[-len(MAGIC):] != MAGIC or len(data) == len(MAGIC)
     if MAGIC.startswith(data[end:]) if is_over else is_cut:
         raise InputError(cut_off(path))
     raise InputError(f'{path}: the log is damaged: no record can be read at byte {end}; {hint}')
@@ -139,7 +157,7 @@ class _Collector:
         """Take a record that may stand in a chunk."""
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(body)
-            self._add(channel, log_time, body[MESSAGE_HEAD.size :])
+            self._add(channel, log_time, body[MESSAGE_HEAD.size:])
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(stream_of(body))
             self._schemas[schema.id] = schema
@@ -147,7 +165,8 @@ class _Collector:
             self._open(Channel.read(stream_of(body)))
 
     def _split(self, chunk: bytes) -> None:
-        """Take the records out of a chunk.
+        """
+        Take the records out of a chunk.
 
         The library makes an object of each message, which takes five times as long.
         """
@@ -160,7 +179,7 @@ class _Collector:
                 raise ValueError('a record goes beyond the end of its chunk')
             if opcode == Opcode.MESSAGE:
                 channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(chunk, start)
-                self._add(channel, log_time, chunk[start + MESSAGE_HEAD.size : position])
+                self._add(channel, log_time, chunk[start + MESSAGE_HEAD.size:position])
             else:
                 self._take_part(opcode, chunk[start:position])
 

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What holds at a time, out of what was sent at several: windows of the reference, resets."""
 
 from __future__ import annotations
@@ -6,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
+import numpy as np
+from numpy.typing import NDArray
 
 Stamps = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -23,7 +35,8 @@ _END_OF_TIME = np.iinfo(np.int64).max
 
 
 def last_pass(stamps: Stamps) -> NDArray[np.intp]:
-    """Return which of `stamps` (n), in the order of arrival, still hold at the end.
+    """
+    Return which of `stamps` (n), in the order of arrival, still hold at the end.
 
     After a reset, time starts again: what came before the reset and lies at or after the new
     time is void. The stamps that remain ascend strictly.
@@ -51,7 +64,8 @@ class _Stretch(NamedTuple):
 
 
 def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
-    """Lay windows over one another in the order of arrival; return what remains of each.
+    """
+    Lay windows over one another in the order of arrival; return what remains of each.
 
     As the controller does, a set-point beside a trajectory is left out.
     """
@@ -78,19 +92,25 @@ def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
 
 
 def sample_reference(windows: Iterable[tuple[int, ReferenceWindow]], stamps: Stamps) -> Floats:
-    """Return the reference at each of `stamps`.
+    """
+    Return the reference at each of `stamps`.
 
     Newer windows replace older ones where they overlap. Between two samples one period apart
     the reference is their quintic Hermite polynomial; past the end of what was sent it holds
     the last position. A set-point holds as it is.
 
-    Args:
-        windows: each with its time of arrival in ns, in the order of arrival.
-        stamps: (N) in ns.
+    Parameters
+    ----------
+    windows
+        each with its time of arrival in ns, in the order of arrival.
+    stamps
+        (N) in ns.
 
-    Returns:
+    Returns
+    -------
         (N, 12) position, velocity and acceleration of the task axes, in m, m/s and m/s^2;
         NaN before the first sample.
+
     """
     stretches = _lay(windows)
     reference = np.full((len(stamps), DERIVATIVES, TASK_AXES), np.nan)

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Completes logs that were cut off or damaged: what is whole stays, indexes are made anew."""
 
 from __future__ import annotations
@@ -22,13 +35,20 @@ _BLOCK = 2**20
 
 
 class Recovered(NamedTuple):
-    """What there is in a log that was completed.
+    """
+    What there is in a log that was completed.
 
-    Attributes:
-        messages: how many.
-        begin: log time of the first, ns.
-        end: log time of the last, ns.
-        dropped: bytes of the file in which nothing could be read.
+    Attributes
+    ----------
+    messages
+        how many.
+    begin
+        log time of the first, ns.
+    end
+        log time of the last, ns.
+    dropped
+        bytes of the file in which nothing could be read.
+
     """
 
     messages: int
@@ -54,7 +74,8 @@ def is_ours(path: Path) -> bool:
 
 
 def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
-    """Complete the logs in a folder, and in recordings in it, that this package left.
+    """
+    Complete the logs in a folder, and in recordings in it, that this package left.
 
     Logs that are being recorded, complete or of others are left as they are, and those that
     cannot be written. Yields each that was completed.
@@ -71,22 +92,29 @@ def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
 
 
 def recover(path: Path) -> Recovered | None:
-    """Complete a log in its place.
+    """
+    Complete a log in its place.
 
     Whole chunks stay where they are, byte for byte. Of a chunk that was cut off, the messages
     that can be decompressed are kept. Where more can be read behind what is damaged, the log
     is written anew beside its place and takes it over as a whole: damaged chunks are left out,
     all others kept in their order. A recovery that is itself cut off can be repeated.
 
-    Args:
-        path: a log that a recorder left without its end, or that was damaged.
+    Parameters
+    ----------
+    path
+        a log that a recorder left without its end, or that was damaged.
 
-    Returns:
+    Returns
+    -------
         What is in it; None for a log that is complete already, which is left as it is: every
         record was read, and every checksum and index is right.
 
-    Raises:
-        InputError: for a file that is missing, no MCAP file, being recorded, or not writable.
+    Raises
+    ------
+    InputError
+        for a file that is missing, no MCAP file, being recorded, or not writable.
+
     """
     if not path.is_file():
         fault = 'is not a file' if path.exists() else 'does not exist'
@@ -157,7 +185,7 @@ def _write_anew(path: Path, data: mmap.mmap | bytes, contents: Salvage) -> None:
     try:
         with beside.open('wb') as stream:
             for start in range(0, contents.end, _BLOCK):
-                stream.write(data[start : min(start + _BLOCK, contents.end)])
+                stream.write(data[start:min(start + _BLOCK, contents.end)])
             contents.write_tail(stream)
             stream.flush()
             os.fsync(stream.fileno())

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What can be had of a log that was cut off or damaged, and the end that makes it complete."""
 
 from __future__ import annotations
@@ -11,26 +24,6 @@ import mmap
 import struct
 from typing import BinaryIO
 import zlib
-
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.well_known import Profile
-from mcap.writer import Writer
 
 from masmc_ros import __version__
 from masmc_ros.log.records import (
@@ -51,6 +44,25 @@ from masmc_ros.log.records import (
     stream_of,
 )
 from masmc_ros.log.recover.summary import Summary
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.well_known import Profile
+from mcap.writer import Writer
 
 _MADE_ANEW = frozenset(
     {
@@ -74,14 +86,22 @@ class _DamagedError(ValueError):
 
 @dataclass
 class _OpenChunk:
-    """A chunk whose message indexes are being read.
+    """
+    A chunk whose message indexes are being read.
 
-    Attributes:
-        start: where it begins in the file.
-        found: what is in it.
-        indexed: log time and offset of its messages, by channel.
-        offsets: where the index of each channel begins in the file.
-        index_length: of all indexes.
+    Attributes
+    ----------
+    start
+        where it begins in the file.
+    found
+        what is in it.
+    indexed
+        log time and offset of its messages, by channel.
+    offsets
+        where the index of each channel begins in the file.
+    index_length
+        of all indexes.
+
     """
 
     start: int
@@ -92,17 +112,25 @@ class _OpenChunk:
 
 
 class Salvage:
-    """What the records of a file say, and the end that makes it a complete one.
+    """
+    What the records of a file say, and the end that makes it a complete one.
 
     Up to `end` the file is whole and stays as it is, byte for byte. What can be read of the
     rest is written behind that by `write_tail`, in its order.
 
-    Attributes:
-        end: up to where the file stays as it is.
-        dropped: bytes of the file in which nothing could be read.
-        is_damaged: whether something can be read behind bytes that cannot.
-        data_end: where the records ended that hold data, if nothing was broken; else None.
-        statistics: of what there is, complete after `write_tail`.
+    Attributes
+    ----------
+    end
+        up to where the file stays as it is.
+    dropped
+        bytes of the file in which nothing could be read.
+    is_damaged
+        whether something can be read behind bytes that cannot.
+    data_end
+        where the records ended that hold data, if nothing was broken; else None.
+    statistics
+        of what there is, complete after `write_tail`.
+
     """
 
     def __init__(self, data: mmap.mmap | bytes) -> None:
@@ -164,7 +192,8 @@ class Salvage:
         self._write_summary(tail)
 
     def agrees_with(self, summary: Summary) -> bool:
-        """Tell whether a summary says of an undamaged file what is in it.
+        """
+        Tell whether a summary says of an undamaged file what is in it.
 
         Parts of it may be missing, as in logs of writers that leave them out.
         """
@@ -261,7 +290,7 @@ class Salvage:
         ):
             return None
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            self._register(opcode, data[start + RECORD_HEAD.size : end], is_sure=False)
+            self._register(opcode, data[start + RECORD_HEAD.size:end], is_sure=False)
         else:
             self._keep(start, end)
         return end
@@ -300,7 +329,7 @@ class Salvage:
     def _take_record(self, opcode: int, start: int, end: int) -> None:
         """Take a record of the part that is whole; _DamagedError where it is not."""
         data = self._data
-        body = data[start + RECORD_HEAD.size : end]
+        body = data[start + RECORD_HEAD.size:end]
         if opcode == Opcode.MESSAGE_INDEX:
             self._take_index(start, end, body)
             return
@@ -374,7 +403,7 @@ class Salvage:
     def _register_all(self, content: bytes) -> None:
         for opcode, start, end in records(content, 0):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                body = content[start + RECORD_HEAD.size : end]
+                body = content[start + RECORD_HEAD.size:end]
                 self._register(opcode, body, is_sure=True)
 
     def _register(self, opcode: int, body: bytes, *, is_sure: bool) -> None:
@@ -441,7 +470,7 @@ class Salvage:
         if found is not None:
             self._add_chunk(tail, found.chunk, found.content)
             return
-        opcode, body = data[start], data[start + RECORD_HEAD.size : end]
+        opcode, body = data[start], data[start + RECORD_HEAD.size:end]
         if opcode == Opcode.MESSAGE:
             channel, _, time, _ = MESSAGE_HEAD.unpack_from(body)
             if channel not in self._known():

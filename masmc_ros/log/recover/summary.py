@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the end of an MCAP file says of the records before it."""
 
 from __future__ import annotations
@@ -7,6 +20,7 @@ from dataclasses import dataclass, field
 import mmap
 import zlib
 
+from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
@@ -19,8 +33,6 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
-
-from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
 
 
 @dataclass
@@ -40,7 +52,7 @@ def read_summary(data: mmap.mmap | bytes, position: int) -> Summary | None:
     summary, begin = Summary(), None
     try:
         for opcode, start, end in records(data, position):
-            stream = stream_of(data[start + RECORD_HEAD.size : end])
+            stream = stream_of(data[start + RECORD_HEAD.size:end])
             if begin is None:
                 crc = DataEnd.read(stream).data_section_crc
                 with memoryview(data) as whole, whole[:start] as before:
@@ -61,7 +73,7 @@ def read_summary(data: mmap.mmap | bytes, position: int) -> Summary | None:
                 summary.statistics = Statistics.read(stream)
             elif opcode == Opcode.FOOTER:
                 footer = Footer.read(stream)
-                crc = zlib.crc32(data[begin : end - 4])
+                crc = zlib.crc32(data[begin:end - 4])
                 is_right = footer.summary_start == (begin if begin < start else 0)
                 is_right &= footer.summary_crc in (0, crc) and data[end:] == MAGIC
                 return summary if is_right else None

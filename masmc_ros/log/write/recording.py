@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A live recording: messages are queued here, and a thread of its own writes them."""
 
 from __future__ import annotations
@@ -47,14 +60,22 @@ NOT_UNDERSTOOD = 'messages_not_understood'
 
 @dataclass(frozen=True)
 class Options:
-    """How a recording is written.
+    """
+    How a recording is written.
 
-    Attributes:
-        compression: of chunks, `zstd`, `lz4` or `none`.
-        flush_period: time in s after which what came is on the disk.
-        max_size: bytes after which a new part begins; 0 is one file.
-        max_duration: time in ns of the messages after which a new part begins; 0 is one file.
-        queue_size: bytes of messages that wait for the disk at most.
+    Attributes
+    ----------
+    compression
+        of chunks, `zstd`, `lz4` or `none`.
+    flush_period
+        time in s after which what came is on the disk.
+    max_size
+        bytes after which a new part begins; 0 is one file.
+    max_duration
+        time in ns of the messages after which a new part begins; 0 is one file.
+    queue_size
+        bytes of messages that wait for the disk at most.
+
     """
 
     compression: str = 'zstd'
@@ -96,7 +117,8 @@ class _PartCount:
 
 
 class Recording:
-    """Messages on their way into one file, or into the parts of a folder.
+    """
+    Messages on their way into one file, or into the parts of a folder.
 
     What does not fit into the queue is counted and left out: a slow or full disk never holds
     up who records. A full disk is asked again and again, and the recording goes on where it
@@ -114,17 +136,26 @@ class Recording:
         opening: Callable[[LogWriter], None] = lambda _: None,
         closing: Callable[[LogWriter], None] = lambda _: None,
     ) -> None:
-        """Open the first file.
+        """
+        Open the first file.
 
-        Args:
-            path: the file, `NAME.mcap`.
-            options: how to write.
-            opening: writes into each part what is known at its start.
-            closing: writes into each part what is known at its end; called from the thread
-                that writes.
+        Parameters
+        ----------
+        path
+            the file, `NAME.mcap`.
+        options
+            how to write.
+        opening
+            writes into each part what is known at its start.
+        closing
+            writes into each part what is known at its end; called from the thread
+            that writes.
 
-        Raises:
-            InputError: where there can be no such file.
+        Raises
+        ------
+        InputError
+            where there can be no such file.
+
         """
         self.path = path
         self._options = options
@@ -160,7 +191,8 @@ class Recording:
         defined: Definition | None = None,
         holds: bool = False,
     ) -> int:
-        """Add a topic, as `LogWriter.channel`; return the number by which `write` knows it.
+        """
+        Add a topic, as `LogWriter.channel`; return the number by which `write` knows it.
 
         `holds` tells that a message is valid until the next one, however long that takes.
         """
@@ -191,10 +223,14 @@ class Recording:
         return self.backlog > self._options.queue_size // 2
 
     def close(self) -> None:
-        """Write what is queued, complete the file.
+        """
+        Write what is queued, complete the file.
 
-        Raises:
-            InputError: where the disk does not take it; what it has taken can be recovered.
+        Raises
+        ------
+        InputError
+            where the disk does not take it; what it has taken can be recovered.
+
         """
         self._stop.set()
         self._thread.join()
@@ -344,10 +380,14 @@ class Recording:
 
 
 def clear_recording(folder: Path) -> None:
-    """Remove the parts of an earlier recording from its folder.
+    """
+    Remove the parts of an earlier recording from its folder.
 
-    Raises:
-        InputError: where something else is there, or where it cannot be removed.
+    Raises
+    ------
+    InputError
+        where something else is there, or where it cannot be removed.
+
     """
     try:
         if not folder.is_dir():

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Computed runs in the log format of live ones: the same topics, stamps and bytes."""
 
 from __future__ import annotations
@@ -7,9 +20,6 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
@@ -46,12 +56,15 @@ from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
 from masmc_ros.robot.two_link.names import joint_names
 from masmc_ros.robot.two_link.platform_motion import platform_motion
+import numpy as np
+from numpy.typing import NDArray
 
 Values = Mapping[str, Any]
 
 
 class SimulationLog:
-    """Writes the stretches of a computed run; a context manager.
+    """
+    Writes the stretches of a computed run; a context manager.
 
     A run that ends by an exception leaves no file.
     """
@@ -245,7 +258,7 @@ class SimulationLog:
             raw = self._actual.add(tick, stretch.position[row])
             if raw is not None:
                 data = np.frombuffer(raw, dtype=np.uint8)[None]
-                yield self._rows(ACTUAL_PATH_TOPIC, stamps[row : row + 1], data)
+                yield self._rows(ACTUAL_PATH_TOPIC, stamps[row:row + 1], data)
 
     def _decimated(self, ticks: NDArray[np.int64], decimation: int) -> NDArray[np.bool_]:
         """Return which ticks a decimated topic has: multiples, and the last one."""
@@ -262,4 +275,4 @@ class SimulationLog:
             samples = stretch.reference[first:end]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
             data = np.frombuffer(raw, dtype=np.uint8)[None]
-            yield self._rows(REFERENCE_TOPIC, stamps[first : first + 1], data)
+            yield self._rows(REFERENCE_TOPIC, stamps[first:first + 1], data)

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The file of a live recording: it always ends where a record ends, even on a full disk."""
 
 from __future__ import annotations
@@ -10,7 +23,8 @@ from pathlib import Path
 
 
 class RecordSink:
-    """A stream that keeps what is written to it until `commit` has put it on the disk.
+    """
+    A stream that keeps what is written to it until `commit` has put it on the disk.
 
     A disk takes a record as a whole or not at all: where it takes a part, the file is cut back
     to where the last one ended, and the next commit tries again. While the sink is open its
@@ -51,7 +65,8 @@ class RecordSink:
         """Do nothing: a writer flushes between records, `commit` is called after them."""
 
     def commit(self, *, durable: bool = False) -> None:
-        """Put everything into the file; when `durable`, wait until a power cut cannot harm it.
+        """
+        Put everything into the file; when `durable`, wait until a power cut cannot harm it.
 
         Raises OSError where the disk does not take it. Nothing is lost then.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Writes runs as MCAP files that ROS 2's player and the usual viewers open."""
 
 from __future__ import annotations
@@ -9,17 +22,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, cast, IO, NamedTuple
 
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import CompressionType, Writer
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros import __version__
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+import numpy as np
+from numpy.typing import NDArray
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of messages that are compressed together."""
@@ -38,12 +50,18 @@ COMPRESSIONS = {
 
 
 class ChannelRows(NamedTuple):
-    """Messages of one channel in bulk.
+    """
+    Messages of one channel in bulk.
 
-    Attributes:
-        channel: as `LogWriter.channel` returned it.
-        times: (N) log and publish times in ns, ascending.
-        rows: (N, size) the messages.
+    Attributes
+    ----------
+    channel
+        as `LogWriter.channel` returned it.
+    times
+        (N) log and publish times in ns, ascending.
+    rows
+        (N, size) the messages.
+
     """
 
     channel: int
@@ -52,7 +70,8 @@ class ChannelRows(NamedTuple):
 
 
 class LogWriter:
-    """A log that is being written; a context manager.
+    """
+    A log that is being written; a context manager.
 
     A computed run is written beside its place, as `NAME.part`, and takes its name when it is
     complete; where an exception ends it, nothing is left of it and an older file of that name
@@ -61,15 +80,23 @@ class LogWriter:
     """
 
     def __init__(self, path: str | Path, compression: str = 'zstd', *, live: bool = False) -> None:
-        """Start a log.
+        """
+        Start a log.
 
-        Args:
-            path: the file, in a folder that exists.
-            compression: `zstd`, `lz4` or `none`.
-            live: whether a running robot is recorded.
+        Parameters
+        ----------
+        path
+            the file, in a folder that exists.
+        compression
+            `zstd`, `lz4` or `none`.
+        live
+            whether a running robot is recorded.
 
-        Raises:
-            InputError: where there can be no such file, before anything is written.
+        Raises
+        ------
+        InputError
+            where there can be no such file, before anything is written.
+
         """
         if compression not in COMPRESSIONS:
             raise InputError(
@@ -100,19 +127,29 @@ class LogWriter:
     def channel(
         self, topic: str, type_name: str, *qos: Qos, defined: Definition | None = None
     ) -> int:
-        """Add a topic.
+        """
+        Add a topic.
 
-        Args:
-            topic: its full name.
-            type_name: such as `sensor_msgs/msg/JointState`.
-            qos: what each of its publishers offers.
-            defined: the type's definition, for one that is none of ROS 2 Jazzy's own.
+        Parameters
+        ----------
+        topic
+            its full name.
+        type_name
+            such as `sensor_msgs/msg/JointState`.
+        qos
+            what each of its publishers offers.
+        defined
+            the type's definition, for one that is none of ROS 2 Jazzy's own.
 
-        Returns:
+        Returns
+        -------
             The number by which messages name it.
 
-        Raises:
-            InputError: for a type that is none of ROS 2 Jazzy's own, without a definition.
+        Raises
+        ------
+        InputError
+            for a type that is none of ROS 2 Jazzy's own, without a definition.
+
         """
         text, type_hash = defined or definition(type_name)
         if type_name not in self._schemas:
@@ -130,7 +167,8 @@ class LogWriter:
         )
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
-        """Write one message, its times in ns, as CDR with its encapsulation header.
+        """
+        Write one message, its times in ns, as CDR with its encapsulation header.
 
         Raises ValueError for a time that no log can hold, before anything of it is written.
         """
@@ -139,7 +177,8 @@ class LogWriter:
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
 
     def write_rows(self, sources: Sequence[ChannelRows]) -> None:
-        """Write many messages, merged in the order of their times.
+        """
+        Write many messages, merged in the order of their times.
 
         Those of one time are written in the order of `sources`. A long run is written in
         blocks of time, so that it need not be held in memory as a whole.
@@ -170,17 +209,24 @@ class LogWriter:
         self._writer.add_metadata(name, dict(values))
 
     def commit(self, *, whole: bool = True, durable: bool = False) -> None:
-        """Hand over to the operating system what was written so far.
+        """
+        Hand over to the operating system what was written so far.
 
         What a killed recording has committed can be recovered.
 
-        Args:
-            whole: the chunk under way too; else complete chunks only.
-            durable: wait until a power cut can no longer harm it.
+        Parameters
+        ----------
+        whole
+            the chunk under way too; else complete chunks only.
+        durable
+            wait until a power cut can no longer harm it.
 
-        Raises:
-            OSError: where the disk does not take it; nothing is lost, and the next commit
-                tries again.
+        Raises
+        ------
+        OSError
+            where the disk does not take it; nothing is lost, and the next commit
+            tries again.
+
         """
         if whole:
             self._writer.flush()
@@ -261,14 +307,20 @@ def _not_written(path: Path, error: OSError) -> InputError:
 
 
 def check_log_path(path: Path) -> None:
-    """Check that a log can be written there, without writing anything.
+    """
+    Check that a log can be written there, without writing anything.
 
-    Args:
-        path: the file.
+    Parameters
+    ----------
+    path
+        the file.
 
-    Raises:
-        InputError: where it is a folder or something else than a file, where its folder is
-            missing, no folder, or not writable.
+    Raises
+    ------
+    InputError
+        where it is a folder or something else than a file, where its folder is
+        missing, no folder, or not writable.
+
     """
     folder = path.parent
     # Not the methods of Path, some of which raise for a name that is too long.

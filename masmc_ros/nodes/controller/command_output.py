@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the controller sends: torques on one topic, or rates on one for base and one for arm."""
 
 from __future__ import annotations
@@ -8,26 +21,29 @@ from math import isfinite
 from typing import Any, Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
-import numpy as np
-from rclpy.publisher import Publisher
-from std_msgs.msg import Float64MultiArray
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.robot.two_link.frames import check_frame_prefix
+import numpy as np
+from rclpy.publisher import Publisher
+from std_msgs.msg import Float64MultiArray
 
 Advertise = Callable[[Any, str], Publisher]
 """Makes a publisher of a message type and a topic."""
 
 
 class CommandOutput(Protocol):
-    """The commands that answer states.
+    """
+    The commands that answer states.
 
-    Attributes:
-        publishers: of the topics that the robot is commanded on.
+    Attributes
+    ----------
+    publishers
+        of the topics that the robot is commanded on.
+
     """
 
     publishers: list[Publisher]

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the controller tells of itself on /diagnostics."""
 
 from __future__ import annotations
@@ -7,10 +20,6 @@ from collections.abc import Sequence
 import math
 import time
 
-import numpy as np
-from rclpy.clock import Clock, ROSClock
-from rclpy.node import Node
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.supervisor import ACTIVE, FAULT, Supervisor
 from masmc_ros.nodes.controller.command_output import CommandOutput
@@ -18,6 +27,9 @@ from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.nodes.controller.tick_times import TickTimes
 from masmc_ros.nodes.process.diagnostics import ERROR, Health, OK, senders, WARN
 from masmc_ros.nodes.process.refusals import Refusals
+import numpy as np
+from rclpy.clock import Clock, ROSClock
+from rclpy.node import Node
 
 _ONE_CLOCK = 1e3
 """Stamps within so many s of the node's time are on its clock; others are on another one."""
@@ -27,12 +39,18 @@ _MOST_AGES = 100_000
 
 
 class ControllerHealth:
-    """Counts what happens between two reports, and words the report.
+    """
+    Counts what happens between two reports, and words the report.
 
-    Attributes:
-        late: states that came after newer ones and were left out.
-        repeated: states that came again and were answered again.
-        gaps: states that were missing for longer than the timeout.
+    Attributes
+    ----------
+    late
+        states that came after newer ones and were left out.
+    repeated
+        states that came again and were answered again.
+    gaps
+        states that were missing for longer than the timeout.
+
     """
 
     def __init__(self, period: float, clock: Clock, joints: Sequence[str]) -> None:

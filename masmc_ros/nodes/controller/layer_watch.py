@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tells where torques are held for longer than a boundary layer can do with."""
 
 from __future__ import annotations
@@ -6,11 +19,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.nodes.process.throttle import Throttle
+import numpy as np
 
 _LAYERED = ('saturation', 'tanh', 'sigmoid')
 
@@ -32,7 +44,8 @@ class LayerWatch:
         self._most = 0
 
     def held(self, periods: int, position: Any) -> None:
-        """Note that the last torque was held for so many periods; warn if that is too long.
+        """
+        Note that the last torque was held for so many periods; warn if that is too long.
 
         `position` (7) is where the robot is now. Only the longest so far costs any time.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The controller node: answers every state with a torque, or with rates."""
 
 from __future__ import annotations
@@ -9,10 +22,6 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-import numpy as np
-from rclpy.context import Context
-from std_msgs.msg import String
-
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
@@ -41,6 +50,9 @@ from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.robot.two_link.names import BASE_JOINTS, joint_names
+import numpy as np
+from rclpy.context import Context
+from std_msgs.msg import String
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -71,7 +83,7 @@ class ControllerNode(SuiteNode):
         self._layer = LayerWatch(self._controller, self.log)
         self._approach = Approach(self._controller.geometry, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        joints = joint_names(values)[len(BASE_JOINTS) :]
+        joints = joint_names(values)[len(BASE_JOINTS):]
         self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True
@@ -167,7 +179,8 @@ class ControllerNode(SuiteNode):
         return max(self.values['state_timeout'], _FEWEST_PERIODS * self._timing.period)
 
     def _on_plant_parameters(self, raw: bytes) -> None:
-        """Go by the wall clock where a plant does, and tell where it differs.
+        """
+        Go by the wall clock where a plant does, and tell where it differs.
 
         Never the other way: what anybody sends must not switch off the timeouts.
         """
@@ -297,7 +310,8 @@ class ControllerNode(SuiteNode):
             self.finished = True
 
     def _look_up(self, stamp: int) -> Any:
-        """Return the reference (12) to follow at a stamp; None where there is none yet.
+        """
+        Return the reference (12) to follow at a stamp; None where there is none yet.
 
         In lock-step the plant waits for the command, and the reference is on its way. In real
         time, and where a newer state while one is unanswered tells that the plant does not

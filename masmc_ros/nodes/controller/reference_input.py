@@ -1,12 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The reference as it comes: windows that lie over one another, and set-points."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-
-from rclpy.node import Node
-from std_msgs.msg import Float64MultiArray
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import REFERENCE_TOPIC
@@ -15,13 +25,19 @@ from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.reference.windows import ReferenceWindows
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
 
 
 class ReferenceInput:
-    """Reads the reference topic.
+    """
+    Reads the reference topic.
 
-    Attributes:
-        windows: what was sent so far.
+    Attributes
+    ----------
+    windows
+        what was sent so far.
+
     """
 
     def __init__(
@@ -31,7 +47,8 @@ class ReferenceInput:
         now: Callable[[], int | None],
         on_more: Callable[[], None],
     ) -> None:
-        """Take every message that is right; `on_more` is called after each.
+        """
+        Take every message that is right; `on_more` is called after each.
 
         `now` is the stamp of the latest state in ns, None before the first.
         """

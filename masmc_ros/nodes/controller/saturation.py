@@ -1,15 +1,27 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How often torque_limit and torque_rate_limit cut the torque, joint by joint."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.robot.two_link import AXES
 from masmc_ros.robot.two_link.names import DRIVEN_JOINTS
+import numpy as np
 
 
 class Saturation:
@@ -30,7 +42,8 @@ class Saturation:
             self._cut += bool(is_cut.any())
 
     def report(self) -> dict[str, str]:
-        """Return the share of ticks that were cut since the last report, and start over.
+        """
+        Return the share of ticks that were cut since the last report, and start over.
 
         Beside it the joints, each with its own share.
         """

@@ -1,14 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The state of the robot as it comes: joints by name, the platform's pose from either source."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
-
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -21,10 +30,14 @@ from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.two_link.names import joint_names
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
 
 class StateInput:
-    """Reads joint_states, and odom where the pose comes from there.
+    """
+    Reads joint_states, and odom where the pose comes from there.
 
     Positions, velocities and stamp of the last state that was accepted are in `state`.
     """
@@ -37,7 +50,8 @@ class StateInput:
         accepts: Callable[[int], bool],
         on_state: Callable[[int], None],
     ) -> None:
-        """Take every state that is complete and finite, and whose stamp in ns is accepted.
+        """
+        Take every state that is complete and finite, and whose stamp in ns is accepted.
 
         `values` are the controller's parameters in force, which may change: with
         `velocity_source` estimated a state needs no velocities. `on_state` is called with the
@@ -50,7 +64,7 @@ class StateInput:
         self._accepts = accepts
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
-        self._joints = names if self._base is None else names[len(BASE_JOINTS) :]
+        self._joints = names if self._base is None else names[len(BASE_JOINTS):]
         self._is_waiting = False
         self._lacking: str | None = None
         if self._base is not None:
@@ -84,7 +98,8 @@ class StateInput:
             self._on_state(stamp)
 
     def _add_pose(self, base: BasePose, stamp: int) -> None:
-        """Take the spare state with its pose from odometry, once there is one for it.
+        """
+        Take the spare state with its pose from odometry, once there is one for it.
 
         Its odometry may be on the way: what is wrong with it is told when the next state comes.
         """

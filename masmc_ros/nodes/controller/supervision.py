@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The controller's services, and the topic that tells whether it is active."""
 
 from __future__ import annotations
@@ -6,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from masmc_ros.loop.supervisor import FAULT, Supervisor
+from masmc_ros.nodes.middleware.latched import Latched
 from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-
-from masmc_ros.loop.supervisor import FAULT, Supervisor
-from masmc_ros.nodes.middleware.latched import Latched
 
 
 class Supervision:
@@ -26,7 +38,8 @@ class Supervision:
         reset: Callable[[], None],
         stopped: Callable[[], None],
     ) -> None:
-        """Create the services and publish the state.
+        """
+        Create the services and publish the state.
 
         `reset` forgets what was learned; `stopped` is called when torque is no longer
         computed.

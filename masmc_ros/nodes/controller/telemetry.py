@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the controller tells of its ticks: a topic for each vector."""
 
 from __future__ import annotations
@@ -6,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.publisher import Publisher
-from std_msgs.msg import Float64MultiArray
-
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.names import telemetry_topic
 from masmc_ros.messages.telemetry import TelemetryCdr
+from rclpy.publisher import Publisher
+from std_msgs.msg import Float64MultiArray
 
 
 class ControllerTelemetry:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The live node: a running robot in Foxglove, with its parameters to turn."""
 
 from __future__ import annotations
@@ -7,8 +20,6 @@ from collections.abc import Callable
 from functools import partial
 import sys
 from typing import Any
-
-from rclpy.context import Context
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import (
@@ -41,6 +52,7 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
 from masmc_ros.scenario.node_parameters import declared
+from rclpy.context import Context
 
 SAMPLED = frozenset(
     {

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The parameters of a robot's nodes for a viewer: those in force, and changes of them."""
 
 from __future__ import annotations
@@ -8,24 +21,24 @@ from functools import partial
 import time
 from typing import Any, NamedTuple
 
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.nodes.live.server import Change, LiveServer, plain
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.parameters.question import Question
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 
 _PATIENCE = 3.0
 """Longest time in s that a node may take to answer."""
 
 
 class LiveParameters:
-    """Shows what nodes say of their parameters, and asks them to change.
+    """
+    Shows what nodes say of their parameters, and asks them to change.
 
     Names are those of a viewer, `/controller.k_s1`.
     """
@@ -43,7 +56,8 @@ class LiveParameters:
         self._pending: list[_Pending] = []
 
     def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
-        """Take a message of a node's topic `~/parameters`; return the values that it tells.
+        """
+        Take a message of a node's topic `~/parameters`; return the values that it tells.
 
         Raises InputError for one that is no record of parameters.
         """

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""A run's topics and parameters over the Foxglove WebSocket protocol.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A run's topics and parameters over the Foxglove WebSocket protocol.
 
 The library serves its clients on threads of its own. What they ask for is queued, and done
 when the node turns to it: everything of the run is touched by the node's thread alone.
@@ -79,7 +93,8 @@ class LiveServer:
     """Serves topics and parameters; what it is told is sent to all who want it."""
 
     def __init__(self, name: str) -> None:
-        """Make a server that does not listen yet.
+        """
+        Make a server that does not listen yet.
 
         Raises UserError where foxglove-sdk is not installed.
         """
@@ -124,7 +139,7 @@ class LiveServer:
 
     @property
     def app_url(self) -> str:
-        """The address under which the Foxglove app opens this server."""
+        """Return the address under which the Foxglove app opens this server."""
         return str(self._server.app_url())
 
     def add_topic(self, topic: str, type_name: str, kept: int = 1) -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Transforms made of logged states, where nobody publishes them."""
 
 from __future__ import annotations
@@ -18,7 +31,8 @@ class StateTransforms:
     """Makes of joint states the messages that a plant sends on /tf."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take the checked parameter values of the plant.
+        """
+        Take the checked parameter values of the plant.
 
         Raises InputError for a robot or a prefix of frame names that there cannot be.
         """
@@ -29,13 +43,18 @@ class StateTransforms:
         self._message = TransformsCdr(check_frame_prefix(values['frame_prefix']))
 
     def of_state(self, raw: bytes) -> bytes | None:
-        """Return the TFMessage of a joint state.
+        """
+        Return the TFMessage of a joint state.
 
-        Args:
-            raw: the joint state with its encapsulation header.
+        Parameters
+        ----------
+        raw
+            the joint state with its encapsulation header.
 
-        Returns:
+        Returns
+        -------
             None for one that is not laid out like ours, and at ticks that are left out.
+
         """
         state = self._state
         if not (self._decimation and state.load(raw)):

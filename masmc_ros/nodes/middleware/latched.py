@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Latched topics: one who joins late gets the last message alone, all others every message.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Latched topics: one who joins late gets the last message alone, all others every message.
 
 A writer whose history is one message deep cannot repeat the message before the last to a
 listener that has missed it. So the next one is sent once the last has arrived everywhere.
@@ -44,7 +58,8 @@ class Latched:
         self.send_waiting()
 
     def send_waiting(self) -> None:
-        """Send what waits, as far as what was sent has arrived. Called often, it costs nothing.
+        """
+        Send what waits, as far as what was sent has arrived. Called often, it costs nothing.
 
         A listener that confirms nothing holds the others up once, not at every message.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Message classes by the name of their type, and messages from their bytes."""
 
 from __future__ import annotations
@@ -7,15 +20,15 @@ import importlib
 import re
 from typing import Any
 
-from rclpy.serialization import deserialize_message
-
 from masmc_ros.errors import InputError
+from rclpy.serialization import deserialize_message
 
 _TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*', re.ASCII)
 
 
 def message_class(type_name: str) -> Any:
-    """Return the class of a message type such as `std_msgs/msg/String`.
+    """
+    Return the class of a message type such as `std_msgs/msg/String`.
 
     Raises InputError where the type is not installed.
     """
@@ -29,7 +42,8 @@ def message_class(type_name: str) -> Any:
 
 
 def deserialized(raw: bytes, message_type: Any) -> Any:
-    """Return the message that the bytes of any sender hold.
+    """
+    Return the message that the bytes of any sender hold.
 
     Raises InputError where they are no message of this type.
     """

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Quality of service: reliable throughout, publishers and loggers deep, control shallow.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Quality of service: reliable throughout, publishers and loggers deep, control shallow.
 
 States, commands and the reference are transient-local, so that a node that joins late or
 again takes up where the run is; a subscription asks for that only where it wants the past.
@@ -30,7 +44,8 @@ def publisher_qos(depth: int = DEEP, *, past: bool = True) -> QoSProfile:
 def subscription_qos(
     *, depth: int = 1, past: bool = False, best_effort: bool = False
 ) -> QoSProfile:
-    """Return the profile of subscriptions: reliable; with `past`, transient-local.
+    """
+    Return the profile of subscriptions: reliable; with `past`, transient-local.
 
     `best_effort` is for senders that are no better than that.
     """
@@ -49,7 +64,8 @@ def subscribe_with_past(
     callback: Callable[..., None],
     depth: int = 1,
 ) -> None:
-    """Subscribe raw to a topic, with what was sent before where its publishers offer that.
+    """
+    Subscribe raw to a topic, with what was sent before where its publishers offer that.
 
     A transient-local subscription does not match a volatile publisher. When one turns up, a
     second, volatile subscription serves it; what then comes to both is passed on once.
@@ -86,7 +102,8 @@ def subscribe_with_past(
 
 
 class _Once:
-    """Passes on what two subscriptions to one topic receive, every message once.
+    """
+    Passes on what two subscriptions to one topic receive, every message once.
 
     Messages of latched publishers come to both, in any order; those of volatile publishers
     come to the volatile one alone. A copy is known by its bytes: as many of the same are

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Message classes for raw bytes: topics of types that are not installed here.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Message classes for raw bytes: topics of types that are not installed here.
 
 ROS 2 needs type support, compiled code of a message package, to create a publisher or a
 subscription. Of that code, raw bytes need nothing but the type's name: who only passes
@@ -13,12 +27,11 @@ import ctypes
 from functools import cache
 from typing import Any
 
-from rclpy.type_support import check_for_type_support
-from std_msgs.msg import Empty
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import definition
 from masmc_ros.nodes.middleware.messages import message_class
+from rclpy.type_support import check_for_type_support
+from std_msgs.msg import Empty
 
 _HASH_SIZE = 32
 _HASH_PREFIX = 'RIHS01_'
@@ -65,24 +78,32 @@ _alive: list[Any] = []
 
 
 def raw_class(type_name: str, type_hash: str | None = None) -> Any:
-    """Return a class with which topics of a type can be published and subscribed to raw.
+    """
+    Return a class with which topics of a type can be published and subscribed to raw.
 
-    Args:
-        type_name: such as `tf2_msgs/msg/TFMessage`.
-        type_hash: of REP-2011, `RIHS01_...`, told to others; by default that of Jazzy's own
-            type of this name.
+    Parameters
+    ----------
+    type_name
+        such as `tf2_msgs/msg/TFMessage`.
+    type_hash
+        of REP-2011, `RIHS01_...`, told to others; by default that of Jazzy's own
+        type of this name.
 
-    Returns:
+    Returns
+    -------
         The installed class of that name, or else one that serves raw bytes only.
 
-    Raises:
-        InputError: where the middleware in use is another than Fast DDS, which this knows,
-            and for a type that needs a hash.
+    Raises
+    ------
+    InputError
+        where the middleware in use is another than Fast DDS, which this knows,
+        and for a type that needs a hash.
+
     """
     try:
         return message_class(type_name)
     except InputError:
-        return _raw_class(type_name, type_hash or definition(type_name).hash)
+        return _raw_class(type_name, type_hash or definition(type_name).type_hash)
 
 
 @cache

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The transport of this package's processes: UDP, which outlives whoever listens.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The transport of this package's processes: UDP, which outlives whoever listens.
 
 Fast DDS prefers shared memory, and guards it by mutexes that lie in it. A listener killed
 while it holds one takes it along: whoever publishes to it stands still within `publish` for
@@ -28,7 +42,8 @@ _AS_IN_PROFILES = 'SYSTEM_DEFAULT'
 
 
 def prepare_transport() -> None:
-    """Let the nodes that this process makes from here on talk over UDP alone.
+    """
+    Let the nodes that this process makes from here on talk over UDP alone.
 
     To be called before rclpy is initialized. Nothing changes where the user has decided, by
     FASTDDS_BUILTIN_TRANSPORTS or by profiles of Fast DDS, nor with another middleware.

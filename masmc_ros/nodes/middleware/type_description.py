@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Message definitions asked of the nodes that send the messages (REP-2016)."""
 
 from __future__ import annotations
@@ -6,13 +19,12 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from rclpy.node import Node
-from type_description_interfaces.msg import FieldType
-from type_description_interfaces.srv import GetTypeDescription
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition
 from masmc_ros.nodes.parameters.question import Question
+from rclpy.node import Node
+from type_description_interfaces.msg import FieldType
+from type_description_interfaces.srv import GetTypeDescription
 
 _SEPARATOR = '=' * 80
 
@@ -50,13 +62,20 @@ class DefinitionRequest:
     """A question to a node what a message of its is; looked after by a timer."""
 
     def __init__(self, node: Node, sender: str, type_name: str, type_hash: str) -> None:
-        """Prepare to ask.
+        """
+        Prepare to ask.
 
-        Args:
-            node: who asks.
-            sender: full name of the node that is asked.
-            type_name: such as `tf2_msgs/msg/TFMessage`.
-            type_hash: as the sender's endpoint tells it, `RIHS01_...`.
+        Parameters
+        ----------
+        node
+            who asks.
+        sender
+            full name of the node that is asked.
+        type_name
+            such as `tf2_msgs/msg/TFMessage`.
+        type_hash
+            as the sender's endpoint tells it, `RIHS01_...`.
+
         """
         self._node = node
         self._sender = sender
@@ -68,10 +87,14 @@ class DefinitionRequest:
         self._limit = time.monotonic() + _PATIENCE
 
     def answer(self) -> Definition | None:
-        """Return the definition, None while there is no answer; asks when that is possible.
+        """
+        Return the definition, None while there is no answer; asks when that is possible.
 
-        Raises:
-            InputError: where the sender does not tell it.
+        Raises
+        ------
+        InputError
+            where the sender does not tell it.
+
         """
         if self._question is None and self._client.service_is_ready():
             self._question = Question(lambda: self._client.call_async(self._request))
@@ -105,7 +128,8 @@ class DefinitionRequest:
 
 
 def definition_text(description: Any) -> str:
-    """Return a TypeDescription as text in the form `ros2msg`, with what it is made of.
+    """
+    Return a TypeDescription as text in the form `ros2msg`, with what it is made of.
 
     Raises KeyError for a field whose type that form has no name for.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Declarations of `params/` as ROS 2 parameters: descriptors, checks and live changes."""
 
 from __future__ import annotations
@@ -7,6 +20,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import sys
 from typing import Any
 
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.nodes.process.command_line import CommandLine
+from masmc_ros.params.declaration import check_all, Parameter
+from masmc_ros.params.file import read
+from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -16,12 +34,6 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 import rclpy.parameter
-
-from masmc_ros.errors import InputError, suggestion
-from masmc_ros.nodes.process.command_line import CommandLine
-from masmc_ros.params.declaration import check_all, Parameter
-from masmc_ros.params.file import read
-from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
 
 _LARGEST = sys.float_info.max
 
@@ -57,7 +69,8 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 class ParameterNode(Node):
-    """A node to which a parameter may be set to what it is, a read-only one too.
+    """
+    A node to which a parameter may be set to what it is, a read-only one too.
 
     So `ros2 param load` takes what `ros2 param dump` has written.
     """
@@ -90,7 +103,8 @@ class RosParameters:
         command_line: CommandLine,
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
-        """Declare everything on the node.
+        """
+        Declare everything on the node.
 
         `check` refuses by InputError combinations that no single declaration can.
         Raises InputError for unknown names and values that are not right.

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Parameters of nodes that run elsewhere, read and set by their services.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Parameters of nodes that run elsewhere, read and set by their services.
 
 For commands that come and go: everything waits, and never longer than it is told.
 """
@@ -12,6 +26,9 @@ import time
 from types import TracebackType
 from typing import Any
 
+from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.parameters.question import Question
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -19,10 +36,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
-
-from masmc_ros.errors import suggestion, UserError
-from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.nodes.parameters.question import Question
 
 _SERVICE = '/list_parameters'
 _SPIN = 0.05
@@ -83,7 +96,8 @@ class ParameterSession:
         return sorted(answer.result.names)
 
     def values(self, node: str, names: Sequence[str]) -> list[ParameterValue]:
-        """Return the values in force.
+        """
+        Return the values in force.
 
         Raises UserError where there is no such node, or where it has no such parameter.
         """
@@ -94,7 +108,7 @@ class ParameterSession:
         answer = self._answer(node, lambda client: client.get_parameters(list(names)))
         return list(answer.values)
 
-    def set(self, node: str, parameter: Parameter) -> SetParametersResult:
+    def set(self, node: str, parameter: Parameter) -> SetParametersResult:  # noqa: A003
         """Set a parameter; return what the node says. UserError where there is no node."""
         answer = self._answer(node, lambda client: client.set_parameters([parameter]))
         return answer.results[0]

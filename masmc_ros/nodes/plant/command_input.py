@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the plant takes: torques on one topic, or rates on one for base and one for arm."""
 
 from __future__ import annotations
@@ -7,10 +20,6 @@ from collections.abc import Callable, Mapping
 import time
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from rclpy.node import Node
-
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
@@ -18,16 +27,24 @@ from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.plant.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.two_link.names import ARM_JOINTS, DRIVEN_JOINTS, joint_names
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
 
 Array = NDArray[np.float64]
 
 
 class CommandInput:
-    """Commands as they come, on all topics of a command interface.
+    """
+    Commands as they come, on all topics of a command interface.
 
-    Attributes:
-        interface: `effort` or `velocity`.
-        parts: of the command, in the order of its numbers.
+    Attributes
+    ----------
+    interface
+        `effort` or `velocity`.
+    parts
+        of the command, in the order of its numbers.
+
     """
 
     def __init__(self, values: Mapping[str, Any], refusals: Refusals) -> None:
@@ -38,10 +55,10 @@ class CommandInput:
         names = joint_names(values)
         self.parts = (
             rate_parts(
-                names[-len(ARM_JOINTS) :], values['frame_prefix'], is_stamped=self._is_stamped
+                names[-len(ARM_JOINTS):], values['frame_prefix'], is_stamped=self._is_stamped
             )
             if self.interface == 'velocity'
-            else torque_parts(names[-len(DRIVEN_JOINTS) :])
+            else torque_parts(names[-len(DRIVEN_JOINTS):])
         )
 
     def subscribe(
@@ -50,7 +67,8 @@ class CommandInput:
         is_current: Callable[[Part, int | None], bool],
         arrived: Callable[[], None],
     ) -> None:
-        """Subscribe to all topics.
+        """
+        Subscribe to all topics.
 
         With the past: a controller may answer before it has found a subscription, and in
         lock-step nobody sends that command again. `is_current` tells of a part whether a
@@ -91,7 +109,8 @@ class CommandInput:
         return command
 
     def held(self) -> Array | None:
-        """Return the command in force (4), None where nothing is commanded.
+        """
+        Return the command in force (4), None where nothing is commanded.
 
         Of rates, a part that is missing is zero.
         """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A topic that commands the robot: how its messages are read, and the latest one."""
 
 from __future__ import annotations
@@ -8,10 +21,6 @@ import math
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
-import numpy as np
-from numpy.typing import NDArray
-from std_msgs.msg import Float64MultiArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
@@ -22,6 +31,9 @@ from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistSta
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import Float64MultiArray
 
 Array = NDArray[np.float64]
 
@@ -38,15 +50,24 @@ class Taken(NamedTuple):
 
 
 class Part:
-    """The latest command of one topic.
+    """
+    The latest command of one topic.
 
-    Attributes:
-        topic: relative to the robot.
-        type_name: of its messages.
-        names_state: whether its messages say which state they answer.
-        is_here: whether a message is at hand, be it that nothing is commanded.
-        numbers: of the last command that is in force, None where there is none.
-        time: by the monotonic clock, when that came.
+    Attributes
+    ----------
+    topic
+        relative to the robot.
+    type_name
+        of its messages.
+    names_state
+        whether its messages say which state they answer.
+    is_here
+        whether a message is at hand, be it that nothing is commanded.
+    numbers
+        of the last command that is in force, None where there is none.
+    time
+        by the monotonic clock, when that came.
+
     """
 
     def __init__(
@@ -89,7 +110,8 @@ def torque_parts(joints: tuple[str, ...]) -> list[Part]:
 
 
 def rate_parts(arm_joints: tuple[str, ...], frame_prefix: str, *, is_stamped: bool) -> list[Part]:
-    """Return the parts of commanded rates: the platform's twist, then the arm's joints.
+    """
+    Return the parts of commanded rates: the platform's twist, then the arm's joints.
 
     With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
     """

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the plant tells of itself on /diagnostics."""
 
 from __future__ import annotations
@@ -7,18 +20,22 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from rclpy.node import Node
-
 from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
 from masmc_ros.nodes.process.refusals import Refusals
+from rclpy.node import Node
 
 
 class PlantHealth:
-    """Counts what happens between two reports, and words the report.
+    """
+    Counts what happens between two reports, and words the report.
 
-    Attributes:
-        dropped: commands that were not for the present.
-        late: ticks that were due a period or more before they were made, or given up on.
+    Attributes
+    ----------
+    dropped
+        commands that were not for the present.
+    late
+        ticks that were due a period or more before they were made, or given up on.
+
     """
 
     def __init__(self, period: float) -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The plant node: the simulated robot behind joint_states and the commands that answer."""
 
 from __future__ import annotations
@@ -9,11 +22,6 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-import numpy as np
-from rclpy.context import Context
-from rclpy.timer import Timer
-from std_srvs.srv import SetBool, Trigger
-
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
@@ -31,6 +39,10 @@ from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.process.throttle import Throttle
+import numpy as np
+from rclpy.context import Context
+from rclpy.timer import Timer
+from std_srvs.srv import SetBool, Trigger
 
 _HELD = 0.02
 """Time in s between two sendings of the same state while the robot's time stands still."""
@@ -151,7 +163,8 @@ class PlantNode(SuiteNode):
         self._answer()
 
     def _is_current(self, part: Part, answered: int | None) -> bool:
-        """Tell whether a command is for the present, by the stamp in ns that it answers.
+        """
+        Tell whether a command is for the present, by the stamp in ns that it answers.
 
         In lock-step it must answer the outstanding state; where its messages cannot tell, it
         is taken to do so. In real time it may answer any state within the command timeout, or
@@ -278,7 +291,8 @@ class PlantNode(SuiteNode):
             self._output.send_again()
 
     def _held_command(self, now: float) -> np.ndarray | None:
-        """Return the last command, None where nothing is commanded or that is too old.
+        """
+        Return the last command, None where nothing is commanded or that is too old.
 
         A command does not grow old while the robot's time stands still.
         """

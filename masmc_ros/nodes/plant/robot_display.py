@@ -1,15 +1,22 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the plant publishes for viewers: description, frames and path of the robot."""
 
 from __future__ import annotations
 
 from typing import Any
-
-from nav_msgs.msg import Path
-import numpy as np
-from numpy.typing import NDArray
-from rclpy.publisher import Publisher
-from std_msgs.msg import String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import ActualPath
@@ -23,13 +30,19 @@ from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+from nav_msgs.msg import Path
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
 
 
 class RobotDisplay:
     """Shows a robot's states."""
 
     def __init__(self, values: dict[str, Any]) -> None:
-        """Take the checked values of the plant; everything is compiled then.
+        """
+        Take the checked values of the plant; everything is compiled then.
 
         Raises InputError for a prefix of frame names that there cannot be.
         """

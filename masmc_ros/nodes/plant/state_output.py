@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the plant tells of the robot: its state at every tick, less often what is derived of it."""
 
 from __future__ import annotations
@@ -6,10 +19,6 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -20,13 +29,20 @@ from masmc_ros.nodes.plant.robot_display import RobotDisplay
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.robot.two_link.names import joint_names
 from masmc_ros.robot.two_link.platform_motion import platform_motion
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 
 class StateOutput:
-    """Publishes joint_states, odom, base_twist, clock and what shows the robot.
+    """
+    Publishes joint_states, odom, base_twist, clock and what shows the robot.
 
-    Attributes:
-        stamp: of the last state, in ns; -1 before the first.
+    Attributes
+    ----------
+    stamp
+        of the last state, in ns; -1 before the first.
+
     """
 
     def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
@@ -54,7 +70,7 @@ class StateOutput:
 
     @property
     def topic(self) -> str:
-        """The full name of joint_states."""
+        """Return the full name of joint_states."""
         return str(self._states.topic_name)
 
     def publish(self) -> None:

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the nodes of this package have in common: parameters, their record, and waiting."""
 
 from __future__ import annotations
@@ -8,14 +21,6 @@ import signal
 import time
 from typing import Any, NamedTuple
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.context import Context
-from rclpy.duration import Duration
-from rclpy.node import Node
-from rclpy.publisher import Publisher
-from std_msgs.msg import String
-
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.latched import Latched
@@ -23,6 +28,13 @@ from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.scenario.node_parameters import declared
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import String
 
 _DELIVERY = 5.0
 _PATIENCE = 3.0
@@ -79,7 +91,8 @@ class SuiteNode:
     def publisher(
         self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
     ) -> Publisher:
-        """Create a publisher whose messages are delivered before the node ends.
+        """
+        Create a publisher whose messages are delivered before the node ends.
 
         With `past`, who joins late is given what it has sent, as far as `depth` goes.
         """
@@ -108,7 +121,8 @@ class SuiteNode:
         self.node.create_timer(_RETRY, self._send_waiting, clock=self.steady)
 
     def record_parameters(self, tick: int, stamp: int, change: Recorded | None = None) -> None:
-        """Publish the parameters, and the first tick that is computed with them.
+        """
+        Publish the parameters, and the first tick that is computed with them.
 
         `change` is what is new since the last time; without one they are those of the start.
         """
@@ -124,7 +138,8 @@ class SuiteNode:
         self._waiting = reason
 
     def close(self, spin: Callable[[], None]) -> None:
-        """Deliver what was published to everybody who is listening; raise what ended the node.
+        """
+        Deliver what was published to everybody who is listening; raise what ended the node.
 
         A listener that was killed counts as there for a while yet, so that the time is bounded.
         From here on the node has finished: while others of its process take what is under way,
@@ -139,7 +154,8 @@ class SuiteNode:
             raise self.failure
 
     def fail(self, error: UserError) -> None:
-        """End the process with this error: one line once everything is delivered, status 2.
+        """
+        End the process with this error: one line once everything is delivered, status 2.
 
         An exception from a callback would end it too, but the executor writes a traceback.
         """

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""What a ROS command line says about parameters: files, and settings that win over them.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a ROS command line says about parameters: files, and settings that win over them.
 
 rcl keeps an unprefixed `-p name:=value` with the block `/**` of a file, where a block for
 the node itself wins over it. Read here, the command line has the last word.
@@ -38,7 +52,8 @@ class CommandLine:
 
 
 def parse(arguments: Sequence[str]) -> CommandLine:
-    """Read a command line.
+    """
+    Read a command line.
 
     Raises InputError for a file or a setting that cannot be read, and for arguments that are
     none of ROS: nodes take no others.

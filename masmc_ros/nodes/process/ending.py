@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What tells a node to end, and a bound on the time in which the middleware lets go of it."""
 
 from __future__ import annotations
@@ -18,7 +31,8 @@ _PATIENCE = 5.0
 
 
 def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Call a handler when the process is told to end, by a terminal that is closed as well.
+    """
+    Call a handler when the process is told to end, by a terminal that is closed as well.
 
     Under `nohup` it is not.
     """
@@ -29,7 +43,8 @@ def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
 
 @contextmanager
 def bounded_ending(status: int) -> Iterator[None]:
-    """End the process with a status if what is done within takes too long.
+    """
+    End the process with a status if what is done within takes too long.
 
     Fast DDS can stand still for ever where readers, writers and participants are destroyed
     (its issue 6193). By then everything was delivered and all files are closed: nothing is

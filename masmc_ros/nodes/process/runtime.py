@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""How a process of this package starts, spins and ends.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How a process of this package starts, spins and ends.
 
 A process ends with status 0 when its run is over and on SIGINT, SIGTERM and SIGHUP, with
 status 2 and one line on bad input.
@@ -13,17 +27,16 @@ import sys
 from types import FrameType
 from typing import Protocol
 
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.nodes.process.command_line import parse
+from masmc_ros.nodes.process.ending import bounded_ending, on_end
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-
-from masmc_ros.errors import InputError, UserError
-from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.nodes.process.command_line import parse
-from masmc_ros.nodes.process.ending import bounded_ending, on_end
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""

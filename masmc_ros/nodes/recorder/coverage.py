@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Up to where a recorder has everything of a run that comes with the ticks.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Up to where a recorder has everything of a run that comes with the ticks.
 
 A message that is lost on its way is repeated by its sender, which can take the three seconds
 of Fast DDS's heartbeat, while other topics go on. A plant that followed those would send on
@@ -25,10 +39,14 @@ class _Topic:
 
 
 class Coverage:
-    """Stamps in ns of what came last.
+    """
+    Stamps in ns of what came last.
 
-    Attributes:
-        answered: of the last command; -1 for none.
+    Attributes
+    ----------
+    answered
+        of the last command; -1 for none.
+
     """
 
     def __init__(self) -> None:

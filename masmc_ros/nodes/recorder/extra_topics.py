@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Topics that are recorded as they turn up: of which type and how, their senders tell."""
 
 from __future__ import annotations
@@ -7,12 +20,11 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, Protocol
 
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-
 from masmc_ros.errors import InputError
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.nodes.middleware.type_description import DefinitionRequest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 _NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
 """Name of a node whose topics were found before itself."""
@@ -77,14 +89,15 @@ class ExtraTopics:
         )
 
     def _definition(self, node: Node, topic: str, sender: Any) -> Definition | None:
-        """Return what a topic's messages are, None while its sender is asked.
+        """
+        Return what a topic's messages are, None while its sender is asked.
 
         Jazzy's own types need no question, unless the sender has another version of them.
         """
         told = str(sender.topic_type_hash)
         with suppress(InputError):
             known = definition(sender.topic_type)
-            if told in (known.hash, ''):
+            if told in (known.type_hash, ''):
                 return known
         if sender.node_name == _NOT_FOUND_YET:
             return None

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Taking what is under way until nothing more comes."""
 
 from __future__ import annotations
@@ -16,7 +29,8 @@ _LONGEST = 10.0
 
 
 def take_rest(spin: Callable[[], None], last_arrival: Callable[[], float]) -> None:
-    """Spin until it has been quiet for 0.3 s, for 10 s at most.
+    """
+    Spin until it has been quiet for 0.3 s, for 10 s at most.
 
     `spin` handles what has come, within 0.1 s; `last_arrival` tells when a message last came.
     A process that is held up hears nothing, nor does one that waited for its own messages to

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The recorder node: every message of a run, byte for byte, into one MCAP file."""
 
 from __future__ import annotations
@@ -14,8 +27,6 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
-
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.gaps import MISSING
@@ -60,6 +71,7 @@ from masmc_ros.nodes.recorder.coverage import Coverage
 from masmc_ros.nodes.recorder.extra_topics import ExtraTopics
 from masmc_ros.nodes.recorder.health import RecorderHealth
 from masmc_ros.nodes.recorder.listening import take_rest
+from rclpy.context import Context
 
 _PROGRESS = 100
 """Answered states between two reports of progress."""
@@ -262,7 +274,7 @@ class RecorderNode(SuiteNode):
         defined: Definition | None = None,
     ) -> None:
         resolved = self.node.resolve_topic_name(topic)
-        message_type = raw_class(type_name, defined.hash if defined is not None else None)
+        message_type = raw_class(type_name, defined.type_hash if defined is not None else None)
         offered = Qos(
             reliability='best_effort' if best_effort else 'reliable',
             durability='transient_local' if is_latched else 'volatile',

@@ -1,15 +1,23 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The trajectory node: sends windows of the reference ahead of the robot."""
 
 from __future__ import annotations
 
 import sys
 from typing import Any
-
-from nav_msgs.msg import Odometry, Path
-from rclpy.context import Context
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import DesiredPath
@@ -28,6 +36,10 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.two_link.frames import check_frame_prefix
+from nav_msgs.msg import Odometry, Path
+from rclpy.context import Context
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
 
 _CHECKED_AHEAD = 60.0
 """How much of an endless path is checked at the start, in s."""
@@ -92,7 +104,8 @@ class TrajectoryNode(SuiteNode):
             self._trajectory.sample(first, min(self._window, count - first))
 
     def _on_controller_state(self, raw: bytes) -> None:
-        """Note that the controller has become active: time 0 is the next state's stamp.
+        """
+        Note that the controller has become active: time 0 is the next state's stamp.
 
         Who joins late is told the last state alone: a controller that has lost its reference
         and waits for another was active before.

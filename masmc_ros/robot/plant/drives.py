@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Drives with a velocity loop: a PI controller on each joint, unknown to the controller.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Drives with a velocity loop: a PI controller on each joint, unknown to the controller.
 
 At every integration step, H_i being the inertia that joint i feels at the start and w the
 bandwidth,
@@ -14,15 +28,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import tabulate, unit
 from masmc_ros.robot import mechanism
+import numpy as np
+from numpy.typing import NDArray
 
 Numbers = tuple[float, ...]
 
@@ -37,7 +50,8 @@ def felt_inertia(of: tuple[Any, Numbers, Any], joint: int) -> float:
 
 @kernel
 def joint_inertias(plant: Any, angles: Any) -> NDArray[np.float64]:
-    """Return the diagonal (joints, lanes) of the reduced inertia H of (10), kg m2.
+    """
+    Return the diagonal (joints, lanes) of the reduced inertia H of (10), kg m2.
 
     `plant` is an array of one record of the plant's settings, `angles` (joints, lanes) in rad.
     """

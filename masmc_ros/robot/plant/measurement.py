@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""How the plant's state is measured: encoders, odometry, noisy rates, delay.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How the plant's state is measured: encoders, odometry, noisy rates, delay.
 
 The encoders quantise the joints' angles. The pose of the base is what a robot without
 other sensors has: odometry from the quantised angles, exact where they are. Rates carry
@@ -70,7 +84,8 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
 
 @formula
 def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: int) -> None:
-    """Write what is measured at a tick of the true state in `memory` into `now`.
+    """
+    Write what is measured at a tick of the true state in `memory` into `now`.
 
     `delayed` (most of all delays + 1, positions and velocities, lanes) holds the latest
     measurements, that of tick k in row k mod (delay + 1).

@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One tick of the plant, in all lanes: from a command to the next state, true and measured."""
 
 from __future__ import annotations
@@ -42,7 +55,7 @@ SETTINGS = (
 MEMORY = (
     Field('position', 'positions', 'True positions', 'm, rad'),
     Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
-    Field('rates', 'joints', "True rates of the joints, the last of them again", 'rad/s'),
+    Field('rates', 'joints', 'True rates of the joints, the last of them again', 'rad/s'),
     Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
     Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
@@ -97,7 +110,8 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
 
 @formula
 def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
-    """Move the true state on by one period under the command in `now`; nobody's if `holds`.
+    """
+    Move the true state on by one period under the command in `now`; nobody's if `holds`.
 
     Writes the torque that it comes to as `applied`: within the motors' limits the command
     itself, or the mean of what the drives make of commanded rates. Where nobody commands, the

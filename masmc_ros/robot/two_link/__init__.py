@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The mobile manipulator: parameters, kinematics (1)-(5) and dynamics (6)-(12).
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The mobile manipulator: parameters, kinematics (1)-(5) and dynamics (6)-(12).
 
 Planar differential-drive platform with a two-link arm. O is the middle of the axle
 (`base_link`), C the platform's centre of mass, d ahead of O, F the arm's base, l = d + L_a

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Which base parameters a robot can have at all.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which base parameters a robot can have at all.
 
 With l = arm_base and L_1 = link_1, let
 
@@ -32,7 +46,8 @@ def is_consistent(theta: BaseParameters, geometry: Geometry) -> bool:
 def weakest_motion(
     theta: BaseParameters, geometry: Geometry
 ) -> tuple[float, float, float, float, float]:
-    """Return the first pivot of Q = L D L' that is not positive, and x with x' Q x = pivot.
+    """
+    Return the first pivot of Q = L D L' that is not positive, and x with x' Q x = pivot.
 
     Where all are positive, the last one and its x.
     """

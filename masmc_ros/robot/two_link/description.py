@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The robot as URDF: what it looks like, what it weighs, how its parts move.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The robot as URDF: what it looks like, what it weighs, how its parts move.
 
 Frames and joints are those of `frames` and of joint_states. Masses, centres of mass and
 inertias about the vertical are the parameters'. What a planar model does not know is filled
@@ -49,15 +63,22 @@ class _Shape(NamedTuple):
 
 
 def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
-    """Return the URDF of a robot.
+    """
+    Return the URDF of a robot.
 
-    Args:
-        values: checked values of ROBOT and NAMES, by names as declared there; others are left
-            aside.
-        frame_prefix: put before the name of every link, so that links and frames are the same.
+    Parameters
+    ----------
+    values
+        checked values of ROBOT and NAMES, by names as declared there; others are left
+        aside.
+    frame_prefix
+        put before the name of every link, so that links and frames are the same.
 
-    Raises:
-        InputError: as `Robot.from_values`.
+    Raises
+    ------
+    InputError
+        as `Robot.from_values`.
+
     """
     robot = Robot.from_values({each.name: values[each.name] for each in ROBOT})
     p = {each.name.removeprefix('robot.'): values[each.name] for each in ROBOT}
@@ -69,7 +90,7 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     shapes, inertias = _shapes(geometry, p['com_offset']), _inertias(p, geometry)
     for _, link in FRAMES:
         _add_link(root, frame_prefix + link, inertias.get(link), shapes[link])
-    joints = (*joint_names(values)[len(BASE_JOINTS) :], FIXED_JOINT)
+    joints = (*joint_names(values)[len(BASE_JOINTS):], FIXED_JOINT)
     origins = frame_origins(robot.geometry)[1:].tolist()
     for name, (parent, child), origin in zip(joints, FRAMES[1:], origins, strict=True):
         axis = _AXES.get(child)

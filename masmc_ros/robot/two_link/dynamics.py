@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Reduced dynamics (6)-(12) in quasi-velocities and base inertial parameters.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reduced dynamics (6)-(12) in quasi-velocities and base inertial parameters.
 
 H vdot + V v = tau + tau_d with H = S'HS and V = S'HSdot + S'CS, C from Christoffel symbols;
 motion is planar, so that the gravity term is zero. In the linear parameterisation (12),
@@ -43,7 +57,8 @@ class Inertia(NamedTuple):
 
 
 class Regressor(NamedTuple):
-    """The entries of Y in quasi-forces (rows f) and base parameters (columns) not always zero.
+    """
+    The entries of Y in quasi-forces (rows f) and base parameters (columns) not always zero.
 
     Rows: u has mass, offset, moment_1, moment_2; w has yaw_inertia, offset, moment_1,
     moment_2; A has moment_1, moment_2, inertia_1; B has moment_2, inertia_2.

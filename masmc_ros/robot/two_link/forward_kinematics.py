@@ -1,21 +1,34 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Task positions of many states at once, for checks and reports."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.robot.two_link.geometry import Geometry, posture
 from masmc_ros.robot.two_link.kinematics import task_position
+import numpy as np
+from numpy.typing import NDArray
 
 
 @kernel
 def task_positions(geometry: Any, position: Any) -> NDArray[np.float64]:
-    """Return (n, 4) task positions in m from lengths (5) and positions (n, 7).
+    """
+    Return (n, 4) task positions in m from lengths (5) and positions (n, 7).
 
     Positions are in the order of joint_states: x_O, y_O, yaw, wheels, theta_1, theta_2.
     """

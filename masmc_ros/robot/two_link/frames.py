@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Where the robot's frames are: the transforms that move it on the screen.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where the robot's frames are: the transforms that move it on the screen.
 
 The model is planar and knows no heights. They are chosen here, so that the wheels stand on
 the plane z = 0 of `odom` and the arm's links lie on the platform, one above the other:
@@ -11,15 +25,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.two_link.geometry import Geometry
 from masmc_ros.robot.two_link.names import FRAMES
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 PREFIX = (
     Parameter(
@@ -53,7 +66,8 @@ def link_thickness(geometry: Geometry) -> float:
 
 
 def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
-    """Return where each frame of FRAMES is in its parent, (6, 3) in m, from lengths (5).
+    """
+    Return where each frame of FRAMES is in its parent, (6, 3) in m, from lengths (5).
 
     Row 0 is zero: `base_link` moves in `odom`.
     """
@@ -75,14 +89,20 @@ def end_effector_height(lengths: ArrayLike) -> float:
 
 @kernel
 def frame_transforms(origins: Any, position: Any) -> NDArray[np.float64]:
-    """Return the transforms (n, 6, 7) of states, as FRAMES lists them.
+    """
+    Return the transforms (n, 6, 7) of states, as FRAMES lists them.
 
-    Args:
-        origins: (6, 3) as `frame_origins` returns them.
-        position: (n, 7) in the order of joint_states, m and rad.
+    Parameters
+    ----------
+    origins
+        (6, 3) as `frame_origins` returns them.
+    position
+        (n, 7) in the order of joint_states, m and rad.
 
-    Returns:
+    Returns
+    -------
         Translation x, y, z in m and rotation as a quaternion x, y, z, w, child in parent.
+
     """
     out = np.zeros((len(position), 6, 7))
     for k in range(len(position)):

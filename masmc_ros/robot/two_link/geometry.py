@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Lengths and joint angles as the formulas read them."""
 
 from __future__ import annotations
@@ -45,7 +58,8 @@ def posture(yaw: float, theta_1: float, theta_2: float) -> Posture:
 def quasi_velocity(
     geometry: Geometry, right: float, left: float, arm_1: float, arm_2: float
 ) -> tuple[float, float, float, float]:
-    """Return (u, w, A, B) in m/s and rad/s from the reduced velocity v of (8) in rad/s.
+    """
+    Return (u, w, A, B) in m/s and rad/s from the reduced velocity v of (8) in rad/s.
 
     The right wheel forward turns the platform to the left: w = r / (2 b) (right - left).
     """

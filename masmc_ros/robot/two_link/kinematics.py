@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Task-space kinematics (1)-(5): x = (x_E, y_E, x_F, y_F) in the world frame, metres.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Task-space kinematics (1)-(5): x = (x_E, y_E, x_F, y_F) in the world frame, metres.
 
 All maps are written in quasi-velocities (see the folder's docstring) and in the platform's
 frame, into which world vectors are turned first. The paper's Jacobian is J = R J_a of (4);
@@ -84,7 +98,8 @@ def is_singular(posture: Posture) -> bool:
 
 @formula
 def _inverse_sine(posture: Posture) -> float:
-    """Return 1 / sin(theta_2); inside the singular band the damped sin / 0.02**2.
+    """
+    Return 1 / sin(theta_2); inside the singular band the damped sin / 0.02**2.
 
     The two agree where they meet, and the damped one goes through zero at the singularity,
     so that motion along the lost direction is given up there instead of growing without end.
@@ -97,7 +112,8 @@ def _inverse_sine(posture: Posture) -> float:
 def quasi_from_task(
     geometry: Geometry, posture: Posture, ex: float, ey: float, fx: float, fy: float
 ) -> tuple[float, float, float, float]:
-    """Return J^-1 xdot as quasi-velocities, (ex, ey, fx, fy) in the world frame, m/s.
+    """
+    Return J^-1 xdot as quasi-velocities, (ex, ey, fx, fy) in the world frame, m/s.
 
     Exact for |sin(theta_2)| >= 0.02; finite everywhere.
     """

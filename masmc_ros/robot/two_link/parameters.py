@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The robot's physical parameters, and the lengths and base parameters made of them."""
 
 from __future__ import annotations
@@ -7,13 +20,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
+import numpy as np
+from numpy.typing import NDArray
 
 _SHORTEST_ARM_BASE = 1.0e-3
 
@@ -105,7 +117,8 @@ class Robot:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Robot:
-        """Make a robot from checked parameter values, names as declared in ROBOT.
+        """
+        Make a robot from checked parameter values, names as declared in ROBOT.
 
         Raises InputError where the arm's base lies on the axle: its sideways motion would
         then not depend on the platform's rotation, and (3) could not be inverted.

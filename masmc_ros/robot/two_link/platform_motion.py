@@ -1,22 +1,35 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The platform's pose and twist as odometry reports them."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
+import numpy as np
+from numpy.typing import NDArray
 
 
 @kernel
 def platform_motion(
     position: Any, velocity: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return poses (n, 7) and twists (n, 6) of states, positions and velocities (n, 7).
+    """
+    Return poses (n, 7) and twists (n, 6) of states, positions and velocities (n, 7).
 
     Pose: x, y, z of `base_link` in `odom` in m and a quaternion x, y, z, w. Twist in
     `base_link`: linear in m/s, angular in rad/s.

@@ -1,5 +1,19 @@
-# SPDX-License-Identifier: Apache-2.0
-"""The paper's robot as a mechanism: planar platform on two wheels, arm of two links.
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The paper's robot as a mechanism: planar platform on two wheels, arm of two links.
 
 Positions are x, y and yaw of the axle's middle, then the angles of right and left wheel and of
 both arm joints; `motion` are the quasi-velocities (u, w, A, B) of this folder's docstring.
@@ -214,7 +228,8 @@ def commanded_joint_rates(model: Geometry, command: Quad) -> Quad:
 
 @formula
 def dead_reckoned(model: Geometry, pose: Pose, turned: Quad) -> Pose:
-    """Return the platform's pose after its wheels have turned.
+    """
+    Return the platform's pose after its wheels have turned.
 
     Exact for the mean of the headings at both ends, which is that of an arc to second order.
     """
