@@ -85,6 +85,35 @@ def test_a_node_ends_with_status_0(
     assert interrupted(command, library, number) == (0, '')
 
 
+def test_a_node_ends_at_once_while_machine_code_is_made(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'controller'],
+        env={
+            **os.environ,
+            'PYTHONPATH': os.pathsep.join(entry or os.getcwd() for entry in sys.path),
+            'XDG_CACHE_HOME': str(tmp_path),
+            'ROS_DOMAIN_ID': '98',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+        stderr=subprocess.PIPE,
+    )
+    try:
+        limit = time.monotonic() + 10 * PATIENCE
+        while not list(tmp_path.rglob('*.nbc')):
+            assert time.monotonic() < limit, 'nothing is compiled'
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    assert (process.returncode, err) == (0, b'')
+    # It did not go on to the last of them: there are some hundred.
+    assert len(list(tmp_path.rglob('*.nbc'))) < 50
+
+
 @pytest.mark.parametrize('library', LIBRARIES)
 def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'

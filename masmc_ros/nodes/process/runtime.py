@@ -30,7 +30,7 @@ from typing import Protocol
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
-from masmc_ros.nodes.process.ending import bounded_ending, on_end
+from masmc_ros.nodes.process.ending import bounded_ending, ending_at_once, on_end
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
@@ -94,8 +94,9 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     nodes: list[RunningNode] = []
     status = 1
     try:
-        for factory in factories:
-            nodes.append(factory(context=context, command_line=command_line))
+        with ending_at_once():
+            for factory in factories:
+                nodes.append(factory(context=context, command_line=command_line))
         for node in nodes:
             node.connect()
             executor.add_node(node.node)
