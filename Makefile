@@ -32,6 +32,10 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .[test,lint]
 	@touch $@
 
+$(VENV)/.installed-all: $(VENV)/.installed-dev
+	@PYTHONWARNINGS=ignore $(PIP) --no-build-isolation -e .[robots]
+	@touch $@
+
 setup: $(VENV)/.installed
 
 demo: $(VENV)/.installed
@@ -43,7 +47,7 @@ PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile
 test: $(VENV)/.installed-dev
 	@$(PYTEST) -m 'not slow'
 
-test-all: $(VENV)/.installed-dev
+test-all: $(VENV)/.installed-all
 	@$(PYTEST)
 
 # An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.

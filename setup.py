@@ -89,6 +89,8 @@ setup(
             'sympy',
             'websockets',
         ],
+        # Robots and an oracle for the tests that take long: 350 MB.
+        'robots': ['example-robot-data>=6', 'pin>=4'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

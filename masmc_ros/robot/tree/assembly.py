@@ -1,0 +1,450 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A robot of which a URDF tells: bodies that move, joints that are controlled, and the base.
+
+Links that do not move against each other are one body: fixed joints are merged, and so are
+joints that are not controlled, which are held at an angle, and wheels, of which only the spin is
+kept, as armature on the base's rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import heapq
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.tree.dynamics import (
+    DIFFERENTIAL,
+    FIXED,
+    OMNIDIRECTIONAL,
+    PRISMATIC,
+    REVOLUTE,
+    Tree,
+)
+from masmc_ros.robot.tree.spatial import (
+    add,
+    inner,
+    MOMENTS,
+    Moments,
+    moments_in_parent,
+    product,
+    rotate,
+    ROTATION,
+    Rotation,
+    scale,
+    subtract,
+    transpose,
+    turn,
+    VECTOR,
+    Vector,
+)
+from masmc_ros.robot.tree.urdf import Description, Joint, Link, Pose
+import numpy as np
+from numpy.typing import NDArray
+
+BASES = {
+    'fixed': FIXED,
+    'differential': DIFFERENTIAL,
+    'omnidirectional': OMNIDIRECTIONAL,
+}
+"""Kinds of bases by name."""
+
+_UPRIGHT = 1.0e-3
+"""Sine of the angle by which an axle may differ from the base's y axis."""
+
+_ROUNDED = 1.0e-9
+"""Part of a body's second moments by which the least of them may be negative."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    A link's frame on the body that it is a part of.
+
+    Attributes
+    ----------
+    body
+        number of the body, 0 for the base.
+    rotation, offset
+        of the frame in the body's; offset in m.
+
+    """
+
+    body: int
+    rotation: Rotation = ROTATION
+    offset: Vector = VECTOR
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """
+    Two wheels that drive a base: rates (u + half_track omega) / radius, and with a minus.
+
+    Attributes
+    ----------
+    names
+        of their joints, right and left.
+    radius, half_track
+        in m.
+    spin
+        moments of inertia about the axles, in kg m2.
+
+    """
+
+    names: tuple[str, str]
+    radius: float
+    half_track: float
+    spin: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class TreeRobot:
+    """
+    A robot that is a tree of bodies.
+
+    Attributes
+    ----------
+    tree
+        its bodies and joints.
+    moments
+        (B, 10) of its bodies: see `spatial`.
+    joints
+        controlled joints, one for each body after the base.
+    frames
+        of its links by name.
+    wheels
+        those of a differential base.
+
+    """
+
+    tree: Tree
+    moments: NDArray[np.float64]
+    joints: tuple[Joint, ...]
+    frames: Mapping[str, Frame]
+    wheels: Wheels | None = None
+
+
+@dataclass
+class _Body:
+    """What is collected of a body while links are merged into it."""
+
+    link: str
+    moments: Moments = MOMENTS
+
+
+def tree_robot(
+    description: Description,
+    where: str,
+    *,
+    base: str = 'fixed',
+    base_frame: str = '',
+    wheels: Sequence[str] = (),
+    wheel_radius: float = 0.0,
+    joints: Sequence[str] = (),
+    held: Mapping[str, float] | None = None,
+    armature: float = 0.0,
+) -> TreeRobot:
+    """
+    Make a robot of a description.
+
+    Parameters
+    ----------
+    description
+        links and joints.
+    where
+        where it stands, for messages.
+    base
+        one of BASES.
+    base_frame
+        name of the link whose frame is the base's, x ahead and z up; empty for the root.
+    wheels
+        names of the joints of right and left wheel of a differential base.
+    wheel_radius
+        in m; 0 for the height of the axles above the base's frame.
+    joints
+        names of those that are controlled; empty for all that can be.
+    held
+        positions of joints that are not controlled, in rad or m, by name; 0 of others.
+    armature
+        inertia of every joint's rotor, seen from the joint, in kg m2 or kg.
+
+    Raises
+    ------
+    InputError
+        where a name is unknown, or the robot cannot be.
+
+    """
+    if base not in BASES:
+        raise InputError(f"robot.base '{base}'; {suggestion(base, BASES)}")
+    if len(wheels) != (2 if base == 'differential' else 0):
+        raise InputError(
+            f'robot.wheels {list(wheels)}: expected the joints of right and left wheel of a'
+            ' differential base, and none of another'
+        )
+    _check_names(description, [*wheels, *joints, *(held or {})])
+    controlled = _controlled(description, where, wheels, joints, held or {})
+    bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
+    found = _wheels(description, where, frames, wheels, wheel_radius) if wheels else None
+    _check_moments(bodies, description, where)
+    kind = BASES[base]
+    parents, rotations, offsets = tree
+    rotor = np.zeros((kind + len(order), kind + len(order)))
+    rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
+    if found is not None:
+        rotor[:2, :2] = _spin(found, armature)
+    axes = [VECTOR, *(joint.axis for joint in order)]
+    kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in order]
+    return TreeRobot(
+        Tree(
+            kind,
+            np.array(parents),
+            np.array([REVOLUTE, *kinds]),
+            np.array(axes)[:, :, None],
+            np.array(rotations)[:, :, None],
+            np.array(offsets)[:, :, None],
+            rotor,
+        ),
+        np.array([body.moments for body in bodies]),
+        tuple(order),
+        frames,
+        found,
+    )
+
+
+def _check_names(description: Description, names: Sequence[str]) -> None:
+    for name in names:
+        if name not in description.joints:
+            raise InputError(f"no joint '{name}'; {suggestion(name, tuple(description.joints))}")
+
+
+def _controlled(
+    description: Description,
+    where: str,
+    wheels: Sequence[str],
+    joints: Sequence[str],
+    held: Mapping[str, float],
+) -> set[str]:
+    """Return the names of the joints that are controlled."""
+    for name in joints:
+        joint = description.joints[name]
+        trouble = {
+            'fixed': joint.kind == 'fixed' and 'does not move',
+            'mimic': joint.mimics and f"moves with '{joint.mimics}', which is not supported",
+            'wheel': name in wheels and 'is a wheel',
+            'held': name in held and 'is held',
+        }
+        for what in filter(None, trouble.values()):
+            raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")
+    return set(joints) or {
+        name
+        for name, joint in description.joints.items()
+        if joint.kind != 'fixed' and not joint.mimics and name not in {*wheels, *held}
+    }
+
+
+def _merged(
+    description: Description, controlled: set[str], held: Mapping[str, float], base_frame: str
+) -> tuple[
+    list[_Body],
+    list[Joint],
+    dict[str, Frame],
+    tuple[list[int], list[Rotation], list[Vector]],
+]:
+    """Return bodies, controlled joints in their order, frames of links, and placements."""
+    below: dict[str, list[tuple[int, Joint]]] = {}
+    for number, joint in enumerate(description.joints.values()):
+        below.setdefault(joint.parent, []).append((number, joint))
+    root = description.root
+    frames = {root: Frame(0)}
+    bodies = [_Body(root)]
+    order: list[Joint] = []
+    parents, rotations, offsets = [-1], [ROTATION], [VECTOR]
+    # In the order of the file, but after their parents.
+    waiting = list(below.get(root, ()))
+    heapq.heapify(waiting)
+    while waiting:
+        _, joint = heapq.heappop(waiting)
+        above = frames[joint.parent]
+        rotation = product(above.rotation, _rotation(joint.origin))
+        offset = add(above.offset, rotate(above.rotation, _vector(joint.origin.offset)))
+        if joint.name in controlled:
+            frames[joint.child] = Frame(len(bodies))
+            bodies.append(_Body(joint.child))
+            order.append(joint)
+            parents.append(above.body)
+            rotations.append(rotation)
+            offsets.append(offset)
+        else:
+            angle = held.get(joint.name, 0.0)
+            if joint.kind == 'prismatic':
+                offset = add(offset, rotate(rotation, scale(_vector(joint.axis), angle)))
+            elif joint.kind != 'fixed':
+                rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
+            frames[joint.child] = Frame(above.body, rotation, offset)
+        for each in below.get(joint.child, ()):
+            heapq.heappush(waiting, each)
+    if base_frame:
+        _rebase(description, base_frame, frames, (parents, rotations, offsets))
+    for name, frame in frames.items():
+        own = _moments(description.links[name])
+        moved = moments_in_parent(frame.rotation, frame.offset, own)
+        body = bodies[frame.body]
+        body.moments = tuple(a + b for a, b in zip(body.moments, moved, strict=True))
+    return bodies, order, frames, (parents, rotations, offsets)
+
+
+def _rebase(
+    description: Description,
+    base_frame: str,
+    frames: dict[str, Frame],
+    tree: tuple[list[int], list[Rotation], list[Vector]],
+) -> None:
+    """Express what stands on the base in the frame of a link that is a part of it."""
+    if base_frame not in description.links:
+        known = suggestion(base_frame, tuple(description.links))
+        raise InputError(f"robot.base_frame: no link '{base_frame}'; {known}")
+    chosen = frames[base_frame]
+    if chosen.body != 0:
+        raise InputError(f"robot.base_frame '{base_frame}' moves against '{description.root}'")
+    parents, rotations, offsets = tree
+    back = transpose(chosen.rotation)
+    for number, parent in enumerate(parents):
+        if parent == 0:
+            rotations[number] = product(back, rotations[number])
+            offsets[number] = rotate(back, subtract(offsets[number], chosen.offset))
+    for name, frame in frames.items():
+        if frame.body == 0:
+            frames[name] = Frame(
+                0,
+                product(back, frame.rotation),
+                rotate(back, subtract(frame.offset, chosen.offset)),
+            )
+
+
+def _vector(values: tuple[float, ...]) -> Vector:
+    x, y, z = values
+    return x, y, z
+
+
+def _rotation(pose: Pose) -> Rotation:
+    """Return Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = pose.angles
+    about_z = turn((0.0, 0.0, 1.0), *sin_cos(yaw))
+    about_y = turn((0.0, 1.0, 0.0), *sin_cos(pitch))
+    about_x = turn((1.0, 0.0, 0.0), *sin_cos(roll))
+    found: Rotation = product(product(about_z, about_y), about_x)
+    return found
+
+
+def _moments(link: Link) -> Moments:
+    """Return a link's moments about the origin of its frame."""
+    xx, xy, xz, yy, yz, zz = link.inertia
+    half = (xx + yy + zz) / 2.0
+    own = (link.mass, 0.0, 0.0, 0.0, half - xx, half - yy, half - zz, -xy, -yz, -xz)
+    found: Moments = moments_in_parent(
+        _rotation(link.centre), _vector(link.centre.offset), own
+    )
+    return found
+
+
+def pseudo_inertia(moments: Sequence[float]) -> NDArray[np.float64]:
+    """Return the matrix P (4 x 4) of moments (10)."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+    return np.array([[xx, xy, zx, x], [xy, yy, yz, y], [zx, yz, zz, z], [x, y, z, mass]])
+
+
+def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
+    """Refuse bodies that cannot exist, naming the link that makes them so."""
+    for body in bodies[1:]:
+        if not any(body.moments):
+            continue
+        least = _least(body.moments)
+        # Flat bodies can exist, and decimals are rounded.
+        if not least >= -_ROUNDED * sum(body.moments[4:7]):
+            link = description.links[body.link]
+            raise InputError(
+                f"{where}, line {link.line}: link '{link.name}', with what is fixed to it, has an"
+                f' inertia that no body has: the least second moment of its mass is {least:.3g}'
+                ' kg m2, expected >= 0 (no moment of inertia exceeds the sum of the other two)'
+            )
+
+
+def _least(moments: Moments) -> float:
+    """Return the least eigenvalue of the second moments about the centre of mass, in kg m2."""
+    mass = moments[0]
+    if mass <= 0.0:
+        return -np.inf
+    p = pseudo_inertia(moments)
+    central = p[:3, :3] - np.outer(p[:3, 3], p[:3, 3]) / mass
+    return float(np.linalg.eigvalsh(central)[0])
+
+
+def _wheels(
+    description: Description,
+    where: str,
+    frames: Mapping[str, Frame],
+    names: Sequence[str],
+    radius: float,
+) -> Wheels:
+    """Return the wheels of a differential base."""
+    right, left = (description.joints[name] for name in names)
+    places = []
+    spins = []
+    for joint in (right, left):
+        frame = frames[joint.child]
+        axis = rotate(frame.rotation, _vector(joint.axis))
+        if frame.body != 0 or abs(abs(axis[1]) - 1.0) > _UPRIGHT**2:
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}' is no wheel of a differential"
+                f' base: its axle is along {tuple(round(each, 3) for each in axis)}, expected'
+                " the base's y"
+            )
+        places.append(frame.offset)
+        moments = _moments(description.links[joint.child])
+        spins.append(_about(_vector(joint.axis), moments))
+    (x, y, z), (x_left, y_left, z_left) = places
+    if abs(x) + abs(x_left) + abs(y + y_left) + abs(z - z_left) > _UPRIGHT or y >= 0.0:
+        raise InputError(
+            f'{where}: wheels at {places[0]} and {places[1]}; expected the base frame in the'
+            ' middle between them, the right one at negative y'
+        )
+    if radius <= 0.0 and z <= 0.0:
+        raise InputError(
+            f'{where}: robot.wheel_radius: the axles are {z} m above the base frame, which is'
+            ' not on the ground; expected the radius in m'
+        )
+    return Wheels((right.name, left.name), radius or z, -y, (spins[0], spins[1]))
+
+
+def _about(axis: Vector, moments: Moments) -> float:
+    """Return the moment of inertia about an axis through a link's origin, in kg m2."""
+    xx, yy, zz, xy, yz, zx = moments[4:]
+    along = (
+        xx * axis[0] + xy * axis[1] + zx * axis[2],
+        xy * axis[0] + yy * axis[1] + yz * axis[2],
+        zx * axis[0] + yz * axis[1] + zz * axis[2],
+    )
+    return float(xx + yy + zz - inner(axis, along))
+
+
+def _spin(wheels: Wheels, armature: float) -> NDArray[np.float64]:
+    """Return the inertia of spinning wheels in u and omega."""
+    b, r = wheels.half_track, wheels.radius
+    right, left = (each + armature for each in wheels.spin)
+    across = (right - left) * b
+    return np.array([[right + left, across], [across, (right + left) * b * b]]) / (r * r)

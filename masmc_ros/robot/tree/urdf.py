@@ -1,0 +1,414 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Robot descriptions in URDF: links, joints, and the line on which each stands.
+
+What the package needs of a description is read, and nothing else: inertias, joints and where
+meshes are. Errors name link or joint and line. Text of XML beyond that (document types, and
+with them entities) is refused; files of other programs (xacro) are named as what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+import math
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from masmc_ros.errors import InputError, suggestion
+
+MOST_BYTES = 10_000_000
+"""Longest description in bytes that is read; the longest known has one million."""
+
+KINDS = ('revolute', 'continuous', 'prismatic', 'fixed')
+"""Joints that can be had; floating and planar ones have more than one axis."""
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """
+    A frame in another.
+
+    Attributes
+    ----------
+    offset
+        x, y, z in m.
+    angles
+        roll, pitch, yaw in rad: rotations about the fixed axes x, y, z, in that order.
+
+    """
+
+    offset: Numbers = (0.0, 0.0, 0.0)
+    angles: Numbers = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Link:
+    """
+    A link.
+
+    Attributes
+    ----------
+    name
+        its name.
+    line
+        on which it begins.
+    mass
+        in kg; 0 for a link without inertia.
+    centre
+        frame at the centre of mass, in the link's.
+    inertia
+        xx, xy, xz, yy, yz, zz about the centre of mass, in that frame, in kg m2.
+
+    """
+
+    name: str
+    line: int
+    mass: float = 0.0
+    centre: Pose = field(default_factory=Pose)
+    inertia: Numbers = (0.0,) * 6
+
+
+@dataclass(frozen=True)
+class Joint:
+    """
+    A joint between two links.
+
+    Attributes
+    ----------
+    name, line
+        its name, and the line on which it begins.
+    kind
+        one of KINDS.
+    parent, child
+        names of its links.
+    origin
+        of the joint, and of the child at zero, in the parent's frame.
+    axis
+        unit vector in the child's frame.
+    lower, upper
+        in rad or m; infinite where nothing limits it.
+    speed, effort
+        the most, in rad/s or m/s and N m or N; infinite where nothing limits them.
+    mimics
+        name of the joint that it follows; empty for none.
+
+    """
+
+    name: str
+    line: int
+    kind: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Numbers
+    lower: float = -math.inf
+    upper: float = math.inf
+    speed: float = math.inf
+    effort: float = math.inf
+    mimics: str = ''
+
+
+@dataclass(frozen=True)
+class Description:
+    """
+    A robot as its URDF describes it.
+
+    Attributes
+    ----------
+    name
+        of the robot.
+    links, joints
+        by name, in the order of the file.
+    root
+        name of the link that has no parent.
+
+    """
+
+    name: str
+    links: Mapping[str, Link]
+    joints: Mapping[str, Joint]
+    root: str
+
+
+@dataclass
+class _Element:
+    tag: str
+    line: int
+    attributes: dict[str, str]
+    children: list[_Element] = field(default_factory=list)
+
+    def child(self, tag: str) -> _Element | None:
+        return next((each for each in self.children if each.tag == tag), None)
+
+
+def read_urdf(text: str | bytes, where: str) -> Description:
+    """
+    Read a description.
+
+    Parameters
+    ----------
+    text
+        the URDF.
+    where
+        where it stands, for messages: a path, or the name of a topic.
+
+    Raises
+    ------
+    InputError
+        where it cannot be understood, or is of no robot that can be.
+
+    """
+    root = _parsed(text, where)
+    if root.tag != 'robot':
+        raise InputError(f'{where}, line {root.line}: <{root.tag}>, expected <robot>')
+    reader = _Reader(where)
+    links: dict[str, Link] = {}
+    joints: dict[str, Joint] = {}
+    for element in root.children:
+        if element.tag.startswith('xacro:'):
+            raise InputError(
+                f'{where}, line {element.line}: <{element.tag}> is xacro, which makes URDF; give'
+                f' what `xacro {where}` prints'
+            )
+        if element.tag == 'link':
+            _keep(links, reader.link(element), where)
+        elif element.tag == 'joint':
+            _keep(joints, reader.joint(element), where)
+    if not links:
+        raise InputError(f'{where}: no link, expected at least one')
+    return Description(
+        root.attributes.get('name', ''), links, joints, _root(links, joints, where)
+    )
+
+
+def read_urdf_file(path: Path) -> Description:
+    """Read a description from a file; see `read_urdf`."""
+    try:
+        with path.open('rb') as file:
+            text = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror}') from error
+    return read_urdf(text, str(path))
+
+
+def _parsed(text: str | bytes, where: str) -> _Element:
+    if len(text) > MOST_BYTES:
+        raise InputError(f'{where}: more than {MOST_BYTES} bytes, which no robot needs')
+    parser = expat.ParserCreate()
+    open_elements: list[_Element] = [_Element('', 0, {})]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = _Element(tag, parser.CurrentLineNumber, attributes)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def end(tag: str) -> None:
+        open_elements.pop()
+
+    def document_type(*_: object) -> None:
+        raise InputError(
+            f'{where}, line {parser.CurrentLineNumber}: a document type, which no URDF has'
+        )
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = document_type
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise InputError(
+            f'{where}, line {error.lineno}: no XML: {expat.errors.messages[error.code]}'
+        ) from error
+    except (UnicodeError, ValueError) as error:
+        raise InputError(f'{where}: no XML: {error}') from error
+    return open_elements[0].children[0]
+
+
+def _keep(among: dict[str, Any], named: Any, where: str) -> None:
+    if named.name in among:
+        raise InputError(
+            f"{where}, line {named.line}: '{named.name}' again, after line"
+            f' {among[named.name].line}; names are to differ'
+        )
+    among[named.name] = named
+
+
+class _Reader:
+    def __init__(self, where: str) -> None:
+        self._where = where
+
+    def link(self, element: _Element) -> Link:
+        name = self._name(element)
+        inertial = element.child('inertial')
+        if inertial is None:
+            return Link(name, element.line)
+        about = f"link '{name}'"
+        mass = self._child(inertial, 'mass', about)
+        matrix = self._child(inertial, 'inertia', about)
+        return Link(
+            name,
+            element.line,
+            self._number(mass, 'value', about, lambda x: x >= 0.0, 'a number >= 0'),
+            self._pose(inertial.child('origin'), about),
+            tuple(
+                self._number(matrix, key, about)
+                for key in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+            ),
+        )
+
+    def joint(self, element: _Element) -> Joint:
+        name = self._name(element)
+        about = f"joint '{name}'"
+        kind = element.attributes.get('type', '')
+        if kind not in KINDS:
+            self._refuse(element, about, f"type '{kind}'; {suggestion(kind, KINDS)}")
+        given = {
+            key: self._attribute(self._child(element, key, about), 'link', about)
+            for key in ('parent', 'child')
+        }
+        axis: Numbers = (1.0, 0.0, 0.0)
+        if kind != 'fixed' and (found := element.child('axis')) is not None:
+            axis = self._vector(found, 'xyz', about)
+            length = math.sqrt(sum(each * each for each in axis))
+            if not 1.0e-6 < length < math.inf:
+                self._refuse(found, about, f'axis {axis}, expected a vector of length 1')
+            # As it stands where it is of length 1, rounded decimals included.
+            axis = axis if abs(length - 1.0) < 1.0e-12 else tuple(e / length for e in axis)
+        bounds: dict[str, float] = {}
+        if kind != 'fixed' and (limit := element.child('limit')) is not None:
+            bounds = self._limits(limit, kind, about)
+        elif kind in ('revolute', 'prismatic'):
+            self._refuse(element, about, f'no <limit>, which a {kind} joint needs')
+        mimic = element.child('mimic')
+        return Joint(
+            name,
+            element.line,
+            kind,
+            given['parent'],
+            given['child'],
+            self._pose(element.child('origin'), about),
+            axis,
+            mimics='' if mimic is None else self._attribute(mimic, 'joint', about),
+            **bounds,
+        )
+
+    def _limits(self, limit: _Element, kind: str, about: str) -> dict[str, float]:
+        bounds = {}
+        for key, own in (('velocity', 'speed'), ('effort', 'effort')):
+            if key in limit.attributes:
+                bounds[own] = self._number(limit, key, about, lambda x: x >= 0.0, 'a number >= 0')
+        if kind != 'continuous':
+            # URDF: what is not given is 0.
+            for key in ('lower', 'upper'):
+                bounds[key] = self._number(limit, key, about) if key in limit.attributes else 0.0
+            if bounds['lower'] > bounds['upper']:
+                self._refuse(
+                    limit, about, f'lower {bounds["lower"]} above upper {bounds["upper"]}'
+                )
+        return bounds
+
+    def _name(self, element: _Element) -> str:
+        return self._attribute(element, 'name', f'<{element.tag}>')
+
+    def _attribute(self, element: _Element, key: str, about: str) -> str:
+        value = element.attributes.get(key, '').strip()
+        if not value:
+            self._refuse(element, about, f'<{element.tag}> without {key}')
+        return value
+
+    def _child(self, element: _Element, tag: str, about: str) -> _Element:
+        child = element.child(tag)
+        if child is None:
+            self._refuse(element, about, f'no <{tag}>')
+        assert child is not None
+        return child
+
+    def _number(
+        self,
+        element: _Element,
+        key: str,
+        about: str,
+        is_right: Callable[[float], bool] = math.isfinite,
+        expected: str = 'a finite number',
+    ) -> float:
+        text = self._attribute(element, key, about)
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and is_right(value)):
+            self._refuse(element, about, f"{key} '{text[:40]}', expected {expected}")
+        return value
+
+    def _vector(self, element: _Element, key: str, about: str) -> Numbers:
+        text = element.attributes.get(key, '0 0 0')
+        try:
+            values = tuple(float(part) for part in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != 3 or not all(map(math.isfinite, values)):
+            self._refuse(element, about, f"{key} '{text[:40]}', expected 3 finite numbers")
+        return values
+
+    def _pose(self, origin: _Element | None, about: str) -> Pose:
+        if origin is None:
+            return Pose()
+        return Pose(self._vector(origin, 'xyz', about), self._vector(origin, 'rpy', about))
+
+    def _refuse(self, element: _Element, about: str, what: str) -> None:
+        raise InputError(f'{self._where}, line {element.line}: {about}: {what}')
+
+
+def _root(links: Mapping[str, Link], joints: Mapping[str, Joint], where: str) -> str:
+    """Return the name of the one link that hangs on none; all others hang on it."""
+    above: dict[str, Joint] = {}
+    for joint in joints.values():
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise InputError(
+                    f"{where}, line {joint.line}: joint '{joint.name}': no link '{end}';"
+                    f' {suggestion(end, tuple(links))}'
+                )
+        if joint.child in above:
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}': link '{joint.child}' hangs on"
+                f" joint '{above[joint.child].name}' already (line {above[joint.child].line})"
+            )
+        above[joint.child] = joint
+    roots = [name for name in links if name not in above]
+    if len(roots) > 1:
+        second = links[roots[1]]
+        raise InputError(
+            f"{where}, line {second.line}: link '{second.name}' hangs on nothing, as does"
+            f" '{roots[0]}'; a robot has one root"
+        )
+    reached = set(roots)
+    for name in links:
+        way: set[str] = set()
+        while name not in reached and name not in way:
+            way.add(name)
+            name = above[name].parent
+        if name in way:
+            joint = above[name]
+            raise InputError(
+                f"{where}, line {joint.line}: joint '{joint.name}' closes a loop of links;"
+                ' a robot is a tree'
+            )
+        reached.update(way)
+    return roots[0]

@@ -1,0 +1,187 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reading URDF: what is read, and one clear line for whatever cannot be meant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import random
+import re
+
+from masmc_ros.errors import InputError
+from masmc_ros.robot.tree.assembly import tree_robot
+from masmc_ros.robot.tree.urdf import read_urdf
+import pytest
+
+INERTIA = (
+    '<inertial><origin xyz="0 0 0.1"/><mass value="2.0"/>'
+    '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+)
+URDF = f"""<?xml version="1.0"?>
+<robot name="two arms">
+  <link name="base">{INERTIA}</link>
+  <link name="upper">{INERTIA}</link>
+  <link name="lower">{INERTIA}</link>
+  <link name="hand"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 0.5" rpy="0 0 1.5"/><axis xyz="0 0 2"/>
+    <limit lower="-1" upper="1" effort="10" velocity="2"/>
+  </joint>
+  <joint name="elbow" type="prismatic">
+    <parent link="upper"/><child link="lower"/>
+    <axis xyz="0 1 0"/><limit lower="0" upper="0.3" effort="10" velocity="2"/>
+  </joint>
+  <joint name="wrist" type="fixed">
+    <parent link="lower"/><child link="hand"/><origin xyz="0 0 0.2"/>
+  </joint>
+</robot>
+"""
+
+
+def refused(text: str | bytes) -> str:
+    """Return the message with which a text is refused."""
+    with pytest.raises(InputError) as told:
+        tree_robot(read_urdf(text, 'robot.urdf'), 'robot.urdf')
+    return str(told.value)
+
+
+def test_reads_links_joints_and_lines() -> None:
+    found = read_urdf(URDF, 'robot.urdf')
+    assert (found.name, found.root, list(found.links)) == (
+        'two arms',
+        'base',
+        ['base', 'upper', 'lower', 'hand'],
+    )
+    shoulder = found.joints['shoulder']
+    assert (shoulder.line, shoulder.axis, shoulder.origin.offset) == (7, (0, 0, 1), (0, 0, 0.5))
+    assert (shoulder.lower, shoulder.upper, shoulder.speed, shoulder.effort) == (-1, 1, 2, 10)
+    robot = tree_robot(found, 'robot.urdf')
+    assert [joint.name for joint in robot.joints] == ['shoulder', 'elbow']
+    assert robot.frames['hand'].body == 2
+    assert robot.frames['hand'].offset == (0.0, 0.0, 0.2)
+
+
+def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
+    robot = tree_robot(
+        read_urdf(URDF, 'x'), 'x', joints=('elbow',), held={'shoulder': 0.3}, base_frame='upper'
+    )
+    assert robot.frames['upper'].offset == (0.0, 0.0, 0.0)
+    assert robot.frames['base'].offset == pytest.approx((0.0, 0.0, -0.5))
+    assert robot.moments[0][0] == 4.0
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'expected'),
+    [
+        ('<mass value="2.0"/>', '<mass value="-2"/>', "line 3: link 'base': value '-2', expect"),
+        ('<mass value="2.0"/>', '<mass value="NaN"/>', "line 3: link 'base': value 'NaN'"),
+        ('<mass value="2.0"/>', '', "line 3: link 'base': no <mass>"),
+        ('ixx="0.1"', 'ixx="0.9"', "line 4: link 'upper', with what is fixed to it, has an inert"),
+        ('link="upper"', 'link="uper"', "joint 'shoulder': no link 'uper'; did you mean upper?"),
+        ('child link="lower"', 'child link="base"', "joint 'elbow' closes a loop of links"),
+        ('child link="hand"', 'child link="upper"', "joint 'wrist': link 'upper' hangs on joint"),
+        ('name="elbow"', 'name="shoulder"', "line 12: 'shoulder' again, after line 7"),
+        ('name="elbow" ', '', 'line 12: <joint>: <joint> without name'),
+        ('type="revolute"', 'type="floating"', "line 7: joint 'shoulder': type 'floating'; known"),
+        ('xyz="0 0 2"', 'xyz="0 0 0"', "joint 'shoulder': axis (0.0, 0.0, 0.0), expected"),
+        ('xyz="0 0 2"', 'xyz="0 0"', "line 9: joint 'shoulder': xyz '0 0', expected 3 finite"),
+        ('lower="-1"', 'lower="7"', "line 10: joint 'shoulder': lower 7.0 above upper 1.0"),
+        ('<limit lower="0" upper="0.3" effort="10" velocity="2"/>', '', "elbow': no <limit>, whi"),
+        ('<parent link="lower"/>', '', "joint 'wrist': no <parent>"),
+        (
+            '<link name="hand"/>',
+            '<link name="hand"/><link name="b"/>',
+            "link 'b' hangs on nothing",
+        ),
+        ('</robot>', '', 'no XML: no element found'),
+        ('<robot ', '<xacro:macro name="m"/><robot ', 'no XML'),
+        ('  <link name="hand"/>', '<xacro:include filename="h"/>', 'is xacro, which makes URDF'),
+        ('robot>\n', 'sdf>\n', 'no XML: mismatched tag'),
+    ],
+)
+def test_one_clear_line(old: str, new: str, expected: str) -> None:
+    assert old in URDF
+    message = refused(URDF.replace(old, new))
+    assert expected in message
+    assert message.startswith('robot.urdf')
+    assert '\n' not in message
+
+
+def test_entities_length_and_depth() -> None:
+    bomb = '<!DOCTYPE r [<!ENTITY a "x"><!ENTITY b "&a;&a;&a;">]>\n<robot name="&b;"/>'
+    assert refused(bomb) == 'robot.urdf, line 1: a document type, which no URDF has'
+    assert 'more than 10000000 bytes' in refused(b' ' * 10_000_001)
+    assert 'no link' in refused('<robot>' + '<a>' * 100_000 + '</a>' * 100_000 + '</robot>')
+    chain = ''.join(
+        f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="l{i}"/>'
+        f'<child link="l{i + 1}"/></joint>'
+        for i in range(5_000)
+    )
+    found = read_urdf(f'<robot>{chain}<link name="l5000"/></robot>', 'x')
+    assert tree_robot(found, 'x').frames['l5000'].body == 0
+
+
+_Way = Callable[[str, random.Random], str]
+
+
+def _flip(text: str, draw: random.Random) -> str:
+    at = draw.randrange(len(text))
+    return text[:at] + chr(draw.randrange(32, 127)) + text[at + 1:]
+
+
+def _drop(text: str, draw: random.Random) -> str:
+    lines = text.split('\n')
+    del lines[draw.randrange(len(lines))]
+    return '\n'.join(lines)
+
+
+def _double(text: str, draw: random.Random) -> str:
+    lines = text.split('\n')
+    at = draw.randrange(len(lines))
+    return '\n'.join([*lines[:at], lines[at], *lines[at:]])
+
+
+def _number(text: str, draw: random.Random) -> str:
+    at = draw.choice(list(re.finditer(r'"(-?[\d.]+)"', text)))
+    new = draw.choice(['nan', 'inf', '-1', '1e400', '', '0x1', '1,5', '-0.0', '1e308'])
+    return f'{text[:at.start(1)]}{new}{text[at.end(1):]}'
+
+
+def _name(text: str, draw: random.Random) -> str:
+    at = draw.choice(list(re.finditer(r'(?:link|name)="([a-z]+)"', text)))
+    return f'{text[:at.start(1)]}{draw.choice(["base", "hand", "", "é"])}{text[at.end(1):]}'
+
+
+def _cut(text: str, draw: random.Random) -> str:
+    return text[:draw.randrange(len(text))]
+
+
+def test_whatever_is_done_to_it_is_read_or_refused_in_a_line() -> None:
+    draw = random.Random(5)
+    ways: list[_Way] = [_drop, _double, _number, _name]
+    count = 0
+    for _ in range(400):
+        text = URDF
+        for _ in range(draw.randrange(1, 4)):
+            text = draw.choice(ways)(text, draw)
+        text = draw.choice([_flip, _flip, _cut])(text, draw)
+        try:
+            tree_robot(read_urdf(text, 'robot.urdf'), 'robot.urdf')
+        except InputError as told:
+            count += 1
+            assert str(told).startswith('robot.urdf')
+            assert '\n' not in str(told)
+    assert count > 200

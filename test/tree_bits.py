@@ -1,0 +1,79 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Digest of the dynamics of a tree, in this process or for another CPU: `python tree_bits.py`."""
+
+from __future__ import annotations
+
+import hashlib
+
+from masmc_ros.robot.tree import dynamics
+from masmc_ros.robot.tree.assembly import tree_robot
+from masmc_ros.robot.tree.dynamics import Placement
+from masmc_ros.robot.tree.urdf import read_urdf
+import numpy as np
+
+_LINK = """<link name="{0}"><inertial><origin xyz="0.1 -0.05 {1}" rpy="0.3 0.2 -0.7"/>
+<mass value="{1}"/><inertia ixx="0.3" ixy="0.02" ixz="-0.01" iyy="0.4" iyz="0.03" izz="0.5"/>
+</inertial></link>"""
+_JOINT = """<joint name="{1}" type="{2}"><parent link="{0}"/><child link="{1}"/>
+<origin xyz="0.2 0.1 0.3" rpy="0.1 -0.4 0.9"/><axis xyz="{3}"/>
+<limit lower="-9" upper="9" effort="1" velocity="1"/></joint>"""
+_JOINTS = (
+    ('base', 'shoulder', 'revolute', '0 0 1'),
+    ('shoulder', 'slide', 'prismatic', '1 2 3'),
+    ('slide', 'wrist', 'revolute', '0.3 -1 0.2'),
+    ('shoulder', 'head', 'revolute', '0 1 0'),
+)
+_URDF = '<robot>{}</robot>'.format(
+    ''.join(
+        [_LINK.format(name, 1.5 + i) for i, name in enumerate(['base', *(j[1] for j in _JOINTS)])]
+        + [_JOINT.format(*joint) for joint in _JOINTS]
+    )
+)
+
+
+def digest() -> str:
+    """Return the digest of everything that is computed of some states, side by side."""
+    robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text', base='omnidirectional', armature=0.01)
+    bodies, size, lanes = 5, 7, 5
+    moments = robot.moments[:, :, None] * np.linspace(0.5, 1.5, lanes)
+    grid = np.arange(size * lanes, dtype=float).reshape(size, lanes)
+    position, velocity, reference, acceleration = (
+        (grid % step - step / 2.0) / 7.0 for step in (11.0, 13.0, 17.0, 19.0)
+    )
+    place = Placement(np.empty((bodies, 9, lanes)), np.empty((bodies, 3, lanes)))
+    poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
+    forces, free = np.empty((2, size, lanes))
+    matrix = np.empty((size, size, lanes))
+    jacobian, derivative = np.empty((2, 6, size, lanes))
+    gradients = np.empty((bodies, 10, lanes))
+    dynamics.place(robot.tree, position, place)
+    dynamics.world_poses(robot.tree, place, poses)
+    state = robot.tree, moments, place, velocity
+    dynamics.inverse_dynamics(*state, reference, acceleration, 9.81, forces)
+    dynamics.inertia(*state[:3], matrix)
+    dynamics.forward_dynamics(*state, reference, 9.81, free)
+    dynamics.moment_gradients(
+        robot.tree, place, velocity, reference, acceleration, 9.81, velocity, gradients
+    )
+    dynamics.point_jacobian(
+        robot.tree, poses, velocity, 3, position[:3].copy(), jacobian, derivative
+    )
+    found = (*place, *poses, forces, matrix, free, gradients, jacobian, derivative)
+    return hashlib.sha256(b''.join(map(np.ndarray.tobytes, found))).hexdigest()
+
+
+if __name__ == '__main__':
+    print(digest())
