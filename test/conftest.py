@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 import re
+import signal
 
 from hypothesis import HealthCheck, settings
 from masmc_ros.optional import PACKAGES
@@ -27,6 +28,14 @@ settings.register_profile(
     'any machine', deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile('any machine')
+
+# What runs in the background, or under nohup, ignores these, and so would all that it starts.
+for number, usual in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, usual)
 
 # websockets of Ubuntu 24.04 has no `websockets.sync` yet.
 INSTALLED_BY = {**PACKAGES, 'websockets': "'websockets>=11'"}

@@ -50,8 +50,6 @@ def interrupted(command: list[str], library: str, number: signal.Signals) -> tup
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        # Tests that run in the background may have been told to ignore it.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     try:
         maps = Path(f'/proc/{process.pid}/maps')

@@ -50,7 +50,6 @@ def started(*arguments: str, folder: Path, **options: Any) -> subprocess.Popen[s
         stdin=subprocess.DEVNULL,
         text=True,
         # A shell that starts the tests in its background lets its children ignore SIGINT.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         **options,
     )
 
