@@ -210,6 +210,7 @@ def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path, masmc: Masmc)
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
 )

@@ -82,6 +82,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {**os.environ, 'PYTHONPATH': path}
 
 
+@pytest.mark.slow
 def test_the_law_of_the_documentation_is_compiled_and_tuned(installed: dict[str, str]) -> None:
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT],

@@ -168,6 +168,7 @@ def _read(whole: bytes) -> tuple[list[ChunkIndex], list[list[tuple[str, int, byt
     return _known[whole]
 
 
+@pytest.mark.slow
 def test_some_damaged_logs(
     logs: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -53,6 +53,7 @@ class Lockstep:
         assert answer.success
 
 
+@pytest.mark.slow
 def test_in_lockstep_disabled_enabled_and_given_a_set_point(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

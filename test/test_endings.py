@@ -35,6 +35,7 @@ from surroundings import surroundings
 ALL = '[controller, trajectory, recorder]'
 
 
+@pytest.mark.slow
 def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> None:
     """While the recorder of the same process takes what is under way, nothing is late or lost."""
     log = tmp_path / 'run.mcap'
@@ -59,6 +60,7 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
     assert contents.messages['controller/state'][-1:] != []
 
 
+@pytest.mark.slow
 def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
     tmp_path: Path,
 ) -> None:
@@ -171,6 +173,7 @@ WAITING = (
 """Nodes, their settings, and what they say that they wait for when each is alone."""
 
 
+@pytest.mark.slow
 def test_a_node_alone_says_what_it_waits_for(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         alone = []

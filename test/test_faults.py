@@ -34,6 +34,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from nav_msgs.msg import Odometry
 import numpy as np
 from processes import NODES
+import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 from std_srvs.srv import SetBool
@@ -254,6 +255,7 @@ def test_states_in_any_order_and_clocks_that_jump(tmp_path: Path) -> None:
         run.end()
 
 
+@pytest.mark.slow
 def test_nodes_that_hang_or_are_killed_in_a_run(tmp_path: Path) -> None:
     logs = []
     with live_run(tmp_path, reference_timeout=0.5) as run:
@@ -274,6 +276,7 @@ def test_nodes_that_hang_or_are_killed_in_a_run(tmp_path: Path) -> None:
     check_log(logs[0])
 
 
+@pytest.mark.slow
 def test_a_run_with_nodes_that_were_killed_comes_to_its_end(tmp_path: Path) -> None:
     """All but the plant, which stands still meanwhile: everything else takes up the run."""
     last = 8_000_000_000
@@ -304,6 +307,7 @@ def test_a_run_with_nodes_that_were_killed_comes_to_its_end(tmp_path: Path) -> N
     assert contents.stamps('effort_commands')[-1] == last
 
 
+@pytest.mark.slow
 def test_two_controllers_at_once(tmp_path: Path) -> None:
     """Both compute the same law; whichever torque acts is fine, and everybody warns of it."""
     with live_run(tmp_path) as run:
@@ -355,6 +359,7 @@ def kill_and_restart(run: LiveRun, name: str) -> None:
         run.tester.until(lambda: run.told.count('active') > activations, f'a new {name}')
 
 
+@pytest.mark.slow
 def test_to_a_plant_that_was_held_up_its_command_is_not_old(tmp_path: Path) -> None:
     """The robot's time stood still; what was commanded holds, and no zeros come in between."""
     with live_run(tmp_path, state_timeout=5.0) as run:

@@ -34,6 +34,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 import numpy as np
 from numpy.typing import NDArray
 from processes import NodeProcess, Peer, peer, Processes, processes, ros_arguments
+import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -157,6 +158,7 @@ def still_robot(folder: Path, **settings: Any) -> Iterator[tuple[Processes, Stil
         yield started, robot
 
 
+@pytest.mark.slow
 def test_states_that_come_twice_late_and_out_of_order(tmp_path: Path) -> None:
     with still_robot(tmp_path) as (_, robot):
         begin = robot.stamp + PERIOD
@@ -186,6 +188,7 @@ def test_states_that_come_twice_late_and_out_of_order(tmp_path: Path) -> None:
         robot.end()
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_an_hour_either_way(tmp_path: Path) -> None:
     """The controller starts anew each time, goes on with small torques, and says so."""
     with still_robot(tmp_path) as (_, robot):
@@ -216,6 +219,7 @@ def test_a_clock_that_jumps_an_hour_either_way(tmp_path: Path) -> None:
         robot.end()
 
 
+@pytest.mark.slow
 def test_a_reference_that_stops_and_comes_back(tmp_path: Path) -> None:
     """Its last position is held; with a timeout the torque is zero, and the fault is named."""
     with still_robot(tmp_path, controller__reference_timeout=0.2) as (started, robot):

@@ -122,7 +122,9 @@ def varied(seed: int, robot: Machine, law: str, switching: str, lane: int) -> Sc
     return scenario
 
 
-@pytest.mark.parametrize('switching', ['tanh', 'implicit'])
+@pytest.mark.parametrize(
+    'switching', [pytest.param('tanh', marks=pytest.mark.slow), 'implicit']
+)
 @settings(
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

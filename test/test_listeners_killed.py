@@ -117,6 +117,7 @@ def kill(kinds: tuple[str, ...], count: int, folder: Path) -> None:
             assert process.exitcode == 0
 
 
+@pytest.mark.slow
 def test_a_few_of_each_kind(tmp_path: Path) -> None:
     kill(KINDS, 4, tmp_path)
 

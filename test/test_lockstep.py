@@ -202,6 +202,7 @@ def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
     check_a_successor_takes_up_the_run(tmp_path, ('effort_commands',), controller__law='smc')
 
 
+@pytest.mark.slow
 def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
     with processes(tmp_path) as started:
         for robot in ('left', 'right'):
@@ -220,6 +221,7 @@ def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) 
             assert log.messages[topic] == paper[topic], topic
 
 
+@pytest.mark.slow
 def test_two_robots_in_one_tree_of_frames(tmp_path: Path) -> None:
     """They share /tf, and a log holds those of its own robot."""
     with processes(tmp_path) as started:

@@ -95,6 +95,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> LogContents:
     return read_log(log)
 
 
+@pytest.mark.slow
 def test_every_node_hangs_in_turn(computed: LogContents, tmp_path: Path) -> None:
     """Nothing is lost and nothing is different: nobody goes on without the other."""
     with lockstep(tmp_path) as run:
@@ -123,6 +124,7 @@ def stands_still(run: Lockstep) -> None:
     run.tester.until(has_stood, 'a run that stands still')
 
 
+@pytest.mark.slow
 def test_every_node_is_killed_in_turn(computed: LogContents, tmp_path: Path) -> None:
     """Each successor takes up the run; a new plant begins it again; all come to their end."""
     with lockstep(tmp_path) as run:

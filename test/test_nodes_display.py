@@ -80,6 +80,7 @@ def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
         assert started.wait() == {'composed': 0}, started.output()
 
 
+@pytest.mark.slow
 def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
     """The wheels have no tf2_msgs: another type stands in for it, which raw bytes do not mind."""
     package = tmp_path / 'tf2_msgs'

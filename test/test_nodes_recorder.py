@@ -283,6 +283,7 @@ def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
         assert f'durability: {qos.durability.name.lower()}' in offered
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_leaves_a_whole_log(tmp_path: Path) -> None:
     """In one process: what ends the plant must not keep the recorder from completing its file."""
     log = tmp_path / 'run.mcap'

@@ -32,6 +32,7 @@ from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry
 import numpy as np
 from processes import PAPER, Peer, peer, processes, ros_arguments
+import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -245,6 +246,7 @@ def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
         assert 'Traceback' not in started.output()
 
 
+@pytest.mark.slow
 def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: Path) -> None:
     with watched(tmp_path) as (robot, controller):
         robot.tester.until(
@@ -286,6 +288,7 @@ def test_velocities_that_are_partly_unknown_are_refused_where_they_are_needed(
         robot.moves_on()
 
 
+@pytest.mark.slow
 def test_a_pose_that_comes_after_its_state_is_no_refusal_and_one_that_does_not_is(
     tmp_path: Path,
 ) -> None:

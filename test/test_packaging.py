@@ -165,6 +165,7 @@ def test_an_old_numba_is_one_line() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_test_that_lacks_a_package_is_skipped_and_stops_no_other() -> None:
     script = (
         'import sys\nsys.modules["mcap"] = sys.modules["websockets"] = None\n'

@@ -305,6 +305,7 @@ _NUMBER_LIKE = st.one_of(
 )
 
 
+@pytest.mark.slow
 @EXAMPLES
 @given(st.lists(_NUMBER_LIKE, min_size=1, max_size=20))
 @example(['5e-324', '0x1p-1074', '0x1.8p-1074', '0x1p-1075', '1e-309', '0e-999', '-0', '-0.0'])
@@ -357,6 +358,7 @@ def _nodes(parameters: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
+@pytest.mark.slow
 @EXAMPLES
 @given(_nodes(_PLAIN_MAPS) | _nodes(_TANGLED) | _TANGLED)
 def test_tangled_files_mean_the_same(context: Context, tmp_path: Path, text: str) -> None:

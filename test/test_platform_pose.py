@@ -113,6 +113,7 @@ def test_states_without_odometry_near_them_are_none(computed: Path, tmp_path: Pa
         read_run(without_base_joints(computed, tmp_path, lambda _: False))
 
 
+@pytest.mark.slow
 def test_such_logs_are_reported(computed: Path, tmp_path: Path) -> None:
     folder, log = tmp_path / 'report', without_base_joints(computed, tmp_path)
     assert main(['report', str(computed), str(log), '--output', str(folder)]) == 0

@@ -37,6 +37,7 @@ HELD_UP = 8 * 10**9
 """Time in ns of the robot for which the recorder stands still: more than buffers can hold."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('ends', ['cut off', 'complete'])
 def test_a_recorder_that_was_held_up_tells_what_is_missing(
     ends: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -238,6 +238,7 @@ def test_attachments_and_metadata_survive(log: Whole, tmp_path: Path) -> None:
     assert names == ['origin', 'parameters']
 
 
+@pytest.mark.slow
 def test_damaged_bytes_keep_what_is_before_and_bring_nothing_wrong(
     log: Whole, tmp_path: Path
 ) -> None:

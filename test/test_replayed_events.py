@@ -93,6 +93,7 @@ def is_the_same(log: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert 'the others differ' not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_stopped_started_reset_and_changed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -127,6 +128,7 @@ def test_stopped_started_reset_and_changed(
     is_the_same(log, tmp_path, capsys)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_set_back_while_its_controller_rests(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -101,6 +101,7 @@ def test_zooming_one_plot_zooms_all(found: Mapping[str, Any]) -> None:
             assert begin <= min(ticks) < max(ticks) <= end
 
 
+@pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize('width', [500, 1400])
 def test_page_is_as_wide_as_the_window(report: Path, tmp_path: Path, width: int) -> None:
@@ -113,6 +114,7 @@ def share(image: Path, colour: tuple[int, int, int]) -> float:
     return float((pixels == colour).all(axis=-1).mean())
 
 
+@pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize(
     ('options', 'line', 'paper'),

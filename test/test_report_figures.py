@@ -108,12 +108,14 @@ def test_every_figure_shows_its_lines(two_runs_figures: dict[str, bytes]) -> Non
         assert (edges == 255).all(), name
 
 
+@pytest.mark.slow
 def test_different_runs_give_different_figures() -> None:
     calm, rough = figures([paper_like()]), figures([paper_like(scale=2.0)])
     same = {name for name in calm if calm[name] == rough[name]}
     assert same == {'figure_3_smc_path.png'}  # drawn from the states, which are the same
 
 
+@pytest.mark.slow
 def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
     two_runs: list[Run], two_runs_figures: dict[str, bytes]
 ) -> None:
@@ -167,6 +169,7 @@ def test_log_without_positions_has_no_path() -> None:
     assert list(figures([bare])) == ['bag_end_effector.png', 'bag_platform.png', 'comparison.png']
 
 
+@pytest.mark.slow
 def test_any_name_of_a_file_can_be_drawn() -> None:
     stems = ('_hidden', 'cost $x_{$', '$\\frac$', 'a' * 150, '%s {} "')
     runs = [
@@ -189,6 +192,7 @@ def test_any_name_of_a_file_can_be_drawn() -> None:
             assert (image[:, -1] == 255).all()  # no name is cut off
 
 
+@pytest.mark.slow
 def test_perfect_tracking_can_be_drawn() -> None:
     t = ticks(1.0)
     still = replace(run_of(np.zeros((len(t), 4)), t), torque=np.zeros((0, 4)))
@@ -228,6 +232,7 @@ def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> N
     assert sum(path.suffix == '.png' for path in written) == 7
 
 
+@pytest.mark.slow
 def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> None:
     (tmp_path / 'table.txt').write_text('old')
     (tmp_path / 'notes.txt').write_text('mine')

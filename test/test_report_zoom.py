@@ -103,6 +103,7 @@ def changes_of_sign(values: Any) -> int:
     return int(np.count_nonzero(np.diff(np.sign(np.asarray(values, dtype=float)))))
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[str, Any]) -> None:
     assert found['problems'] == []

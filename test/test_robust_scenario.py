@@ -59,6 +59,7 @@ class LongRun:
         return np.sqrt(squares)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('limits', [(), (LIMITS,)], ids=['no limits', 'limits'])
 def test_ten_minutes_with_noise_are_no_worse_at_the_end(limits: tuple[str, ...]) -> None:
     """
@@ -75,6 +76,7 @@ def test_ten_minutes_with_noise_are_no_worse_at_the_end(limits: tuple[str, ...])
     assert (run.rms(590.0, 600.0) < [0.05, 0.02]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('limits', [(), (LIMITS,)], ids=['no limits', 'limits'])
 def test_nor_are_they_where_the_noisy_rates_are_used(limits: tuple[str, ...]) -> None:
     """Over 100 s, since noise moves the RMS of ten by 15 %."""
@@ -99,6 +101,7 @@ def assert_bounded(run: LongRun) -> None:
     assert (run.estimate <= 5.0 * run.nominal * (1 + 1e-12)).all()
 
 
+@pytest.mark.slow
 def test_without_what_makes_it_last_the_estimate_leaves_the_box() -> None:
     run = LongRun(NOISE, MEASURED, LIMITS, *DRIFTING)
     ratio = run.estimate[-1] / run.nominal

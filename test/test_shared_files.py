@@ -66,6 +66,7 @@ def test_what_is_for_others_is_told_and_what_is_for_us_holds(
     assert names.startswith(f'{shared}: {FOREIGN}')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'live'])
 def test_nodes_go_by_the_same_rules(shared: Path, tmp_path: Path, node: str) -> None:
     if node == 'live':

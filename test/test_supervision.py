@@ -28,6 +28,7 @@ from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 from processes import peer, processes, ros_arguments, shortened
+import pytest
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -112,6 +113,7 @@ def test_in_lockstep_a_stopped_controller_answers_every_state_with_zeros(tmp_pat
         assert not command.data.any()
 
 
+@pytest.mark.slow
 def test_a_pose_from_odometry_and_a_path_that_begins_with_the_activation(tmp_path: Path) -> None:
     settings = {
         'pose_source': 'odom',
@@ -142,6 +144,7 @@ def test_a_pose_from_odometry_and_a_path_that_begins_with_the_activation(tmp_pat
         run.end()
 
 
+@pytest.mark.slow
 def test_a_second_controller_is_noticed(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = LiveRun(started, tester, tmp_path, {'plant__wait_for': '[controller, peer]'})
@@ -155,6 +158,7 @@ def test_a_second_controller_is_noticed(tmp_path: Path) -> None:
         run.end()
 
 
+@pytest.mark.slow
 def test_limits_hold_from_what_was_really_commanded_through_every_state(tmp_path: Path) -> None:
     """A torque begins at zero where zero was sent, whoever had sent it and why."""
     # Less than the disturbance asks for now and then.

@@ -96,6 +96,7 @@ def is_node(number: int) -> bool:
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGHUP])
 def test_nodes_of_a_demo_end_with_it(number: signal.Signals, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
@@ -211,6 +212,7 @@ def test_an_output_that_is_an_input_is_refused_before_it_is_read(
     assert {path for path in same.rglob('*') if path.is_file()} == set(before)
 
 
+@pytest.mark.slow
 def test_a_report_takes_away_what_an_earlier_one_made_and_nothing_else(
     log: Path, tmp_path: Path
 ) -> None:

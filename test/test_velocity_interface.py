@@ -46,6 +46,7 @@ def rms(run: Stretch) -> list[float]:
     return [float(np.sqrt((error[:, a] ** 2).sum(axis=1).mean())) for a in ([0, 1], [2, 3])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('period', [0.001, 0.01])
 def test_the_papers_path_is_followed(period: float) -> None:
     """Disturbed as always; the drives' loops of 100 rad/s are what holds against it."""

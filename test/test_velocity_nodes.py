@@ -130,6 +130,7 @@ def test_lockstep_gives_the_bits_of_the_simulation(
     check_recomputed(tmp_path / 'simulated.mcap', capsys)
 
 
+@pytest.mark.slow
 def test_another_robot_in_lockstep_in_one_process(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -228,6 +229,7 @@ def watched(folder: Path, *, is_stamped: bool) -> Iterator[Watched]:
         yield found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
 def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
     with watched(tmp_path, is_stamped=is_stamped) as found:
@@ -265,6 +267,7 @@ def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
     assert rms(error[np.flatnonzero(logged.times < followed)[-SECOND:]]) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
 def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
     with watched(tmp_path, is_stamped=is_stamped) as found:
@@ -365,6 +368,7 @@ def test_who_disagrees_says_so(
         assert set(started.wait().values()) == {0}, started.output()
 
 
+@pytest.mark.slow
 def test_a_restarted_controller_takes_up_the_run(tmp_path: Path) -> None:
     """A stamped twist names its state, so that none is taken for the answer to another one."""
     topics = ('cmd_vel', 'arm_velocity_commands')

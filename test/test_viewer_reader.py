@@ -158,6 +158,7 @@ def test_the_layouts_script_tells_the_values_in_force(run_and_made: tuple[Path, 
     assert not any(name.startswith('robot.') for name in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('script', ['paths', 'controller'])
 @pytest.mark.parametrize(
     ('old', 'new', 'fault'),
