@@ -17,8 +17,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from masmc_ros.log.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.write.writer import ChannelRows, LogWriter
+from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.names import (
     COMMAND_TOPIC,
     REFERENCE_TOPIC,

@@ -21,18 +21,22 @@ import subprocess
 import sys
 import time
 
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
+from masmc_ros.log.chunks import ChannelRows, COMPRESSIONS
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.log.write.writer import CHUNK_SIZE, COMPRESSIONS, LogWriter
+from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.names import JOINTS
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, MessageIndex
 from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
@@ -256,6 +260,65 @@ def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
     before = path.read_bytes()
     log.close()
     assert path.read_bytes() == before
+
+
+def written_by_the_library(path: Path, compression: str, sources: list[ChannelRows]) -> None:
+    """Write a log message by message with the format's own library."""
+    kinds = {'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4}
+    text, type_hash = definition(STATE)
+    with path.open('wb') as stream:
+        writer = Writer(
+            stream,
+            chunk_size=CHUNK_SIZE,
+            compression=kinds.get(compression, CompressionType.NONE),
+        )
+        writer.start('ros2', f'masmc_ros {__version__}')
+        schema = writer.register_schema(STATE, 'ros2msg', text.encode())
+        for topic in ('/one', '/other'):
+            metadata = {'offered_qos_profiles': Qos().to_yaml(), 'topic_type_hash': type_hash}
+            writer.register_channel(topic, 'cdr', schema, metadata)
+        writer.add_metadata('origin', {'law': 'smc'})
+        writer.add_message(2, 7, b'first', 5)
+        messages = [
+            (int(time), place, index)
+            for place, source in enumerate(sources)
+            for index, time in enumerate(source.times)
+        ]
+        for time, place, index in sorted(messages):
+            source = sources[place]
+            writer.add_message(source.channel, time, source.rows[index].tobytes(), time)
+        writer.flush()
+        writer.add_attachment(3, 3, 'robot.urdf', 'application/xml', b'<robot/>')
+        writer.add_message(1, 8, b'last', 9)
+        writer.finish()
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+@given(data=st.data())
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+def test_the_bytes_are_those_of_the_library(
+    tmp_path: Path, compression: str, data: st.DataObject
+) -> None:
+    """One by one or in bulk, whatever the sizes: also messages larger than a chunk."""
+    random = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    sizes = data.draw(st.lists(st.sampled_from([0, 1, 60, 5_000, 300_000]), max_size=5))
+    sources = []
+    for size in sizes:
+        count = int(random.integers(0, 300_000 // (size + 100) + 3))
+        times = np.sort(random.integers(0, 1000, count))
+        rows = random.integers(0, 3, (count, size), dtype=np.uint8)
+        sources.append(ChannelRows(int(random.integers(1, 3)), times, rows))
+    theirs, ours = tmp_path / 'theirs.mcap', tmp_path / 'ours.mcap'
+    written_by_the_library(theirs, compression, sources)
+    with LogWriter(ours, compression) as log:
+        one, other = (log.channel(topic, STATE, Qos()) for topic in ('/one', '/other'))
+        log.metadata('origin', {'law': 'smc'})
+        log.write(other, 7, 5, b'first')
+        log.write_rows(sources)
+        log.commit()
+        log.attach('robot.urdf', 'application/xml', b'<robot/>', 3)
+        log.write(one, 8, 9, b'last')
+    assert ours.read_bytes() == theirs.read_bytes()
 
 
 def test_nothing_to_write_in_bulk(tmp_path: Path) -> None:

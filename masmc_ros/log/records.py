@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 import heapq
 from io import BytesIO
@@ -31,7 +30,7 @@ import lz4.frame
 from masmc_ros.errors import InputError
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, MessageIndex, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Metadata, Schema
 import zstandard
 
 Data = mmap.mmap | bytes
@@ -210,7 +209,7 @@ def is_sound(data: Data, opcode: int, start: int, end: int) -> bool:
     if kind is None:
         return False
     try:
-        again = _written(kind.read(stream_of(body)))
+        again = packed(kind.read(stream_of(body)))[RECORD_HEAD.size:]
     except Exception:  # as in `chunk_at`
         return False
     if opcode == Opcode.ATTACHMENT:
@@ -275,18 +274,19 @@ def _goes_on(data: Data, position: int) -> bool:
     return 0 < opcode <= Opcode.DATA_END and length <= len(data)
 
 
-def _written(record: Any) -> bytes:
-    """Return a record as it is written, without its head."""
+def packed(record: McapRecord) -> bytes:
+    """Return a record as it is written."""
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()[RECORD_HEAD.size:]
+    data: bytes = builder.end()
+    return data
 
 
-def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
-    """Return a chunk of the messages that can be had of one that was cut off."""
+def cut_off_records(rest: bytes) -> bytes:
+    """Return the records that can be had of a chunk that was cut off."""
     head = RECORD_HEAD.size + _CHUNK_HEAD.size
     if len(rest) < head or rest[0] != Opcode.CHUNK:
-        return None
+        return b''
     _, _, _, _, name_size = _CHUNK_HEAD.unpack_from(rest, RECORD_HEAD.size)
     start = head + name_size
     compression = rest[head:start].decode('ascii', errors='replace')
@@ -302,7 +302,7 @@ def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
         else:
             content = data
     except (zstandard.ZstdError, RuntimeError, EOFError):
-        return None
+        return b''
     whole = 0
     for opcode, start, end in records(content, 0):
         if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
@@ -310,8 +310,7 @@ def cut_off_chunk(rest: bytes) -> tuple[Chunk, bytes] | None:
         if opcode == Opcode.MESSAGE and end - start < RECORD_HEAD.size + MESSAGE_HEAD.size:
             break
         whole = end
-    chunk = new_chunk(content[:whole])
-    return None if chunk is None else (chunk, content[:whole])
+    return content[:whole]
 
 
 def _read_all(reader: zstandard.ZstdDecompressionReader, most: int) -> bytes:
@@ -321,34 +320,6 @@ def _read_all(reader: zstandard.ZstdDecompressionReader, most: int) -> bytes:
         parts.append(part)
         size += len(part)
     return b''.join(parts)
-
-
-def new_chunk(content: bytes) -> Chunk | None:
-    """Return a chunk of records; None where there is no message among them."""
-    indexes, counts = index_messages(content)
-    if not counts:
-        return None
-    times = [time for index in indexes for time, _ in index.records]
-    return Chunk(
-        compression='zstd',
-        data=zstandard.compress(content),
-        message_start_time=min(times),
-        message_end_time=max(times),
-        uncompressed_crc=zlib.crc32(content),
-        uncompressed_size=len(content),
-    )
-
-
-def index_messages(content: bytes) -> tuple[list[MessageIndex], Counter[int]]:
-    """Return the indexes of the messages of a chunk, and their number for each channel."""
-    indexes: dict[int, MessageIndex] = {}
-    for opcode, start, _ in records(content, 0):
-        if opcode == Opcode.MESSAGE:
-            channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
-            index = indexes.setdefault(channel, MessageIndex(channel, []))
-            index.records.append((time, start))
-    counts = Counter({channel: len(index.records) for channel, index in indexes.items()})
-    return list(indexes.values()), counts
 
 
 def stream_of(data: bytes) -> ReadDataStream:

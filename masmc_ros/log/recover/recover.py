@@ -28,7 +28,7 @@ from typing import IO, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.log.records import check_magic, MAGIC
 from masmc_ros.log.recover.salvage import Salvage
-from masmc_ros.log.recover.summary import read_summary
+from masmc_ros.log.summary import read_summary
 
 _BLOCK = 2**20
 """Bytes that are copied at a time."""
@@ -150,7 +150,7 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     finally:
         if isinstance(data, mmap.mmap):
             data.close()
-    statistics = contents.statistics
+    statistics = contents.summary.statistics
     return Recovered(
         statistics.message_count,
         statistics.message_start_time,

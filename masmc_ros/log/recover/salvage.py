@@ -16,53 +16,32 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from io import BytesIO
+from dataclasses import dataclass, field, replace
 import mmap
-import struct
 from typing import BinaryIO
-import zlib
 
-from masmc_ros import __version__
+from masmc_ros.log.chunks import index_messages, indexed_chunk, IndexedChunk, Indexes, span
+from masmc_ros.log.record_stream import RecordStream
 from masmc_ros.log.records import (
     all_records,
     chunk_at,
-    cut_off_chunk,
+    cut_off_records,
     FoundChunk,
-    index_messages,
     is_sound,
     MAGIC,
     MESSAGE_HEAD,
-    new_chunk,
     next_chunk,
     next_sound,
+    packed,
     PRIVATE,
     RECORD_HEAD,
     records,
     stream_of,
 )
-from masmc_ros.log.recover.summary import Summary
-from mcap.data_stream import RecordBuilder
+from masmc_ros.log.summary import Summary
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.well_known import Profile
-from mcap.writer import Writer
+from mcap.records import Attachment, Channel, MessageIndex, Metadata, Schema
 
 _MADE_ANEW = frozenset(
     {
@@ -96,7 +75,7 @@ class _OpenChunk:
     found
         what is in it.
     indexed
-        log time and offset of its messages, by channel.
+        its messages.
     offsets
         where the index of each channel begins in the file.
     index_length
@@ -106,7 +85,7 @@ class _OpenChunk:
 
     start: int
     found: FoundChunk
-    indexed: dict[int, list[tuple[int, int]]]
+    indexed: Indexes
     offsets: dict[int, int] = field(default_factory=dict)
     index_length: int = 0
 
@@ -128,7 +107,7 @@ class Salvage:
         whether something can be read behind bytes that cannot.
     data_end
         where the records ended that hold data, if nothing was broken; else None.
-    statistics
+    summary
         of what there is, complete after `write_tail`.
 
     """
@@ -140,56 +119,31 @@ class Salvage:
         self.dropped = 0
         self.is_damaged = False
         self.data_end: int | None = None
-        self.statistics = Statistics(
-            attachment_count=0,
-            channel_count=0,
-            channel_message_counts=Counter(),
-            chunk_count=0,
-            message_count=0,
-            message_end_time=0,
-            message_start_time=0,
-            metadata_count=0,
-            schema_count=0,
-        )
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._chunks: list[ChunkIndex] = []
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        self.summary = Summary()
         self._open: _OpenChunk | None = None
         self._again: list[tuple[int, int]] = []
         """Where records begin and end that are written behind the end."""
         self._is_chunked = False
-        self._partial: tuple[Chunk, bytes] | None = None
+        self._partial: tuple[IndexedChunk, bytes] | None = None
         """A chunk that was cut off, as far as it goes."""
         if next(records(data), None) is not None:  # else not even a header: made anew
             self.end = len(MAGIC)
             self._take_rest(self._take_whole())
 
     def write_tail(self, stream: BinaryIO) -> None:
-        """Write what has to stand behind `end`; `statistics` are complete then."""
+        """Write what has to stand behind `end`; `summary` is complete then."""
+        tail = RecordStream(stream, self.end, self.summary)
         if not self.end:
-            stream.write(_empty_log())
-            return
-        tail = _Tail(stream, self.end)
+            tail.start()
         if self.is_damaged:
             # Those in force may have stood in what cannot be read.
-            for definition in (*self._schemas.values(), *self._channels.values()):
-                definition.write(tail.builder)
+            for definition in (*self.summary.schemas.values(), *self.summary.channels.values()):
+                tail.write(packed(definition))
         for start, end in self._again:
             self._write_again(tail, start, end)
-            tail.flush()
         if self._partial is not None:
             self._add_chunk(tail, *self._partial)
-        statistics = self.statistics
-        statistics.attachment_count = len(self._attachments)
-        statistics.metadata_count = len(self._metadata)
-        statistics.chunk_count = len(self._chunks)
-        statistics.channel_count = len(self._channels)
-        statistics.schema_count = len(self._schemas)
-        DataEnd(0).write(tail.builder)
-        tail.flush()
-        self._write_summary(tail)
+        tail.finish()
 
     def agrees_with(self, summary: Summary) -> bool:
         """
@@ -197,25 +151,26 @@ class Salvage:
 
         Parts of it may be missing, as in logs of writers that leave them out.
         """
-        found, told = self.statistics, summary.statistics
-        counts = {number: count for number, count in found.channel_message_counts.items() if count}
+        found = self.summary
+        told, counted = summary.statistics, found.statistics
+        counts = {number: n for number, n in counted.channel_message_counts.items() if n}
         return (
-            (not summary.chunks or summary.chunks == self._chunks)
-            and (not summary.attachments or summary.attachments == self._attachments)
-            and (not summary.metadata or summary.metadata == self._metadata)
-            and all(self._schemas.get(each.id) == each for each in summary.schemas)
-            and all(self._channels.get(each.id) == each for each in summary.channels)
-            and (not summary.chunks or counts.keys() <= {each.id for each in summary.channels})
+            (not summary.chunks or summary.chunks == found.chunks)
+            and (not summary.attachments or summary.attachments == found.attachments)
+            and (not summary.metadata or summary.metadata == found.metadata)
+            and summary.schemas.items() <= found.schemas.items()
+            and summary.channels.items() <= found.channels.items()
+            and (not summary.chunks or counts.keys() <= summary.channels.keys())
             and (
-                told is None
+                not summary.has_statistics
                 or (
-                    told.message_count == found.message_count
-                    and told.chunk_count == len(self._chunks)
-                    and told.attachment_count == len(self._attachments)
-                    and told.metadata_count == len(self._metadata)
+                    told.message_count == counted.message_count
+                    and told.chunk_count == len(found.chunks)
+                    and told.attachment_count == len(found.attachments)
+                    and told.metadata_count == len(found.metadata)
                     and {n: c for n, c in told.channel_message_counts.items() if c} == counts
                     and (told.message_start_time, told.message_end_time)
-                    == (found.message_start_time, found.message_end_time)
+                    == (counted.message_start_time, counted.message_end_time)
                 )
             )
         )
@@ -319,10 +274,11 @@ class Salvage:
         if opcode != Opcode.CHUNK or RECORD_HEAD.size + length <= len(rest):
             return  # a whole one is damaged: nobody can tell which of its messages are right
         try:
-            salvaged = cut_off_chunk(rest)
-            if salvaged is not None:
-                self._register_all(salvaged[1])
-                self._partial = salvaged
+            content = cut_off_records(rest)
+            indexes = index_messages(content)
+            if indexes:
+                self._register_all(content)
+                self._partial = indexed_chunk(content, indexes), content
         except Exception:  # whatever a library says of bytes that were never written so
             return
 
@@ -340,11 +296,9 @@ class Salvage:
             if found is None or found.end != end:
                 raise _DamagedError('a chunk')
             self._register_all(found.content)
-            indexes, _ = index_messages(found.content)
-            indexed = {index.channel_id: sorted(index.records) for index in indexes}
-            times = [time for each in indexed.values() for time, _ in each]
-            span = (found.chunk.message_start_time, found.chunk.message_end_time)
-            if not indexed.keys() <= self._known() or (times and span != (min(times), max(times))):
+            indexed = index_messages(found.content)
+            times = found.chunk.message_start_time, found.chunk.message_end_time
+            if not indexed.keys() <= self._known() or (indexed and times != span(indexed)):
                 raise _DamagedError('head of a chunk')
             self._open = _OpenChunk(start, found, indexed)
         elif opcode == Opcode.MESSAGE:
@@ -353,14 +307,14 @@ class Salvage:
             channel, _, time, _ = MESSAGE_HEAD.unpack_from(body)
             if channel not in self._known():
                 raise _DamagedError('a channel')
-            self._count(channel, 1, time, time)
+            self.summary.count(channel, 1, time, time)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA):
             if not is_sound(data, opcode, start, end):
                 raise _DamagedError('a record')
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._register(opcode, body, is_sure=True)
             else:
-                self._note(opcode, body, start)
+                self._note(opcode, body, start, end - start)
         elif not (opcode == Opcode.HEADER or opcode >= PRIVATE) or chunk_at(data, start):
             raise _DamagedError('a record that has no place here')
 
@@ -372,8 +326,11 @@ class Salvage:
             index = MessageIndex.read(stream)
         except Exception as error:  # as in `_take_partial`
             raise _DamagedError('an index') from error
-        told = sorted(index.records)
-        if told != self._open.indexed.get(index.channel_id, []) or stream.count != len(body):
+        found = self._open.indexed.get(index.channel_id, ())
+        if (
+            sorted(index.records) != sorted(zip(found[::2], found[1::2], strict=True))
+            or stream.count != len(body)
+        ):
             raise _DamagedError('an index')
         self._open.offsets[index.channel_id] = start
         self._open.index_length += end - start
@@ -386,18 +343,20 @@ class Salvage:
         if found.offsets and not found.indexed.keys() <= found.offsets.keys():
             raise _DamagedError('an index is missing')
         self._open = None
-        counts = Counter({channel: len(each) for channel, each in found.indexed.items()})
-        length = found.found.end - found.start
-        self._note_chunk(found.found.chunk, found.start, length, counts)
-        self._chunks[-1].message_index_offsets = found.offsets
-        self._chunks[-1].message_index_length = found.index_length
+        chunk = found.found.chunk
+        told = self.summary.note_chunk(chunk, found.start, found.found.end - found.start)
+        told.message_index_offsets = found.offsets
+        told.message_index_length = found.index_length
+        for channel, index in found.indexed.items():
+            times = chunk.message_start_time, chunk.message_end_time
+            self.summary.count(channel, len(index) // 2, *times)
 
     def _known(self) -> set[int]:
         """Return the channels whose messages a reader understands."""
         return {
             number
-            for number, channel in self._channels.items()
-            if not channel.schema_id or channel.schema_id in self._schemas
+            for number, channel in self.summary.channels.items()
+            if not channel.schema_id or channel.schema_id in self.summary.schemas
         }
 
     def _register_all(self, content: bytes) -> None:
@@ -408,67 +367,33 @@ class Salvage:
 
     def _register(self, opcode: int, body: bytes, *, is_sure: bool) -> None:
         """Note a definition; one that no checksum has told to be right only where none is."""
+        summary = self.summary
         kind, known = (
-            (Schema, self._schemas) if opcode == Opcode.SCHEMA else (Channel, self._channels)
+            (Schema, summary.schemas) if opcode == Opcode.SCHEMA else (Channel, summary.channels)
         )
         record = kind.read(stream_of(body))
         if is_sure or record.id not in known:
-            known[record.id] = record
+            summary.register(record)
 
-    # Counting.
-
-    def _note(self, opcode: int, body: bytes, start: int) -> None:
+    def _note(self, opcode: int, body: bytes, start: int, length: int) -> None:
         """Note an attachment or metadata at a place of the file that is made."""
-        length = RECORD_HEAD.size + len(body)
         if opcode == Opcode.METADATA:
             name = Metadata.read(stream_of(body)).name
-            self._metadata.append(MetadataIndex(offset=start, length=length, name=name))
-            return
-        attachment = Attachment.read(stream_of(body))
-        self._attachments.append(
-            AttachmentIndex(
-                offset=start,
-                length=length,
-                create_time=attachment.create_time,
-                log_time=attachment.log_time,
-                data_size=len(attachment.data),
-                name=attachment.name,
-                media_type=attachment.media_type,
-            )
-        )
-
-    def _note_chunk(self, chunk: Chunk, start: int, length: int, counts: Counter[int]) -> None:
-        index = ChunkIndex(
-            message_start_time=chunk.message_start_time,
-            message_end_time=chunk.message_end_time,
-            chunk_start_offset=start,
-            chunk_length=length,
-            message_index_offsets={},
-            message_index_length=0,
-            compression=chunk.compression,
-            compressed_size=len(chunk.data),
-            uncompressed_size=chunk.uncompressed_size,
-        )
-        self._chunks.append(index)
-        for channel, count in counts.items():
-            self._count(channel, count, chunk.message_start_time, chunk.message_end_time)
-
-    def _count(self, channel: int, count: int, begin: int, end: int) -> None:
-        found = self.statistics
-        is_first = not found.message_count
-        found.message_start_time = begin if is_first else min(begin, found.message_start_time)
-        found.message_end_time = max(end, found.message_end_time)
-        found.message_count += count
-        found.channel_message_counts[channel] += count
+            self.summary.note_metadata(name, start, length)
+        else:
+            self.summary.note_attachment(Attachment.read(stream_of(body)), start, length)
 
     # Writing.
 
-    def _write_again(self, tail: _Tail, start: int, end: int) -> None:
+    def _write_again(self, tail: RecordStream, start: int, end: int) -> None:
         """Write a record of the file behind its new end, as far as readers understand it."""
         data = self._data
         found = chunk_at(data, start)
         if found is not None:
-            self._add_chunk(tail, found.chunk, found.content)
+            indexes = index_messages(found.content)
+            first, last = span(indexes)
+            chunk = replace(found.chunk, message_start_time=first, message_end_time=last)
+            self._add_chunk(tail, IndexedChunk(chunk, indexes), found.content)
             return
         opcode, body = data[start], data[start + RECORD_HEAD.size:end]
         if opcode == Opcode.MESSAGE:
@@ -476,75 +401,21 @@ class Salvage:
             if channel not in self._known():
                 self.dropped += end - start
                 return
-            self._count(channel, 1, time, time)
+            self.summary.count(channel, 1, time, time)
         else:
-            self._note(opcode, body, tail.position)
-        tail.builder.write(data[start:end])
+            self._note(opcode, body, tail.position, end - start)
+        tail.write(data[start:end])
 
-    def _add_chunk(self, tail: _Tail, chunk: Chunk, content: bytes) -> None:
-        """Write a chunk and the indexes of its messages, those of unknown channels left out."""
-        indexes, counts = index_messages(content)
-        if not counts.keys() <= self._known():
-            content = b''.join(_of_channels(content, self._known()))
-            filtered = new_chunk(content)
-            if filtered is None:
+    def _add_chunk(self, tail: RecordStream, indexed: IndexedChunk, content: bytes) -> None:
+        """Write a chunk of these records, the messages of unknown channels left out."""
+        known = self._known()
+        if not indexed.indexes.keys() <= known:
+            content = b''.join(_of_channels(content, known))
+            indexes = index_messages(content)
+            if not indexes:
                 return
-            chunk = filtered
-            indexes, counts = index_messages(content)
-        times = [time for index in indexes for time, _ in index.records] or [0]
-        chunk.message_start_time, chunk.message_end_time = min(times), max(times)
-        start = tail.position
-        chunk.write(tail.builder)
-        after = tail.position
-        self._note_chunk(chunk, start, after - start, counts)
-        for index in indexes:
-            self._chunks[-1].message_index_offsets[index.channel_id] = tail.position
-            index.write(tail.builder)
-        self._chunks[-1].message_index_length = tail.position - after
-
-    def _write_summary(self, tail: _Tail) -> None:
-        summary, offsets = tail.position, []
-        for opcode, group in (
-            (Opcode.SCHEMA, self._schemas.values()),
-            (Opcode.CHANNEL, self._channels.values()),
-            (Opcode.STATISTICS, (self.statistics,)),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ):
-            start = tail.position
-            for record in group:
-                record.write(tail.builder)
-            offsets.append(SummaryOffset(opcode, start, tail.position - start))
-        summary_offsets = tail.position
-        for offset in offsets:
-            offset.write(tail.builder)
-        head = struct.pack('<BQQQ', Opcode.FOOTER, 20, summary, summary_offsets)
-        crc = zlib.crc32(head, zlib.crc32(tail.flush()))
-        Footer(summary, summary_offsets, crc).write(tail.builder)
-        tail.builder.write(MAGIC)
-        tail.flush()
-
-
-class _Tail:
-    """What is written behind the end of a file, from its records' bytes on."""
-
-    def __init__(self, stream: BinaryIO, start: int) -> None:
-        self.builder = RecordBuilder()
-        self._stream = stream
-        self._written = start
-
-    @property
-    def position(self) -> int:
-        """Where in the file the next record begins."""
-        return self._written + int(self.builder.count)
-
-    def flush(self) -> bytes:
-        """Write what was built, and return it."""
-        built: bytes = self.builder.end()
-        self._stream.write(built)
-        self._written += len(built)
-        return built
+            indexed = indexed_chunk(content, indexes)
+        tail.add_chunk(indexed)
 
 
 def _is_end(data: mmap.mmap | bytes, position: int) -> bool:
@@ -555,16 +426,7 @@ def _of_channels(content: bytes, channels: set[int]) -> Iterator[bytes]:
     """Yield the records of a chunk but the messages of other channels."""
     for opcode, start, end in all_records(content):
         if opcode == Opcode.MESSAGE:
-            (channel,) = struct.unpack_from('<H', content, start + RECORD_HEAD.size)
+            channel, *_ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
             if channel not in channels:
                 continue
         yield content[start:end]
-
-
-def _empty_log() -> bytes:
-    """Return a log with nothing in it, for a file that was cut off before it had anything."""
-    stream = BytesIO()
-    writer = Writer(stream)
-    writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
-    writer.finish()
-    return stream.getvalue()

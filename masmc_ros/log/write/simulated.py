@@ -21,10 +21,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.log.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
-from masmc_ros.log.write.writer import ChannelRows, LogWriter
+from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.messages import rows

@@ -20,18 +20,24 @@ from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, cast, IO, NamedTuple
+from typing import BinaryIO
 
-from masmc_ros import __version__
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.log.chunks import (
+    ChannelRows,
+    COMPRESSIONS,
+    indexed_chunk,
+    MergedRecords,
+    OpenChunk,
+)
 from masmc_ros.log.qos import Qos
+from masmc_ros.log.record_stream import RecordStream
+from masmc_ros.log.records import packed
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import CompressionType, Writer
-import numpy as np
-from numpy.typing import NDArray
+from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of messages that are compressed together."""
@@ -41,33 +47,6 @@ LIVE_CHUNK_SIZE = 512 * 1024
 
 _TIMES = 2**64
 """Times in ns that a log can hold are below this."""
-
-COMPRESSIONS = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
-
-
-class ChannelRows(NamedTuple):
-    """
-    Messages of one channel in bulk.
-
-    Attributes
-    ----------
-    channel
-        as `LogWriter.channel` returned it.
-    times
-        (N) log and publish times in ns, ascending.
-    rows
-        (N, size) the messages.
-
-    """
-
-    channel: int
-    times: NDArray[np.int64]
-    rows: NDArray[np.uint8]
-
 
 class LogWriter:
     """
@@ -116,12 +95,11 @@ class LogWriter:
             raise InputError(f'{path}: another recorder writes it; name another file') from error
         except OSError as error:
             raise _not_written(self.path, error) from error
-        self._writer = Writer(
-            cast(IO[bytes], self._stream),
-            chunk_size=LIVE_CHUNK_SIZE if live else CHUNK_SIZE,
-            compression=COMPRESSIONS[compression],
-        )
-        self._writer.start(profile=Profile.ROS2, library=f'masmc_ros {__version__}')
+        self._limit = LIVE_CHUNK_SIZE if live else CHUNK_SIZE
+        self._compression = compression
+        self._records = RecordStream(self._stream)
+        self._records.start()
+        self._chunk = OpenChunk()
         self._schemas: dict[str, int] = {}
 
     def channel(
@@ -152,19 +130,23 @@ class LogWriter:
 
         """
         text, type_hash = defined or definition(type_name)
+        summary = self._records.summary
         if type_name not in self._schemas:
-            self._schemas[type_name] = self._writer.register_schema(
-                type_name, SchemaEncoding.ROS2, text.encode()
-            )
-        return self._writer.register_channel(
-            topic,
-            MessageEncoding.CDR,
-            self._schemas[type_name],
-            {
-                'offered_qos_profiles': '\n'.join(each.to_yaml() for each in qos),
-                'topic_type_hash': type_hash,
-            },
-        )
+            schema = self._schemas[type_name] = len(summary.schemas) + 1
+            self._define(Schema(schema, text.encode(), SchemaEncoding.ROS2, type_name))
+        channel = len(summary.channels) + 1
+        metadata = {
+            'offered_qos_profiles': '\n'.join(each.to_yaml() for each in qos),
+            'topic_type_hash': type_hash,
+        }
+        schema = self._schemas[type_name]
+        self._define(Channel(channel, topic, MessageEncoding.CDR, metadata, schema))
+        return channel
+
+    def _define(self, record: Schema | Channel) -> None:
+        self._records.summary.register(record)
+        self._chunk.add_record(packed(record))
+        self._end_full_chunk()
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
         """
@@ -174,7 +156,8 @@ class LogWriter:
         """
         if not (0 <= log_time_ns < _TIMES and 0 <= publish_time_ns < _TIMES):
             raise ValueError(f'log time {log_time_ns}, publish time {publish_time_ns} ns')
-        self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+        self._chunk.add_message(channel, log_time_ns, publish_time_ns, data)
+        self._end_full_chunk()
 
     def write_rows(self, sources: Sequence[ChannelRows]) -> None:
         """
@@ -183,30 +166,34 @@ class LogWriter:
         Those of one time are written in the order of `sources`. A long run is written in
         blocks of time, so that it need not be held in memory as a whole.
         """
+        sources = [source for source in sources if len(source.times)]
         if not sources:
             return
-        times = np.concatenate([source.times for source in sources])
-        counts = [len(source.times) for source in sources]
-        owners = np.repeat(np.arange(len(sources)), counts)
-        order = np.argsort(times, kind='stable')
-        data = [source.rows.tobytes() for source in sources]
-        sizes = [source.rows.shape[1] for source in sources]
-        channels = [source.channel for source in sources]
-        positions = [0] * len(sources)
-        add_message = self._writer.add_message
-        for time, owner in zip(times[order].tolist(), owners[order].tolist(), strict=True):
-            start = positions[owner]
-            end = start + sizes[owner]
-            positions[owner] = end
-            add_message(channels[owner], time, data[owner][start:end], time)
+        merged, first = MergedRecords(sources), 0
+        while first < len(merged):
+            first = self._chunk.add_merged(merged, first, self._limit)
+            self._end_full_chunk()
+
+    def _end_full_chunk(self) -> None:
+        if self._chunk.size > self._limit:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        """Write the chunk under way; definitions alone wait for the first message."""
+        chunk = self._chunk
+        if chunk.indexes:
+            self._chunk = OpenChunk()
+            self._records.add_chunk(
+                indexed_chunk(chunk.content(), chunk.indexes, self._compression)
+            )
 
     def attach(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:
         """Add a file, such as the parameters or the robot description; its time in ns."""
-        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+        self._records.add_attachment(Attachment(time_ns, time_ns, name, media_type, data))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a record of names and texts; several may have the same `name`."""
-        self._writer.add_metadata(name, dict(values))
+        self._records.add_metadata(Metadata(name, dict(values)))
 
     def commit(self, *, whole: bool = True, durable: bool = False) -> None:
         """
@@ -229,7 +216,7 @@ class LogWriter:
 
         """
         if whole:
-            self._writer.flush()
+            self._end_chunk()
         if isinstance(self._stream, RecordSink):
             self._stream.commit(durable=durable)
 
@@ -241,7 +228,7 @@ class LogWriter:
     @property
     def size(self) -> int:
         """Bytes written, those of the chunk under way not counted."""
-        return self._stream.tell()
+        return self._records.position
 
     @property
     def pending(self) -> int:
@@ -250,7 +237,8 @@ class LogWriter:
 
     def finish(self) -> None:
         """Write the indexes and the end; what remains is to commit and to close."""
-        self._writer.finish()
+        self._end_chunk()
+        self._records.finish()
 
     def close(self) -> None:
         """Complete the file and give it its name; InputError where a disk takes no more."""

@@ -1,0 +1,263 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Chunks of an MCAP file as they are made: records put together, indexed and compressed."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+import zlib
+
+import lz4.frame
+from masmc_ros.log.records import MESSAGE_HEAD, RECORD_HEAD, records
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+import numpy as np
+from numpy.typing import NDArray
+import zstandard
+
+Indexes = dict[int, 'array[int]']
+"""By channel, for each of its messages in a chunk: log time in ns, place in the chunk."""
+
+COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+    'zstd': zstandard.compress,
+    'lz4': lz4.frame.compress,
+    'none': bytes,
+}
+
+_HEAD = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+"""What stands before the bytes of a message; `RECORD_HEAD` and `MESSAGE_HEAD` for many."""
+
+_INDEX_SIZE = 4
+"""Bytes of the size that stands before the entries of an index."""
+
+
+class ChannelRows(NamedTuple):
+    """
+    Messages of one channel in bulk.
+
+    Attributes
+    ----------
+    channel
+        as `LogWriter.channel` returned it.
+    times
+        (N) log and publish times in ns, ascending.
+    rows
+        (N) or (N, size) the messages, all of one size.
+
+    """
+
+    channel: int
+    times: NDArray[np.int64]
+    rows: NDArray[np.generic]
+
+
+class MergedRecords:
+    """
+    The records of messages of several channels, in the order of their times.
+
+    Attributes
+    ----------
+    content
+        the records' bytes, one after the other.
+    starts
+        (N) where each begins.
+    ends
+        (N) where each ends.
+    channels
+        (N) which each is of.
+    times
+        (N) its log time in ns.
+
+    """
+
+    def __init__(self, sources: Sequence[ChannelRows]) -> None:
+        """Lay out the records of sources that all have some; of one time in their order."""
+        sizes = np.array([_HEAD.itemsize + each.rows.nbytes // len(each.rows) for each in sources])
+        owners = np.repeat(np.arange(len(sources)), [len(each.times) for each in sources])
+        times = np.concatenate([source.times for source in sources])
+        order = np.argsort(times, kind='stable')
+        owners = owners[order]
+        self.times = times[order].astype(np.uint64)
+        self.channels = np.array([source.channel for source in sources])[owners]
+        self.ends = np.cumsum(sizes[owners])
+        self.starts = np.append(0, self.ends[:-1])
+        self.content = np.empty(self.ends[-1], np.uint8)
+        for number, source in enumerate(sources):
+            self._lay_out(source, self.starts[owners == number])
+
+    def _lay_out(self, source: ChannelRows, starts: NDArray[np.intp]) -> None:
+        count = len(source.rows)
+        rows = np.ascontiguousarray(source.rows).view(np.uint8)
+        rows = rows.reshape(count, source.rows.nbytes // count)
+        head = np.zeros(count, _HEAD)
+        head['opcode'] = Opcode.MESSAGE
+        head['length'] = MESSAGE_HEAD.size + rows.shape[1]
+        head['channel'] = source.channel
+        head['log_time'] = head['publish_time'] = source.times
+        records = np.hstack((head.view(np.uint8).reshape(count, -1), rows))
+        # A record may begin at every byte of the content: each is copied there as a whole.
+        size = records.shape[1]
+        record = np.dtype((np.void, size))
+        places = np.ndarray(len(self.content) - size + 1, record, self.content, strides=(1,))
+        places[starts] = records.view(record)[:, 0]
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.starts)
+
+
+class OpenChunk:
+    """
+    A chunk under way.
+
+    Attributes
+    ----------
+    size
+        of its records in bytes.
+    indexes
+        of its messages.
+
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing in it."""
+        self._parts: list[bytes] = []
+        self.size = 0
+        self.indexes: Indexes = {}
+
+    def add_record(self, record: bytes) -> None:
+        """Add a schema or a channel."""
+        self._parts.append(record)
+        self.size += len(record)
+
+    def add_message(self, channel: int, log_time: int, publish_time: int, data: bytes) -> None:
+        """Add a message, its times in ns."""
+        if channel not in self.indexes:
+            self.indexes[channel] = array('Q')
+        self.indexes[channel].extend((log_time, self.size))
+        length = MESSAGE_HEAD.size + len(data)
+        self._parts += (
+            RECORD_HEAD.pack(Opcode.MESSAGE, length),
+            MESSAGE_HEAD.pack(channel, 0, log_time, publish_time),
+            data,
+        )
+        self.size += RECORD_HEAD.size + length
+
+    def add_merged(self, merged: MergedRecords, first: int, limit: int) -> int:
+        """
+        Add messages until there are more than `limit` bytes, or no more.
+
+        Parameters
+        ----------
+        merged
+            the messages.
+        first
+            the first to add.
+        limit
+            in bytes.
+
+        Returns
+        -------
+            the first that was not added.
+
+        """
+        start = merged.starts[first]
+        full = int(np.searchsorted(merged.ends, start + limit - self.size, side='right'))
+        part = slice(first, min(max(first, full) + 1, len(merged)))
+        entries = np.empty((part.stop - first, 2), '<u8')
+        entries[:, 0] = merged.times[part]
+        entries[:, 1] = merged.starts[part] - start + self.size
+        channels = merged.channels[part]
+        numbers, firsts = np.unique(channels, return_index=True)
+        for channel in numbers[np.argsort(firsts)].tolist():
+            index = self.indexes.setdefault(channel, array('Q'))
+            index.frombytes(entries[channels == channel].tobytes())
+        self.add_record(merged.content[start:merged.ends[part.stop - 1]].tobytes())
+        return part.stop
+
+    def content(self) -> bytes:
+        """Return its records."""
+        return b''.join(self._parts)
+
+
+class IndexedChunk(NamedTuple):
+    """A chunk and the indexes of its messages, of which it has at least one."""
+
+    chunk: Chunk
+    indexes: Indexes
+
+
+def indexed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') -> IndexedChunk:
+    """
+    Make a chunk of records.
+
+    Parameters
+    ----------
+    content
+        the records.
+    indexes
+        of the messages among them.
+    compression
+        one of COMPRESSIONS.
+
+    """
+    first, last = span(indexes)
+    chunk = Chunk(
+        compression=compression if compression != 'none' else '',
+        data=COMPRESSIONS[compression](content),
+        message_start_time=first,
+        message_end_time=last,
+        uncompressed_crc=zlib.crc32(content),
+        uncompressed_size=len(content),
+    )
+    return IndexedChunk(chunk, indexes)
+
+
+def span(indexes: Indexes) -> tuple[int, int]:
+    """Return the first and the last log time in ns of messages; 0 where there are none."""
+    times = [index[::2] for index in indexes.values()]
+    return min(map(min, times), default=0), max(map(max, times), default=0)
+
+
+def index_messages(content: bytes) -> Indexes:
+    """Return the indexes of the messages among the records of a chunk."""
+    chunk: Indexes = {}
+    for opcode, start, _ in records(content, 0):
+        if opcode == Opcode.MESSAGE:
+            channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
+            chunk.setdefault(channel, array('Q')).extend((time, start))
+    return chunk
+
+
+def index_record(channel: int, index: array[int]) -> bytes:
+    """Return the record of a channel's index."""
+    entries = index.tobytes()
+    return (
+        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + _INDEX_SIZE + len(entries))
+        + channel.to_bytes(2, 'little')
+        + len(entries).to_bytes(_INDEX_SIZE, 'little')
+        + entries
+    )

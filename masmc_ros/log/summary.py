@@ -1,0 +1,194 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the end of an MCAP file says of the records before it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+import mmap
+import zlib
+
+from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+
+def _no_statistics() -> Statistics:
+    return Statistics(
+        attachment_count=0,
+        channel_count=0,
+        channel_message_counts=Counter(),
+        chunk_count=0,
+        message_count=0,
+        message_end_time=0,
+        message_start_time=0,
+        metadata_count=0,
+        schema_count=0,
+    )
+
+
+@dataclass
+class Summary:
+    """
+    What the end of a file says of what is before it.
+
+    Attributes
+    ----------
+    schemas, channels
+        by their numbers.
+    chunks, attachments, metadata
+        where they are.
+    statistics
+        of all; of those that are counted here, complete after `groups`.
+    has_statistics
+        whether a file that was read has them.
+
+    """
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    statistics: Statistics = field(default_factory=_no_statistics)
+    has_statistics: bool = False
+
+    def register(self, record: Schema | Channel) -> None:
+        """Note a definition."""
+        if isinstance(record, Schema):
+            self.schemas[record.id] = record
+        else:
+            self.channels[record.id] = record
+
+    def note_attachment(self, attachment: Attachment, start: int, length: int) -> None:
+        """Note an attachment by where its record begins and by its length."""
+        self.attachments.append(
+            AttachmentIndex(
+                offset=start,
+                length=length,
+                create_time=attachment.create_time,
+                log_time=attachment.log_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
+
+    def note_metadata(self, name: str, start: int, length: int) -> None:
+        """Note metadata by where their record begins and by its length."""
+        self.metadata.append(MetadataIndex(offset=start, length=length, name=name))
+
+    def note_chunk(self, chunk: Chunk, start: int, length: int) -> ChunkIndex:
+        """Note a chunk; return its index, to which those of its messages are added."""
+        index = ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=start,
+            chunk_length=length,
+            message_index_offsets={},
+            message_index_length=0,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+        self.chunks.append(index)
+        return index
+
+    def count(self, channel: int, count: int, begin: int, end: int) -> None:
+        """Count messages of a channel, from and to these log times in ns."""
+        found = self.statistics
+        is_first = not found.message_count
+        found.message_start_time = begin if is_first else min(begin, found.message_start_time)
+        found.message_end_time = max(end, found.message_end_time)
+        found.message_count += count
+        found.channel_message_counts[channel] += count
+
+    def groups(self) -> Iterable[tuple[Opcode, Iterable[McapRecord]]]:
+        """Return the records of the summary as they follow each other, by kind."""
+        statistics = self.statistics
+        statistics.attachment_count = len(self.attachments)
+        statistics.metadata_count = len(self.metadata)
+        statistics.chunk_count = len(self.chunks)
+        statistics.channel_count = len(self.channels)
+        statistics.schema_count = len(self.schemas)
+        return (
+            (Opcode.SCHEMA, self.schemas.values()),
+            (Opcode.CHANNEL, self.channels.values()),
+            (Opcode.STATISTICS, (statistics,)),
+            (Opcode.CHUNK_INDEX, self.chunks),
+            (Opcode.ATTACHMENT_INDEX, self.attachments),
+            (Opcode.METADATA_INDEX, self.metadata),
+        )
+
+
+def read_summary(data: mmap.mmap | bytes, position: int) -> Summary | None:
+    """Return what stands behind the data of a file, from their end on; None if it is damaged."""
+    summary, begin = Summary(), None
+    try:
+        for opcode, start, end in records(data, position):
+            stream = stream_of(data[start + RECORD_HEAD.size:end])
+            if begin is None:
+                crc = DataEnd.read(stream).data_section_crc
+                with memoryview(data) as whole, whole[:start] as before:
+                    if crc and crc != zlib.crc32(before):
+                        return None
+                begin = end
+            elif opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                if summary.schemas.setdefault(schema.id, schema) != schema:
+                    return None
+            elif opcode == Opcode.CHANNEL:
+                channel = Channel.read(stream)
+                if summary.channels.setdefault(channel.id, channel) != channel:
+                    return None
+            elif opcode == Opcode.CHUNK_INDEX:
+                summary.chunks.append(ChunkIndex.read(stream))
+            elif opcode == Opcode.ATTACHMENT_INDEX:
+                summary.attachments.append(AttachmentIndex.read(stream))
+            elif opcode == Opcode.METADATA_INDEX:
+                summary.metadata.append(MetadataIndex.read(stream))
+            elif opcode == Opcode.STATISTICS:
+                summary.statistics = Statistics.read(stream)
+                summary.has_statistics = True
+            elif opcode == Opcode.FOOTER:
+                footer = Footer.read(stream)
+                crc = zlib.crc32(data[begin:end - 4])
+                is_right = footer.summary_start == (begin if begin < start else 0)
+                is_right &= footer.summary_crc in (0, crc) and data[end:] == MAGIC
+                return summary if is_right else None
+            elif opcode == Opcode.SUMMARY_OFFSET:
+                offset = SummaryOffset.read(stream)
+                if data[offset.group_start] != offset.group_opcode and offset.group_length:
+                    return None
+            elif opcode < PRIVATE:
+                return None
+    except Exception:  # whatever a library says of bytes that were never written so
+        return None
+    return None
