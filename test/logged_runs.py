@@ -20,6 +20,9 @@ from typing import NamedTuple
 from masmc_ros.log.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.joint_state import joint_state_layout
+from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (
     COMMAND_TOPIC,
     REFERENCE_TOPIC,
@@ -28,7 +31,7 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.rows import effort_rows, joint_state_rows, telemetry_rows
+from masmc_ros.messages.telemetry import telemetry_messages
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,6 +49,12 @@ class Numbers(NamedTuple):
     torque: NDArray[np.float64]
     telemetry: dict[str, NDArray[np.float64]]
     reference: NDArray[np.float64]
+
+    def states(self) -> Messages:
+        """Return its joint states as they are sent."""
+        return joint_state_layout().messages(
+            stamp=self.stamps, position=self.position, velocity=self.velocity, effort=self.effort
+        )
 
 
 def numbers(count: int, period_ns: int = 1_000_000, start: int = 0) -> Numbers:
@@ -79,15 +88,14 @@ def write_numbers(
 ) -> None:
     """Write a run into an open log."""
     states = log.channel(namespace + STATE_TOPIC, STATE, Qos(durability='transient_local'))
-    state_rows = joint_state_rows(run.stamps, run.position, run.velocity, run.effort)
-    sources = [ChannelRows(states, run.stamps, state_rows)]
+    sources = [ChannelRows(states, run.stamps, run.states())]
     if everything:
         commands = log.channel(namespace + COMMAND_TOPIC, ARRAY, Qos())
-        for group in effort_rows(run.stamps, run.torque):
-            sources.append(ChannelRows(commands, run.stamps[group.indices], group.rows))
+        for group in EFFORT.messages(run.stamps, run.torque):
+            sources.append(ChannelRows(commands, run.stamps[group.indices], group.messages))
         for label, values in run.telemetry.items():
             channel = log.channel(namespace + telemetry_topic(label), ARRAY, Qos())
-            rows = telemetry_rows(label, run.stamps, values)
+            rows = telemetry_messages(label, run.stamps, values)
             sources.append(ChannelRows(channel, run.stamps, rows))
         period = float(run.stamps[1] - run.stamps[0]) / 1e9
         channel = log.channel(namespace + REFERENCE_TOPIC, ARRAY, Qos())

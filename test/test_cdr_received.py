@@ -83,10 +83,10 @@ EMPTY = {
 }
 
 MESSAGES = [
-    (state, joint_state_layout().layout),
+    (state, joint_state_layout()),
     (command, EFFORT.layout(12)),
     (arm_command, ARM_VELOCITY.layout(12)),
-    (twist, twist_stamped_layout('left/').layout),
+    (twist, twist_stamped_layout('left/')),
     (telemetry, telemetry_layout('tracking_error', 4)),
 ]
 
@@ -120,7 +120,7 @@ def test_bytes_that_align_are_not_looked_at_nor_sent_on(
     message = make()
     raw = message.to_bytes()
     flags = np.frombuffer(layout.mask, np.uint8) == 0
-    for part in layout.varying:
+    for part in layout.places.values():
         flags[part] = False
     assert flags.any()
     changed = np.frombuffer(raw, np.uint8).copy()
@@ -156,7 +156,7 @@ def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) 
     label = f'{seconds}.{nanoseconds}'
     layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
-    raw[layout.digits] = label.encode()
+    raw[layout.places['characters']] = label.encode()
     message = command()
     assert message.load(bytes(raw))
     assert message.stamp_ns == seconds * 10**9 + nanoseconds
@@ -169,7 +169,7 @@ def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) 
 def test_label_without_a_stamp(label: str) -> None:
     layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
-    raw[layout.digits] = label.encode()
+    raw[layout.places['characters']] = label.encode()
     message = command()
     before = message.to_bytes()
     assert not message.load(bytes(raw))
@@ -334,7 +334,7 @@ def test_refused_reference(message: Any, expected: str) -> None:
 
 def test_our_window_with_a_number_that_is_not_finite_is_refused() -> None:
     layout = reference_layout(1)
-    raw = layout.template[: layout.data] + np.full(15, np.nan).tobytes()
+    raw = layout.template[: layout.places['head'].start] + np.full(15, np.nan).tobytes()
     with pytest.raises(InputError, match='number 0 is not finite'):
         ReferenceWindow.from_bytes(raw)
 

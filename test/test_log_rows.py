@@ -18,20 +18,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr, TwistStampedCdr
-from masmc_ros.messages.rows import (
-    command_rows,
-    effort_rows,
-    joint_state_rows,
-    odometry_rows,
-    telemetry_rows,
-    time_rows,
-    twist_rows,
-    twist_stamped_rows,
+from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.platform_motion import (
+    odometry_layout,
+    OdometryCdr,
+    time_layout,
+    TimeCdr,
+    twist_layout,
+    twist_stamped_layout,
+    TwistCdr,
+    TwistStampedCdr,
 )
-from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.telemetry import telemetry_messages, TelemetryCdr
 import numpy as np
 
 STAMPS = hnp.arrays(np.int64, st.integers(0, 12), elements=st.integers(0, 2**31 * 10**9 - 1))
@@ -45,7 +44,10 @@ def numbers(count: int, width: int) -> np.ndarray:
 @given(STAMPS)
 def test_joint_states(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 21)
-    rows = joint_state_rows(stamps, values[:, :7], values[:, 7:14], values[:, 14:])
+    position, velocity, effort = np.split(values, 3, axis=1)
+    rows = joint_state_layout().messages(
+        stamp=stamps, position=position, velocity=velocity, effort=effort
+    )
     message = JointStateCdr()
     assert len(rows) == len(stamps)
     for stamp, value, row in zip(stamps.tolist(), values, rows, strict=True):
@@ -60,7 +62,7 @@ def test_commands(stamps: np.ndarray) -> None:
     message = EffortCdr()
     seen = []
     is_void = values[:, 0] > 0.0
-    for indices, rows in effort_rows(stamps, values, is_void):
+    for indices, rows in EFFORT.messages(stamps, values, is_void):
         seen += indices.tolist()
         for index, row in zip(indices.tolist(), rows, strict=True):
             message.set_stamp(int(stamps[index]))
@@ -74,8 +76,10 @@ def test_commands(stamps: np.ndarray) -> None:
 def test_rates(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 8)
     arm, twist = ArmVelocityCdr(), TwistStampedCdr('left/')
-    twists = twist_stamped_rows(stamps, values[:, 2:], 'left/')
-    for indices, rows in command_rows(ARM_VELOCITY, stamps, values[:, :2]):
+    twists = twist_stamped_layout('left/').messages(
+        stamp=stamps, linear=values[:, 2:5], angular=values[:, 5:]
+    )
+    for indices, rows in ARM_VELOCITY.messages(stamps, values[:, :2]):
         for index, row in zip(indices.tolist(), rows, strict=True):
             for message in (arm, twist):
                 message.set_stamp(int(stamps[index]))
@@ -88,7 +92,7 @@ def test_rates(stamps: np.ndarray) -> None:
 @given(STAMPS)
 def test_telemetry(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 7)
-    rows = telemetry_rows('parameter_estimate', stamps, values)
+    rows = telemetry_messages('parameter_estimate', stamps, values)
     message = TelemetryCdr('parameter_estimate', 7)
     for stamp, value, row in zip(stamps.tolist(), values, rows, strict=True):
         message.set_stamp(stamp)
@@ -101,9 +105,15 @@ def test_platform_motion(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 13)
     odometry, twist, clock = OdometryCdr(), TwistCdr(), TimeCdr()
     all_rows = zip(
-        odometry_rows(stamps, values[:, :7], values[:, 7:]),
-        twist_rows(values[:, 7:]),
-        time_rows(stamps),
+        odometry_layout().messages(
+            stamp=stamps,
+            position=values[:, :3],
+            orientation=values[:, 3:7],
+            linear=values[:, 7:10],
+            angular=values[:, 10:],
+        ),
+        twist_layout().messages(linear=values[:, 7:10], angular=values[:, 10:]),
+        time_layout().messages(stamp=stamps),
         strict=True,
     )
     for stamp, value, (odometry_row, twist_row, time_row) in zip(

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.messages.rows import transforms_rows
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.transforms import (
     first_frames,
     is_of_robot,
     transforms_layout,
+    transforms_messages,
     TransformsCdr,
 )
 from masmc_ros.robot.two_link.names import FRAMES
@@ -74,7 +74,7 @@ def test_one_at_a_time(prefix: str, stamp: int, seed: int) -> None:
 @given(PREFIXES, st.lists(STAMPS, max_size=5))
 def test_in_bulk(prefix: str, stamps: list[int]) -> None:
     transforms = np.array([numbers(k) for k in range(len(stamps))]).reshape(-1, len(FRAMES), 7)
-    rows = transforms_rows(np.array(stamps, dtype=np.int64), transforms, prefix)
+    rows = transforms_messages(np.array(stamps, dtype=np.int64), transforms, prefix)
     assert len(rows) == len(stamps)
     for stamp, each, row in zip(stamps, transforms, rows, strict=True):
         assert row.tobytes() == serialised(prefix, stamp, each)
@@ -141,7 +141,7 @@ def test_against_rclpy(prefix: str) -> None:
     raw = TransformsCdr(prefix).fill(1_500_000_000, numbers(0))
     again = serialize_message(deserialize_message(raw, messages.TFMessage))
     # What only aligns may hold anything.
-    assert transforms_layout(prefix).layout.matches(again)
+    assert transforms_layout(prefix).matches(again)
     ours = TransformsCdr(prefix)
     assert ours.load(again)
     assert ours.to_bytes() == raw

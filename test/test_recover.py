@@ -31,7 +31,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.rows import effort_rows, joint_state_rows
+from masmc_ros.messages.effort import EFFORT
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap_ros2.decoder import DecoderFactory
@@ -95,12 +95,12 @@ def record(path: Path, compression: str) -> None:
         log.attach('paper.yaml', 'application/yaml', b'plant: {}')
         states = log.channel('/joint_states', STATE, Qos())
         commands = log.channel('/effort_commands', ARRAY, Qos())
-        rows = joint_state_rows(run.stamps, run.position, run.velocity, run.effort)
-        (torques,) = effort_rows(run.stamps, run.torque)
+        rows = run.states()
+        (torques,) = EFFORT.messages(run.stamps, run.torque)
         for first in range(0, TICKS, COMMIT):
             part = slice(first, first + COMMIT)
             sources = [ChannelRows(states, run.stamps[part], rows[part])]
-            sources.append(ChannelRows(commands, run.stamps[part], torques.rows[part]))
+            sources.append(ChannelRows(commands, run.stamps[part], torques.messages[part]))
             log.write_rows(sources)
             log.commit()
         log.metadata('parameters', {'plant': '{}'})

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import Layout, NANOSECONDS, StampedMessage
@@ -26,20 +26,14 @@ from masmc_ros.messages.names import JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+FIELDS = ('position', 'velocity', 'effort')
+"""Of which a joint state has a number for each joint."""
+
 _REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
 
 
-class JointStateLayout(NamedTuple):
-    """The layout of a joint state of this robot, and where its arrays start in bytes."""
-
-    layout: Layout
-    position: int
-    velocity: int
-    effort: int
-
-
 @lru_cache(maxsize=64)
-def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
+def joint_state_layout(names: tuple[str, ...] = JOINTS) -> Layout:
     """Return the layout of a joint state with an empty frame and these joints in order."""
     layout = Layout()
     layout.stamp()
@@ -47,7 +41,9 @@ def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
     layout.uint32(len(names))
     for name in names:
         layout.string(name)
-    return JointStateLayout(layout, *(layout.sequence(len(JOINTS)) for _ in range(3)))
+    for field in FIELDS:
+        layout.sequence(field, len(names))
+    return layout
 
 
 class JointStateCdr(StampedMessage):
@@ -57,24 +53,21 @@ class JointStateCdr(StampedMessage):
     Attributes
     ----------
     names
-        (7) of the joints.
+        (n) of the joints.
     position
-        (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        (n) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
     velocity
-        (7) their rates in m/s and rad/s.
+        (n) their rates in m/s and rad/s.
     effort
-        (7) zeros for the base joints, then the four torques in N m.
+        (n) zeros for the base joints, then the torques in N m.
 
     """
 
     def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
-        """Make a state of zeros at time 0, of joints (7) of these names."""
-        layout, position, velocity, effort = joint_state_layout(names)
-        super().__init__(layout)
+        """Make a state of zeros at time 0, of joints (n) of these names."""
+        super().__init__(joint_state_layout(names))
         self.names = names
-        self.position = self._view(position, len(JOINTS))
-        self.velocity = self._view(velocity, len(JOINTS))
-        self.effort = self._view(effort, len(JOINTS))
+        self.position, self.velocity, self.effort = (self._record[field] for field in FIELDS)
         self._names: list[str] = []
         self._joints: tuple[str, ...] = ()
         self._order: list[int] = []
@@ -97,7 +90,7 @@ class JointStateCdr(StampedMessage):
         With `unknown_velocity` that takes the place of such velocities instead.
         """
         joints = joints or self.names
-        first = len(JOINTS) - len(joints)
+        first = len(self.names) - len(joints)
         _check_finite(self.position[first:], joints, 'position')
         velocity = self.velocity[first:]
         if unknown_velocity is None:
@@ -149,7 +142,7 @@ class JointStateCdr(StampedMessage):
             effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
             _check_finite(effort, joints, 'effort')
         stamp = message.header.stamp
-        first = len(JOINTS) - len(joints)
+        first = len(self.names) - len(joints)
         self.position[first:] = position
         self.velocity[first:] = velocity
         self.effort[first:] = effort

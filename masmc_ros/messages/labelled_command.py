@@ -25,12 +25,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS
-from masmc_ros.messages.multi_array import MultiArrayLayout
+from masmc_ros.messages.layout import (
+    checked_stamp,
+    ENCAPSULATION,
+    Layout,
+    Messages,
+    NANOSECONDS,
+)
+from masmc_ros.messages.multi_array import labelled_layout
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 NANOSECOND_DIGITS = 9
 
@@ -42,27 +49,21 @@ _SECOND_DIGITS = 10
 _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
 
 
-class LabelledLayout(MultiArrayLayout):
+class CommandMessages(NamedTuple):
     """
-    A command whose label has a known number of digits.
+    Commands whose labels are equally long.
 
     Attributes
     ----------
-    digits
-        where the digits of the stamp stand in the message.
-    padding
-        where it says how many of its numbers are none.
+    indices
+        (n) which of the given commands they are.
+    messages
+        (n) as they are sent.
 
     """
 
-    def __init__(self, prefix: str, count: int, digits: int) -> None:
-        """Lay out `count` numbers with so many characters after `prefix` in their label."""
-        super().__init__([(prefix + '0' * digits, count)], 0)
-        start = self.labels[0] + len(prefix)
-        self.digits = slice(start, start + digits)
-        self.padding = slice(self.offset, self.offset + 4)
-        self.let_vary(self.digits)
-        self.let_vary(self.padding)
+    indices: NDArray[np.intp]
+    messages: Messages
 
 
 class CommandKind:
@@ -79,8 +80,6 @@ class CommandKind:
         what each number is, such as `torque`.
     prefix
         of its label, before the stamp.
-    paddings
-        how many numbers are none, in the message, of a command and of a void one.
 
     """
 
@@ -89,10 +88,9 @@ class CommandKind:
         self.what, self.quantity, self.prefix = what, quantity, prefix
         self.joints = tuple(joints)
         self._label = re.compile(re.escape(prefix) + r'(\d+)\.(\d{1,9})', re.ASCII)
-        self._layouts: dict[int, LabelledLayout] = {}
+        self._layouts: dict[int, Layout] = {}
         self._templates: dict[tuple[int, bool], tuple[bytes, bytes]] = {}
-        self.paddings = bytes(4), len(self.joints).to_bytes(4, 'little')
-        self._by_size: dict[bytes, LabelledLayout | None] = {}
+        self._by_size: dict[bytes, Layout | None] = {}
 
     def named(self, joints: Sequence[str]) -> CommandKind:
         """Return the same kind for joints of other names."""
@@ -100,11 +98,11 @@ class CommandKind:
             return self
         return CommandKind(self.what, self.quantity, self.prefix, joints)
 
-    def layout(self, digits: int) -> LabelledLayout:
+    def layout(self, digits: int) -> Layout:
         """Return the layout of a command with `digits` characters after the prefix."""
         layout = self._layouts.get(digits)
         if layout is None:
-            layout = LabelledLayout(self.prefix, len(self.joints), digits)
+            layout = labelled_layout(self.prefix, digits, len(self.joints))
             self._layouts[digits] = layout
         return layout
 
@@ -113,17 +111,49 @@ class CommandKind:
         template = self._templates.get((digits, is_void))
         if template is None:
             layout = self.layout(digits)
-            whole, padding = layout.template, layout.padding
-            template = (
-                whole[: layout.digits.start],
-                whole[layout.digits.stop:padding.start]
-                + self.paddings[is_void]
-                + whole[padding.stop:layout.data],
-            )
+            characters, data = layout.places['characters'], layout.places['data']
+            message = layout.messages(data_offset=[len(self.joints) * is_void]).tobytes()
+            template = message[: characters.start], message[characters.stop:data.start]
             self._templates[digits, is_void] = template
         return template
 
-    def layout_of_label(self, size: bytes) -> LabelledLayout | None:
+    def messages(
+        self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
+    ) -> list[CommandMessages]:
+        """
+        Return many commands, one group for each number of digits of the seconds.
+
+        Parameters
+        ----------
+        stamps
+            (N) of the states that they answer, in ns, not negative.
+        numbers
+            (N, n), one for each joint.
+        is_void
+            (N) or for all, whether they command nothing.
+
+        """
+        numbers = np.asarray(numbers)
+        voids = np.broadcast_to(np.asarray(is_void, bool), len(numbers))
+        seconds, nanoseconds = np.divmod(stamps, NANOSECONDS)
+        lengths = np.char.str_len(seconds.astype(str))
+        groups = []
+        for length in np.unique(lengths).tolist():
+            indices = np.flatnonzero(lengths == length)
+            label = (
+                _digits(seconds[indices], length),
+                np.full((len(indices), 1), ord('.'), np.uint8),
+                _digits(nanoseconds[indices], NANOSECOND_DIGITS),
+            )
+            messages = self.layout(length + 1 + NANOSECOND_DIGITS).messages(
+                characters=np.hstack(label),
+                data_offset=voids[indices] * len(self.joints),
+                data=numbers[indices],
+            )
+            groups.append(CommandMessages(indices, messages))
+        return groups
+
+    def layout_of_label(self, size: bytes) -> Layout | None:
         """
         Return the layout that a label of this size goes with, None where no stamp fits it.
 
@@ -162,6 +192,12 @@ class CommandKind:
         if len(match[1]) > _SECOND_DIGITS:
             raise InputError(f"{self.what}: label '{label[:40]}' is beyond 2**31 s")
         return checked_stamp(int(match[1]) * NANOSECONDS + int(match[2]))
+
+
+def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
+    """Return `numbers` (N) as `count` characters each, (N, count)."""
+    powers = 10 ** np.arange(count - 1, -1, -1)
+    return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
 
 class LabelledCdr:
@@ -229,18 +265,19 @@ class LabelledCdr:
         layout = self.kind.layout_of_label(raw[LABEL_SIZE])
         if layout is None or not layout.matches(raw):
             return False
-        digits, padding = raw[layout.digits], raw[layout.padding]
+        places = layout.places
+        digits = raw[places['characters']]
         seconds, _, nanoseconds = digits.partition(b'.')
         if not (
             seconds.isdigit() and nanoseconds.isdigit() and len(nanoseconds) <= NANOSECOND_DIGITS
         ):
             return False
         stamp_ns = checked_stamp(int(seconds) * NANOSECONDS + int(nanoseconds))
-        command, void = self.kind.paddings
-        if padding not in (command, void):
+        data_offset = int.from_bytes(raw[places['data_offset']], 'little')
+        if data_offset not in (0, len(self.data)):
             return False
-        self.is_void = padding == void
-        self._numbers[:] = raw[layout.data:]
+        self.is_void = data_offset > 0
+        self._numbers[:] = raw[places['data']]
         self._digits = digits
         self.stamp_ns = stamp_ns
         return True

@@ -16,12 +16,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 import struct
+from typing import Any
 
 from masmc_ros.errors import InputError
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian: what every ROS 2 middleware sends on such a machine."""
@@ -31,6 +33,12 @@ NANOSECONDS = 1_000_000_000
 
 STAMP = struct.Struct('<iI')
 """builtin_interfaces/Time in CDR: seconds and nanoseconds."""
+
+TIME = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
+"""The same as a field of many messages."""
+
+Messages = NDArray[np.void]
+"""(N) of a layout's dtype."""
 
 END_OF_TIME = 2**31 * NANOSECONDS
 """In ns: the first time that ROS 2's seconds of 32 bits, sign included, cannot say."""
@@ -46,74 +54,107 @@ def checked_stamp(stamp_ns: int) -> int:
 
 class Layout:
     """
-    The bytes of one CDR message: which are constant, which vary, which only align.
+    The bytes of one CDR message whose strings and sizes are known, as a NumPy dtype.
 
-    The fields are appended in the order of the message definition. Alignment counts from the
-    end of the 4-byte encapsulation header. The bytes that only align hold zero here; ROS 2's
-    own serialiser leaves in them what the memory held before, so that a comparison of
-    messages must leave them out.
+    The fields are appended in the order of the message definition: those that vary have names,
+    what is constant and what only aligns lies in fields of bytes between them. So one record is
+    a message, and an array of records are many. Alignment counts from the end of the 4-byte
+    encapsulation header. The bytes that only align hold zero here; ROS 2's own serialiser
+    leaves in them what the memory held before, so that a comparison of messages must leave
+    them out.
     """
 
-    def __init__(self) -> None:
-        """Start with the encapsulation header."""
-        self._bytes = bytearray(ENCAPSULATION)
-        self._mask = bytearray(b'\xff' * len(ENCAPSULATION))
-        self._varying: list[slice] = []
+    def __init__(self, position: int | None = None) -> None:
+        """
+        Start with the encapsulation header.
 
-    def _append(self, data: bytes, mask: int) -> int:
-        offset = len(self._bytes)
+        Parameters
+        ----------
+        position
+            where in a message a part of it begins, which has no header; None for a
+            whole message.
+
+        """
+        self._bytes = bytearray(ENCAPSULATION if position is None else b'')
+        self._mask = bytearray(b'\xff' * len(self._bytes))
+        self._start = 0 if position is None else position
+        self._fields: list[tuple[Any, ...]] = []
+        self._described = 0
+
+    def _append(self, data: bytes, mask: int) -> None:
         self._bytes += data
         self._mask += bytes([mask]) * len(data)
-        return offset
-
-    def _append_varying(self, size: int) -> int:
-        offset = self._append(bytes(size), 0)
-        self._varying.append(slice(offset, offset + size))
-        return offset
 
     def _align(self, size: int) -> None:
-        self._append(bytes((len(ENCAPSULATION) - len(self._bytes)) % size), 0)
+        position = self._start + len(self._bytes)
+        self._append(bytes((len(ENCAPSULATION) - position) % size), 0)
 
-    def uint32(self, value: int) -> int:
-        """Append a constant unsigned number and return its offset in the message."""
+    def _close_gap(self) -> None:
+        gap = len(self._bytes) - self._described
+        if gap:
+            self._fields.append((f'_{len(self._fields)}', np.void, gap))
+        self._described = len(self._bytes)
+
+    def _vary(self, name: str, kind: DTypeLike, *shape: int) -> None:
+        """Append a field of zeros that varies."""
+        self._close_gap()
+        self._fields.append((name, kind, shape))
+        self._append(bytes(np.dtype((kind, shape)).itemsize), 0)
+        self._described = len(self._bytes)
+
+    def uint32(self, value: int) -> None:
+        """Append a constant unsigned number."""
         self._align(4)
-        return self._append(value.to_bytes(4, 'little'), 0xFF)
+        self._append(value.to_bytes(4, 'little'), 0xFF)
 
-    def string(self, text: str) -> int:
-        """Append a constant string and return the offset of its first character."""
-        data = text.encode() + b'\0'
-        self.uint32(len(data))
-        return self._append(data, 0xFF)
-
-    def stamp(self) -> int:
-        """Append a builtin_interfaces/Time that varies and return its offset."""
+    def varying_uint32(self, name: str) -> None:
+        """Append an unsigned number that varies."""
         self._align(4)
-        return self._append_varying(STAMP.size)
+        self._vary(name, '<u4')
 
-    def doubles(self, count: int) -> int:
-        """Append `count` float64 that vary and return the offset of the first."""
+    def string(self, text: str, varying: str = '', count: int = 0) -> None:
+        """Append a string: `text`, and behind it a field of `count` characters that vary."""
+        data = text.encode()
+        self.uint32(len(data) + count + 1)
+        self._append(data, 0xFF)
+        if count:
+            self._vary(varying, np.uint8, count)
+        self._append(b'\0', 0xFF)
+
+    def stamp(self, name: str = 'stamp') -> None:
+        """Append a builtin_interfaces/Time that varies."""
+        self._align(4)
+        self._vary(name, TIME)
+
+    def doubles(self, name: str, *shape: int) -> None:
+        """Append float64 of a shape that vary."""
         self._align(8)
-        return self._append_varying(8 * count)
+        self._vary(name, '<f8', *shape)
 
-    def sequence(self, count: int) -> int:
-        """Append a float64[] of constant length and return the offset of its first number."""
+    def sequence(self, name: str, count: int) -> None:
+        """Append a float64[] of constant length that varies."""
         self.uint32(count)
-        return self.doubles(count)
+        self.doubles(name, count)
 
     @property
     def size(self) -> int:
         """Size of the message in bytes, encapsulation header included."""
         return len(self._bytes)
 
-    def let_vary(self, part: slice) -> None:
-        """Take bytes that were appended as constant out of the constant ones."""
-        self._mask[part] = bytes(part.stop - part.start)
-        self._varying = sorted([*self._varying, part], key=lambda each: int(each.start))
+    @cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """Return what a record of the message is; nothing can be appended any more."""
+        self._close_gap()
+        return np.dtype(self._fields)
 
-    @property
-    def varying(self) -> list[slice]:
-        """Return the parts that differ from message to message, in order."""
-        return self._varying
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Return where each field that varies lies in the message, in bytes, in order."""
+        return {
+            name: slice(offset, offset + kind.itemsize)
+            for name, (kind, offset, *_) in (self.dtype.fields or {}).items()
+            if not name.startswith('_')
+        }
 
     @cached_property
     def template(self) -> bytes:
@@ -138,7 +179,7 @@ class Layout:
         """Take out what does not vary, aligning bytes included."""
         form = '<'
         position = 0
-        for part in self._varying:
+        for part in self.places.values():
             form += f'{part.start - position}s{part.stop - part.start}x'
             position = part.stop
         return struct.Struct(f'{form}{self.size - position}s')
@@ -158,16 +199,62 @@ class Layout:
             and int.from_bytes(raw, 'little') & self._mask_number == self._template_number
         )
 
-    def rows_match(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Tell the same of each row of `rows` (N, size); returns (N)."""
+    def messages(self, **fields: ArrayLike) -> Messages:
+        """
+        Return many messages.
+
+        Parameters
+        ----------
+        **fields
+            values (N, ...) of the fields that vary, by name, all others being zero;
+            stamps in ns.
+
+        Returns
+        -------
+            (N) of the dtype; the bytes of each are the message as it is sent.
+
+        """
+        arrays = {name: np.asarray(values) for name, values in fields.items()}
+        count = len(next(iter(arrays.values())))
+        messages = np.repeat(np.frombuffer(self.template, self.dtype), count)
+        for name, values in arrays.items():
+            field = messages[name]
+            if field.dtype == TIME:
+                field['sec'], field['nanosec'] = np.divmod(values, NANOSECONDS)
+            else:
+                field[:] = values
+        return messages
+
+    def read(self, raws: Sequence[bytes]) -> tuple[NDArray[np.bool_], Messages]:
+        """
+        Read many messages of the right size.
+
+        Parameters
+        ----------
+        raws
+            N messages of the layout's size each.
+
+        Returns
+        -------
+            (N) which are such messages, whatever their aligning bytes hold; (N) of the dtype,
+            meaningless for the others.
+
+        """
+        joined = b''.join(raws)
+        rows = np.frombuffer(joined, np.uint8).reshape(len(raws), self.size)
         constant = np.frombuffer(self.mask, np.uint8).astype(bool)
         expected = np.frombuffer(self.template, np.uint8)[constant]
-        return np.asarray((rows[:, constant] == expected).all(axis=1))
+        return (rows[:, constant] == expected).all(axis=1), np.frombuffer(joined, self.dtype)
+
+
+def stamps_of(times: Messages) -> NDArray[np.int64]:
+    """Return stamps (N) in ns of a field of times (N)."""
+    return np.asarray(times['sec'].astype(np.int64) * NANOSECONDS + times['nanosec'])
 
 
 class Message:
     """
-    One message of a fixed layout, kept in memory where its numbers are float64 views.
+    One message of a fixed layout: a record whose fields are views into its bytes.
 
     The bytes lie so that the doubles fall on multiples of 8: reading and writing them
     copies nothing and serialises nothing.
@@ -188,10 +275,7 @@ class Message:
         self._memory = np.zeros((self._lead + layout.size + 7) // 8)
         self._wire = memoryview(self._memory.data).cast('B')[self._lead:self._lead + layout.size]
         self._wire[:] = layout.template
-
-    def _view(self, offset: int, count: int) -> NDArray[np.float64]:
-        first = (self._lead + offset) // 8
-        return self._memory[first:first + count]
+        self._record = np.ndarray((), layout.dtype, self._memory, self._lead)
 
     def to_bytes(self) -> bytes:
         """Return the message as it is sent."""
@@ -218,7 +302,7 @@ class Message:
         if not self._layout.matches(raw):
             return False
         # Part by part, so that what a foreign sender aligns with is never sent on.
-        for part in self._layout.varying:
+        for part in self._layout.places.values():
             self._wire[part] = raw[part]
         return True
 

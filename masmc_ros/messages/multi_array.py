@@ -17,49 +17,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 
 from masmc_ros.messages.layout import Layout
 
 
-class MultiArrayLayout(Layout):
+def multi_array_layout(dimensions: Sequence[tuple[str, int]], data_offset: int) -> Layout:
     """
-    A Float64MultiArray with labelled dimensions.
+    Return the layout of a Float64MultiArray with labelled dimensions.
 
-    Attributes
+    Its fields are `head`, the numbers before the array where there are some, and `data`, of
+    the shape of the dimensions.
+
+    Parameters
     ----------
-    labels
-        where the characters of each label start, in bytes.
-    offset
-        where the message says how many numbers come before the array, in bytes.
-    data
-        where the numbers start, in bytes.
-    count
-        how many numbers there are.
+    dimensions
+        label and size of each, the slowest first.
+    data_offset
+        how many numbers come before the array.
 
     """
+    layout = Layout()
+    layout.uint32(len(dimensions))
+    sizes = [size for _, size in dimensions]
+    for number, (label, size) in enumerate(dimensions):
+        layout.string(label)
+        layout.uint32(size)
+        layout.uint32(prod(sizes[number:]))
+    layout.uint32(data_offset)
+    layout.uint32(data_offset + prod(sizes))
+    if data_offset:
+        layout.doubles('head', data_offset)
+    layout.doubles('data', *sizes)
+    return layout
 
-    def __init__(self, dimensions: Sequence[tuple[str, int]], data_offset: int) -> None:
-        """
-        Lay out a message.
 
-        Parameters
-        ----------
-        dimensions
-            label and size of each, the slowest first.
-        data_offset
-            how many numbers come before the array.
+def labelled_layout(label: str, characters: int, count: int) -> Layout:
+    """
+    Return the layout of `count` numbers whose label goes on behind `label`.
 
-        """
-        super().__init__()
-        strides = [1]
-        for _, size in reversed(dimensions):
-            strides.insert(0, size * strides[0])
-        self.count = data_offset + strides[0]
-        self.labels: list[int] = []
-        self.uint32(len(dimensions))
-        for (label, size), stride in zip(dimensions, strides, strict=False):
-            self.labels.append(self.string(label))
-            self.uint32(size)
-            self.uint32(stride)
-        self.offset = self.uint32(data_offset)
-        self.data = self.sequence(self.count)
+    Its fields are `characters`, of the rest of the label, `data_offset`, and `data`.
+    """
+    layout = Layout()
+    layout.uint32(1)
+    layout.string(label, 'characters', characters)
+    layout.uint32(count)
+    layout.uint32(count)
+    layout.varying_uint32('data_offset')
+    layout.sequence('data', count)
+    return layout

@@ -17,47 +17,44 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
 
-from masmc_ros.messages.layout import ENCAPSULATION, Layout, NANOSECONDS, STAMP
+from masmc_ros.messages.layout import Layout
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-_POSE = 7
-"""Numbers of a pose: position x, y, z and a quaternion x, y, z, w."""
-
-
-class PathLayout(NamedTuple):
-    """
-    A path of two poses, from which one of any number is made; places in bytes.
-
-    The second pose is like all that follow it. The first one's may differ by bytes that
-    align: it follows the count, the others follow numbers of eight bytes.
-    """
-
-    layout: Layout
-    length: int
-    stamps: tuple[int, int]
-    numbers: tuple[int, int]
+_NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+"""As a quaternion x, y, z, w."""
 
 
 @cache
-def path_layout(frame: str) -> PathLayout:
-    """Return the layout of a path of two poses in a frame."""
-    layout = Layout()
+def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
+    """
+    Return the layouts of a path's head, of its first pose and of every other one.
+
+    They may differ by bytes that align: the first pose follows the count, the others follow
+    numbers of eight bytes. The head has the fields `stamp` and `count`, a pose `stamp`,
+    `position` and `orientation`.
+    """
+    head = Layout()
+    head.stamp()
+    head.string(frame)
+    head.varying_uint32('count')
+    first = _pose(frame, head.size)
+    return head, first, _pose(frame, head.size + first.size)
+
+
+def _pose(frame: str, position: int) -> Layout:
+    """Return the layout of a pose that begins at a place of the message."""
+    layout = Layout(position)
     layout.stamp()
     layout.string(frame)
-    length = layout.uint32(2)
-    stamps, numbers = [], []
-    for _ in range(2):
-        stamps.append(layout.stamp())
-        layout.string(frame)
-        numbers.append(layout.doubles(_POSE))
-    return PathLayout(layout, length, (stamps[0], stamps[1]), (numbers[0], numbers[1]))
+    layout.doubles('position', 3)
+    layout.doubles('orientation', len(_NO_ROTATION))
+    return layout
 
 
 def path_message(
-    frame: str, stamp_ns: int, stamps: NDArray[np.int64], points: ArrayLike
+    frame: str, stamp_ns: int, stamps: NDArray[np.int64], points: NDArray[np.float64]
 ) -> bytes:
     """
     Return a serialised path.
@@ -74,30 +71,12 @@ def path_message(
         (n, 3) positions in m.
 
     """
-    layout, length, stamp_offsets, number_offsets = path_layout(frame)
-    template = np.frombuffer(layout.template, np.uint8)
-    first_end, end = (offset + 8 * _POSE for offset in number_offsets)
-    head = template[: first_end if len(stamps) else length + 4].copy()
-    STAMP.pack_into(head.data, len(ENCAPSULATION), *divmod(stamp_ns, NANOSECONDS))
-    head[length:length + 4] = np.frombuffer(len(stamps).to_bytes(4, 'little'), np.uint8)
-    if not len(stamps):
-        return head.tobytes()
-    poses = np.zeros((len(stamps), _POSE))
-    poses[:, :3] = points
-    poses[:, -1] = 1.0
-    rest = np.tile(template[first_end:end], (len(stamps) - 1, 1))
-    for rows, which, place in ((head[None], slice(1), 0), (rest, slice(1, None), 1)):
-        # The rows of the rest begin where the first pose ends.
-        start = place * first_end
-        _fill(rows, stamp_offsets[place] - start, _times(stamps[which]))
-        _fill(rows, number_offsets[place] - start, poses[which])
-    return head.tobytes() + rest.tobytes()
-
-
-def _times(stamps: NDArray[np.int64]) -> NDArray[np.int32]:
-    return np.stack(np.divmod(stamps, NANOSECONDS), axis=1).astype('<i4')
-
-
-def _fill(rows: NDArray[np.uint8], offset: int, values: NDArray[np.generic]) -> None:
-    data = values.view(np.uint8)
-    rows[:, offset:offset + data.shape[1]] = data
+    head, first, other = path_layouts(frame)
+    parts = [head.messages(stamp=[stamp_ns], count=[len(stamps)])]
+    for layout, which in ((first, slice(1)), (other, slice(1, None))):
+        parts.append(
+            layout.messages(
+                stamp=stamps[which], position=points[which], orientation=_NO_ROTATION
+            )
+        )
+    return b''.join(part.tobytes() for part in parts)

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from masmc_ros.messages.layout import Layout, Message, NANOSECONDS, StampedMessage
 from masmc_ros.messages.names import BASE_FRAME, ODOM_FRAME
@@ -72,18 +72,17 @@ def odometry_numbers(odometry: Any) -> tuple[int, Floats, Floats]:
     )
 
 
-class TwistLayout(NamedTuple):
-    """The layout of a twist and where its six numbers start, in bytes."""
-
-    layout: Layout
-    linear: int
-
-
 @cache
-def twist_layout() -> TwistLayout:
+def twist_layout() -> Layout:
     """Return the layout of geometry_msgs/Twist."""
     layout = Layout()
-    return TwistLayout(layout, layout.doubles(6))
+    _twist(layout)
+    return layout
+
+
+def _twist(layout: Layout) -> None:
+    layout.doubles('linear', 3)
+    layout.doubles('angular', 3)
 
 
 class TwistCdr(Message):
@@ -101,19 +100,18 @@ class TwistCdr(Message):
 
     def __init__(self) -> None:
         """Make a twist of zeros."""
-        layout, linear = twist_layout()
-        super().__init__(layout)
-        self.linear = self._view(linear, 6)[:3]
-        self.angular = self._view(linear, 6)[3:]
+        super().__init__(twist_layout())
+        self.linear, self.angular = self._record['linear'], self._record['angular']
 
 
 @cache
-def twist_stamped_layout(frame_prefix: str = '') -> TwistLayout:
+def twist_stamped_layout(frame_prefix: str = '') -> Layout:
     """Return the layout of geometry_msgs/TwistStamped in `base_link`, with a prefix."""
     layout = Layout()
     layout.stamp()
     layout.string(frame_prefix + BASE_FRAME)
-    return TwistLayout(layout, layout.doubles(6))
+    _twist(layout)
+    return layout
 
 
 class TwistStampedCdr(StampedMessage):
@@ -131,29 +129,23 @@ class TwistStampedCdr(StampedMessage):
 
     def __init__(self, frame_prefix: str = '') -> None:
         """Make a twist of zeros at time 0."""
-        layout, linear = twist_stamped_layout(frame_prefix)
-        super().__init__(layout)
-        self.linear = self._view(linear, 6)[:3]
-        self.angular = self._view(linear, 6)[3:]
-
-
-class OdometryLayout(NamedTuple):
-    """The layout of an odometry and where its parts start, in bytes."""
-
-    layout: Layout
-    pose: int
-    twist: int
+        super().__init__(twist_stamped_layout(frame_prefix))
+        self.linear, self.angular = self._record['linear'], self._record['angular']
 
 
 @cache
-def odometry_layout(frame_prefix: str = '') -> OdometryLayout:
+def odometry_layout(frame_prefix: str = '') -> Layout:
     """Return the layout of nav_msgs/Odometry from `odom` to `base_link`, with a prefix."""
     layout = Layout()
     layout.stamp()
     layout.string(frame_prefix + ODOM_FRAME)
     layout.string(frame_prefix + BASE_FRAME)
-    pose = layout.doubles(7 + _COVARIANCE)
-    return OdometryLayout(layout, pose, layout.doubles(6 + _COVARIANCE))
+    layout.doubles('position', 3)
+    layout.doubles('orientation', 4)
+    layout.doubles('pose_covariance', _COVARIANCE)
+    _twist(layout)
+    layout.doubles('twist_covariance', _COVARIANCE)
+    return layout
 
 
 class OdometryCdr(StampedMessage):
@@ -179,14 +171,10 @@ class OdometryCdr(StampedMessage):
 
     def __init__(self, frame_prefix: str = '') -> None:
         """Make an odometry at the origin, at rest, at time 0."""
-        layout, pose, twist = odometry_layout(frame_prefix)
-        super().__init__(layout)
-        pose_numbers = self._view(pose, 7 + _COVARIANCE)
-        twist_numbers = self._view(twist, 6 + _COVARIANCE)
-        self.position = pose_numbers[:3]
-        self.orientation = pose_numbers[3:7]
-        self.pose_covariance = pose_numbers[7:]
-        self.linear = twist_numbers[:3]
-        self.angular = twist_numbers[3:6]
-        self.twist_covariance = twist_numbers[6:]
+        super().__init__(odometry_layout(frame_prefix))
+        record = self._record
+        self.position, self.orientation = record['position'], record['orientation']
+        self.linear, self.angular = record['linear'], record['angular']
+        self.pose_covariance = record['pose_covariance']
+        self.twist_covariance = record['twist_covariance']
         self.orientation[3] = 1.0

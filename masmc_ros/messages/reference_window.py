@@ -21,8 +21,8 @@ from functools import lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import NANOSECONDS
-from masmc_ros.messages.multi_array import MultiArrayLayout
+from masmc_ros.messages.layout import Layout, NANOSECONDS
+from masmc_ros.messages.multi_array import multi_array_layout
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,14 @@ _SECONDS = 2.0**31
 _LONGEST_PERIOD = 1e4
 """Longest time in s between two samples."""
 _SAMPLE = DERIVATIVES * TASK_AXES
+_SET_POINTS = f'{TASK_AXES}, {2 * TASK_AXES} or {_SAMPLE}'
 
 
 @lru_cache(maxsize=64)
-def reference_layout(samples: int) -> MultiArrayLayout:
+def reference_layout(samples: int) -> Layout:
     """Return the layout of a window of that many samples."""
     sizes = (samples, DERIVATIVES, TASK_AXES)
-    return MultiArrayLayout(list(zip(LABELS, sizes, strict=True)), STAMP_NUMBERS)
+    return multi_array_layout(list(zip(LABELS, sizes, strict=True)), STAMP_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class ReferenceWindow:
     period
         time from sample to sample in s; 0 for a set-point.
     samples
-        (n, 3, 4) position (m), velocity (m/s), acceleration (m/s^2) of the task
-        axes x_E, y_E, x_F, y_F in the world.
+        (n, derivatives, task axes) position (m), velocity (m/s),
+        acceleration (m/s^2) of x_E, y_E, x_F, y_F in the world.
 
     """
 
@@ -72,16 +73,14 @@ class ReferenceWindow:
         return np.asarray((self.stamp_ns or 0) + steps.astype(np.int64))
 
     def to_bytes(self) -> bytes:
-        """Return the message as it is sent; a set-point travels as its bare 12 numbers."""
+        """Return the message as it is sent; a set-point travels as its bare numbers."""
         if self.stamp_ns is None:
-            layout = MultiArrayLayout([('', _SAMPLE)], 0)
-            head = b''
-        else:
-            layout = reference_layout(len(self.samples))
-            seconds, nanoseconds = divmod(self.stamp_ns, NANOSECONDS)
-            head = np.array([seconds, nanoseconds, self.period]).tobytes()
-        numbers = np.ascontiguousarray(self.samples, dtype=np.float64).tobytes()
-        return layout.template[: layout.data] + head + numbers
+            bare = multi_array_layout([('', _SAMPLE)], 0)
+            return bare.messages(data=self.samples.reshape(1, -1)).tobytes()
+        head = [[*divmod(self.stamp_ns, NANOSECONDS), self.period]]
+        layout = reference_layout(len(self.samples))
+        samples = np.reshape(self.samples, (1, -1, DERIVATIVES, TASK_AXES))
+        return layout.messages(head=head, data=samples).tobytes()
 
     @staticmethod
     def from_bytes(raw: bytes) -> ReferenceWindow | None:
@@ -104,7 +103,7 @@ class ReferenceWindow:
             as `from_message`.
 
         """
-        start = reference_layout(1).data
+        start = reference_layout(1).places['head'].start
         samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, _SAMPLE)
         if samples < 1 or rest:
             return None
@@ -127,8 +126,9 @@ class ReferenceWindow:
         ------
         InputError
             for dimensions that are not samples x derivative x task, for another
-            number of values than they promise, for a set-point that has not 4, 8 or 12
-            values, for a stamp or a period that is none, for numbers that are not finite.
+            number of values than they promise, for a set-point that is not positions
+            alone or with velocities or with accelerations too, for a stamp or a
+            period that is none, for numbers that are not finite.
 
         """
         numbers = np.array(message.data, dtype=np.float64)
@@ -146,8 +146,9 @@ class ReferenceWindow:
             shape = ' x '.join(f'{label} {size}' for label, size in dimensions)
             raise InputError(
                 f'reference: {len(numbers)} numbers, data_offset {message.layout.data_offset},'
-                f' as {shape or "no dimensions"}; it takes samples n x derivative 3 x task 4 after'
-                ' 3 numbers (seconds, nanoseconds, period), or 4, 8 or 12 bare numbers'
+                f' as {shape or "no dimensions"}; it takes samples n'
+                f' x derivative {DERIVATIVES} x task {TASK_AXES} after {STAMP_NUMBERS} numbers'
+                f' (seconds, nanoseconds, period), or {_SET_POINTS} bare numbers'
             )
         return _window(numbers)
 
@@ -178,8 +179,8 @@ def _set_point(numbers: NDArray[np.float64]) -> ReferenceWindow:
     """Make a set-point of position, and velocity and acceleration where they are given."""
     if len(numbers) not in (TASK_AXES, 2 * TASK_AXES, _SAMPLE):
         raise InputError(
-            f'reference: a set-point of {len(numbers)} numbers; it takes 4 positions, or 8 with'
-            ' velocities, or 12 with accelerations'
+            f'reference: a set-point of {len(numbers)} numbers; it takes {TASK_AXES} positions,'
+            f' or {2 * TASK_AXES} with velocities, or {_SAMPLE} with accelerations'
         )
     _check_finite(numbers)
     samples = np.zeros((1, DERIVATIVES, TASK_AXES))

@@ -21,8 +21,10 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import END_OF_TIME, Message, NANOSECONDS
-from masmc_ros.messages.multi_array import MultiArrayLayout
+from masmc_ros.messages.layout import END_OF_TIME, Layout, Message, Messages, NANOSECONDS
+from masmc_ros.messages.multi_array import multi_array_layout
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 STAMP_NUMBERS = 2
 """How many numbers come before the values: seconds and nanoseconds."""
@@ -31,9 +33,28 @@ _STAMP_PAIR = struct.Struct('<2d')
 
 
 @cache
-def telemetry_layout(label: str, count: int) -> MultiArrayLayout:
+def telemetry_layout(label: str, count: int) -> Layout:
     """Return the layout of `count` values called `label`, after the stamp."""
-    return MultiArrayLayout([(label, count)], STAMP_NUMBERS)
+    return multi_array_layout([(label, count)], STAMP_NUMBERS)
+
+
+def telemetry_messages(label: str, stamps: NDArray[np.int64], values: ArrayLike) -> Messages:
+    """
+    Return telemetry messages called `label`.
+
+    Parameters
+    ----------
+    label
+        what the values are.
+    stamps
+        (N) in ns.
+    values
+        (N, n).
+
+    """
+    values = np.asarray(values)
+    head = np.stack(np.divmod(stamps, NANOSECONDS), axis=1)
+    return telemetry_layout(label, values.shape[1]).messages(head=head, data=values)
 
 
 class TelemetryCdr(Message):
@@ -52,9 +73,9 @@ class TelemetryCdr(Message):
         layout = telemetry_layout(label, count)
         super().__init__(layout)
         self._label = label
-        self._stamp_offset = layout.data
-        self._stamped_values = self._view(layout.data, STAMP_NUMBERS + count)
-        self.values = self._stamped_values[STAMP_NUMBERS:]
+        self._stamp_offset = layout.places['head'].start
+        self._head = self._record['head']
+        self.values = self._record['data']
 
     def set_stamp(self, stamp_ns: int) -> None:
         """Write the stamp, in ns, of the state that the values belong to."""
@@ -90,7 +111,7 @@ class TelemetryCdr(Message):
             )
         numbers = [float(each) for each in message.data]
         _stamp(*numbers[:STAMP_NUMBERS])
-        self._stamped_values[:] = numbers
+        self._head[:], self.values[:] = numbers[:STAMP_NUMBERS], numbers[STAMP_NUMBERS:]
 
 
 def _stamp(seconds: float, nanoseconds: float) -> int:

@@ -22,12 +22,18 @@ before a time then tells everything of that time, wherever a viewer jumps to.
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
 
-from masmc_ros.messages.layout import ENCAPSULATION, Layout, Message, NANOSECONDS, STAMP
+from masmc_ros.messages.layout import (
+    ENCAPSULATION,
+    Layout,
+    Message,
+    Messages,
+    NANOSECONDS,
+    STAMP,
+)
 from masmc_ros.robot.two_link.names import FRAMES
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _COUNT = 4
 """Bytes of a count, and of the length in front of a string."""
@@ -36,26 +42,45 @@ TRANSFORM = 7
 """Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
 
 
-class TransformsLayout(NamedTuple):
-    """The layout of a robot's transforms; where each one's parts start, in bytes."""
-
-    layout: Layout
-    stamps: list[int]
-    numbers: list[int]
-
-
 @cache
-def transforms_layout(frame_prefix: str = '') -> TransformsLayout:
-    """Return the layout of the transforms of FRAMES, with a prefix before all names."""
+def transforms_layout(frame_prefix: str = '') -> Layout:
+    """
+    Return the layout of the transforms of FRAMES, with a prefix before all names.
+
+    Its fields are `stamp_CHILD` and `transform_CHILD` of each, the latter of TRANSFORM numbers.
+    """
     layout = Layout()
     layout.uint32(len(FRAMES))
-    stamps, numbers = [], []
     for parent, child in FRAMES:
-        stamps.append(layout.stamp())
+        layout.stamp(f'stamp_{child}')
         layout.string(frame_prefix + parent)
         layout.string(frame_prefix + child)
-        numbers.append(layout.doubles(TRANSFORM))
-    return TransformsLayout(layout, stamps, numbers)
+        layout.doubles(f'transform_{child}', TRANSFORM)
+    return layout
+
+
+def transforms_messages(
+    stamps: NDArray[np.int64], transforms: NDArray[np.float64], frame_prefix: str = ''
+) -> Messages:
+    """
+    Return the transforms of all frames at each of many times.
+
+    Parameters
+    ----------
+    stamps
+        (N) in ns.
+    transforms
+        (N, frames, TRANSFORM) translation in m and quaternion x, y, z, w, as FRAMES lists
+        them.
+    frame_prefix
+        of the names of all frames.
+
+    """
+    fields: dict[str, ArrayLike] = {}
+    for number, (_, child) in enumerate(FRAMES):
+        fields[f'stamp_{child}'] = stamps
+        fields[f'transform_{child}'] = transforms[:, number]
+    return transforms_layout(frame_prefix).messages(**fields)
 
 
 class TransformsCdr(Message):
@@ -63,15 +88,19 @@ class TransformsCdr(Message):
 
     def __init__(self, frame_prefix: str = '') -> None:
         """Make transforms of zeros at time 0."""
-        layout, stamps, numbers = transforms_layout(frame_prefix)
+        layout = transforms_layout(frame_prefix)
         super().__init__(layout)
         self._words = self._memory.view(np.int32)
         # One write each for all stamps and for all numbers, wherever they lie.
-        self._stamps = (np.array(stamps)[:, None] + self._lead) // 4 + np.arange(2)
-        self._numbers = (np.array(numbers)[:, None] + self._lead) // 8 + np.arange(TRANSFORM)
+        stamps, numbers = (
+            np.array([[layout.places[f'{field}_{child}'].start] for _, child in FRAMES])
+            for field in ('stamp', 'transform')
+        )
+        self._stamps = (stamps + self._lead) // 4 + np.arange(2)
+        self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
-        """Write transforms (6, 7) as FRAMES lists them, m; return the message as it is sent."""
+        """Write transforms (frames, TRANSFORM) as FRAMES lists them, m; return the message."""
         self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
         self._memory[self._numbers] = transforms
         return self.to_bytes()

@@ -17,34 +17,26 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
-from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.labelled_command import (
     CommandKind,
     LABEL_SIZE,
     LabelledCdr,
-    LabelledLayout,
     NANOSECOND_DIGITS,
 )
-from masmc_ros.messages.layout import (
-    checked_stamp,
-    ENCAPSULATION,
-    END_OF_TIME,
-    Layout,
-    NANOSECONDS,
-)
+from masmc_ros.messages.layout import checked_stamp, END_OF_TIME, NANOSECONDS, stamps_of
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.messages.telemetry import STAMP_NUMBERS, telemetry_layout, TelemetryCdr
+from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
 import numpy as np
 from numpy.typing import NDArray
 
-Rows = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
@@ -99,7 +91,7 @@ class Topical:
     kind
         tells apart the layouts that they may come in, together with their size.
     bulk
-        reads messages (n, size) of one kind and size.
+        reads messages of one kind and size; None for those of another layout.
     single
         reads a decoded message and its log time in ns: stamp in ns and values.
 
@@ -107,7 +99,7 @@ class Topical:
 
     width: int
     kind: Callable[[bytes], Hashable]
-    bulk: Callable[[Rows], Bulk | None]
+    bulk: Callable[[Sequence[bytes]], Bulk | None]
     single: Callable[[Any, int], tuple[int, Floats]]
 
 
@@ -166,8 +158,7 @@ def decode(topic: Topic, how: Topical) -> Series:
     for index, raw in enumerate(topic.messages):
         groups[len(raw), how.kind(raw)].append(index)
     for members in groups.values():
-        joined = b''.join([topic.messages[index] for index in members])
-        bulk = how.bulk(np.frombuffer(joined, np.uint8).reshape(len(members), -1))
+        bulk = how.bulk([topic.messages[index] for index in members])
         if bulk is not None:
             usable[members] = bulk.usable
             stamps[members] = bulk.series.stamps
@@ -208,16 +199,6 @@ def _decode_singly(
     return refusal
 
 
-def _numbers(rows: Rows, offset: int, count: int, kind: str = '<f8') -> NDArray[Any]:
-    """Return `count` numbers of each row, (n, count)."""
-    size = np.dtype(kind).itemsize * count
-    return np.ascontiguousarray(rows[:, offset:offset + size]).view(kind)
-
-
-def _usable(rows: Rows, layout: Layout) -> NDArray[np.bool_] | None:
-    return layout.rows_match(rows) if rows.shape[1] == layout.size else None
-
-
 def _are_times(stamps: Stamps) -> NDArray[np.bool_]:
     """Tell which stamps (n) in ns are times, as `checked_stamp`."""
     return (stamps >= 0) & (stamps < END_OF_TIME)
@@ -231,29 +212,28 @@ def joint_states(
     names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
 ) -> Topical:
     """
-    Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
+    Read joint states: positions, velocities and efforts, one of each by the joints' names.
 
     `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
     of others mean nothing.
     """
     message = JointStateCdr(names)
 
-    def bulk(rows: Rows) -> Bulk | None:
-        layout, *offsets = joint_state_layout(names)
-        usable = _usable(rows, layout)
-        if usable is None:
+    layout = joint_state_layout(names)
+
+    def bulk(raws: Sequence[bytes]) -> Bulk | None:
+        if len(raws[0]) != layout.size:
             return None
-        seconds = _numbers(rows, len(ENCAPSULATION), 1, '<i4')[:, 0].astype(np.int64)
-        nanoseconds = _numbers(rows, len(ENCAPSULATION) + 4, 1, '<u4')[:, 0].astype(np.int64)
-        stamps = seconds * NANOSECONDS + nanoseconds
-        numbers = np.hstack([_numbers(rows, offset, len(JOINTS)) for offset in offsets])
+        usable, states = layout.read(raws)
+        stamps = stamps_of(states['stamp'])
+        numbers = np.hstack([states[field] for field in FIELDS])
         return Bulk(usable & _are_times(stamps), Series(stamps, numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
-    return Topical(3 * len(JOINTS), _same, bulk, single)
+    return Topical(len(FIELDS) * len(names), _same, bulk, single)
 
 
 def commands(kind: CommandKind) -> Topical:
@@ -264,14 +244,13 @@ def commands(kind: CommandKind) -> Topical:
     def size(raw: bytes) -> Hashable:
         return raw[LABEL_SIZE]
 
-    def bulk(rows: Rows) -> Bulk | None:
-        layout = kind.layout_of_label(rows[0, LABEL_SIZE].tobytes())
-        usable = None if layout is None else _usable(rows, layout)
-        if layout is None or usable is None:
+    def bulk(raws: Sequence[bytes]) -> Bulk | None:
+        layout = kind.layout_of_label(raws[0][LABEL_SIZE])
+        if layout is None or len(raws[0]) != layout.size:
             return None
-        plain, stamps = _label_stamps(rows, layout)
-        usable &= plain & _are_times(stamps)
-        return Bulk(usable, Series(stamps, _numbers(rows, layout.data, width)))
+        usable, messages = layout.read(raws)
+        plain, stamps = _label_stamps(messages['characters'])
+        return Bulk(usable & plain & _are_times(stamps), Series(stamps, messages['data']))
 
     def single(received: Any, log_time: int) -> tuple[int, Floats]:
         message.load_message(received)
@@ -281,33 +260,34 @@ def commands(kind: CommandKind) -> Topical:
     return Topical(width, size, bulk, single)
 
 
-def _label_stamps(rows: Rows, layout: LabelledLayout) -> tuple[NDArray[np.bool_], Stamps]:
+def _label_stamps(characters: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], Stamps]:
     """Return which labels have nine digits of nanoseconds, and the stamps in ns of those."""
-    point = layout.digits.stop - NANOSECOND_DIGITS - 1
-    if point <= layout.digits.start:
-        return np.zeros(len(rows), bool), np.zeros(len(rows), np.int64)
-    text = np.delete(rows[:, layout.digits], point - layout.digits.start, axis=1)
-    plain = (rows[:, point] == ord('.')) & ((text >= ord('0')) & (text <= ord('9'))).all(axis=1)
+    point = characters.shape[1] - NANOSECOND_DIGITS - 1
+    if point <= 0:
+        return np.zeros(len(characters), bool), np.zeros(len(characters), np.int64)
+    text = np.delete(characters, point, axis=1)
+    is_plain = ((text >= ord('0')) & (text <= ord('9'))).all(axis=1)
     powers = 10 ** np.arange(text.shape[1] - 1, -1, -1)
-    return plain, (text.astype(np.int64) - ord('0')) @ powers
+    stamps = (text.astype(np.int64) - ord('0')) @ powers
+    return is_plain & (characters[:, point] == ord('.')), stamps
 
 
 def telemetry(label: str, count: int) -> Topical:
     """Read telemetry: `count` values called `label`."""
     message = TelemetryCdr(label, count)
 
-    def bulk(rows: Rows) -> Bulk | None:
-        layout = telemetry_layout(label, count)
-        usable = _usable(rows, layout)
-        if usable is None:
+    layout = telemetry_layout(label, count)
+
+    def bulk(raws: Sequence[bytes]) -> Bulk | None:
+        if len(raws[0]) != layout.size:
             return None
-        numbers = _numbers(rows, layout.data, layout.count)
-        parts = numbers[:, :STAMP_NUMBERS]
+        usable, messages = layout.read(raws)
+        parts = messages['head']
         # False for what is not a number, too.
         usable &= ((parts >= 0.0) & (parts < _STAMP_LIMITS)).all(axis=1)
         seconds, nanoseconds = np.where(usable[:, None], parts, 0.0).astype(np.int64).T
         stamps = seconds * NANOSECONDS + nanoseconds
-        return Bulk(usable, Series(stamps, numbers[:, STAMP_NUMBERS:]))
+        return Bulk(usable, Series(stamps, messages['data']))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received)

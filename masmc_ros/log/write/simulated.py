@@ -28,8 +28,10 @@ from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.simulation import robot_of, Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.messages import rows
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.joint_state import joint_state_layout
+from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
@@ -44,7 +46,14 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.platform_motion import (
+    odometry_layout,
+    time_layout,
+    twist_layout,
+    twist_stamped_layout,
+)
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.text import string_message
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
@@ -53,6 +62,7 @@ from masmc_ros.messages.topics import (
     TRANSFORMS,
     TWIST_STAMPED,
 )
+from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
 from masmc_ros.robot.two_link.names import joint_names
@@ -182,32 +192,34 @@ class SimulationLog:
         self._writer.write(channel, record.stamp, record.stamp, message)
 
     def _rows(
-        self, topic: str, stamps: NDArray[np.int64], data: NDArray[np.uint8]
+        self, topic: str, stamps: NDArray[np.int64], data: Messages | NDArray[np.uint8]
     ) -> ChannelRows:
         return ChannelRows(self._channels[topic], stamps, data)
 
     def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
-        effort = np.zeros((len(stamps), 7))
-        effort[:, 3:] = stretch.applied
-        data = rows.joint_state_rows(
-            stamps, stretch.position, stretch.velocity, effort, self._joints
+        joints = len(self._joints)
+        effort = np.zeros((len(stamps), joints))
+        effort[:, joints - stretch.applied.shape[1]:] = stretch.applied
+        states = joint_state_layout(self._joints).messages(
+            stamp=stamps, position=stretch.position, velocity=stretch.velocity, effort=effort
         )
-        return self._rows(STATE_TOPIC, stamps, data)
+        return self._rows(STATE_TOPIC, stamps, states)
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
-                yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
+            for group in EFFORT.messages(stamps, stretch.torque, ~stretch.active):
+                yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.messages)
             return
-        twists = np.zeros((len(stamps), 6))
-        twists[:, 0], twists[:, 5] = stretch.rates[:, 0], stretch.rates[:, 1]
+        linear, angular = np.zeros((len(stamps), 3)), np.zeros((len(stamps), 3))
+        linear[:, 0], angular[:, 2] = stretch.rates[:, 0], stretch.rates[:, 1]
         if self._is_stamped:
-            data = rows.twist_stamped_rows(stamps, twists, self._command_prefix)
+            layout = twist_stamped_layout(self._command_prefix)
+            twists = layout.messages(stamp=stamps, linear=linear, angular=angular)
         else:
-            data = rows.twist_rows(twists)
-        yield self._rows(CMD_VEL_TOPIC, stamps, data)
-        for group in rows.command_rows(ARM_VELOCITY, stamps, stretch.rates[:, 2:]):
-            yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.rows)
+            twists = twist_layout().messages(linear=linear, angular=angular)
+        yield self._rows(CMD_VEL_TOPIC, stamps, twists)
+        for group in ARM_VELOCITY.messages(stamps, stretch.rates[:, 2:]):
+            yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages)
 
     def _telemetry(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
@@ -220,7 +232,7 @@ class SimulationLog:
         for label, signal in zip(TELEMETRY, signals, strict=True):
             if telemetry_topic(label) not in self._channels:
                 continue
-            data = rows.telemetry_rows(label, stamps[chosen], signal[chosen])
+            data = telemetry_messages(label, stamps[chosen], signal[chosen])
             yield self._rows(telemetry_topic(label), stamps[chosen], data)
 
     def _motion(
@@ -228,9 +240,17 @@ class SimulationLog:
     ) -> Iterator[ChannelRows]:
         chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
         pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
-        odometry = rows.odometry_rows(stamps[chosen], pose, twist, self._prefix)
+        linear, angular = twist[:, :3], twist[:, 3:]
+        odometry = odometry_layout(self._prefix).messages(
+            stamp=stamps[chosen],
+            position=pose[:, :3],
+            orientation=pose[:, 3:],
+            linear=linear,
+            angular=angular,
+        )
         yield self._rows('odom', stamps[chosen], odometry)
-        yield self._rows('base_twist', stamps[chosen], rows.twist_rows(twist))
+        twists = twist_layout().messages(linear=linear, angular=angular)
+        yield self._rows('base_twist', stamps[chosen], twists)
 
     def _clock(
         self, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
@@ -238,7 +258,8 @@ class SimulationLog:
         decimation = self._values['plant']['clock_decimation']
         if decimation:
             chosen = self._decimated(ticks, decimation)
-            yield self._rows(CLOCK_TOPIC, stamps[chosen], rows.time_rows(stamps[chosen]))
+            clock = time_layout().messages(stamp=stamps[chosen])
+            yield self._rows(CLOCK_TOPIC, stamps[chosen], clock)
 
     def _transforms(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
@@ -247,7 +268,7 @@ class SimulationLog:
         if decimation:
             chosen = self._decimated(ticks, decimation)
             transforms = frame_transforms(self._origins, stretch.position[chosen])
-            data = rows.transforms_rows(stamps[chosen], transforms, self._prefix)
+            data = transforms_messages(stamps[chosen], transforms, self._prefix)
             yield self._rows(TRANSFORMS.name, stamps[chosen], data)
 
     def _path(
