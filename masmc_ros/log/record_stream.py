@@ -89,17 +89,14 @@ class RecordStream:
 
     def add_chunk(self, indexed: IndexedChunk) -> None:
         """Write a chunk and the indexes of its messages behind it."""
-        chunk, indexes = indexed
-        record = packed(chunk)
-        told = self.summary.note_chunk(chunk, self.position, len(record))
+        record = packed(indexed.chunk)
+        told = self.summary.note_chunk(indexed, self.position, len(record))
         self.write(record)
         records, end = [], self.position
-        for channel, index in indexes.items():
+        for channel, index in indexed.indexes.items():
             told.message_index_offsets[channel] = end
             records.append(index_record(channel, index))
             end += len(records[-1])
-            times = chunk.message_start_time, chunk.message_end_time
-            self.summary.count(channel, len(index) // 2, *times)
         told.message_index_length = end - self.position
         self.write(b''.join(records))
 

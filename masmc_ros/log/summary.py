@@ -22,13 +22,13 @@ from dataclasses import dataclass, field
 import mmap
 import zlib
 
+from masmc_ros.log.chunks import IndexedChunk
 from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -105,11 +105,13 @@ class Summary:
         """Note metadata by where their record begins and by its length."""
         self.metadata.append(MetadataIndex(offset=start, length=length, name=name))
 
-    def note_chunk(self, chunk: Chunk, start: int, length: int) -> ChunkIndex:
+    def note_chunk(self, indexed: IndexedChunk, start: int, length: int) -> ChunkIndex:
         """Note a chunk; return its index, to which those of its messages are added."""
-        index = ChunkIndex(
-            message_start_time=chunk.message_start_time,
-            message_end_time=chunk.message_end_time,
+        chunk, indexes = indexed
+        begin, end = chunk.message_start_time, chunk.message_end_time
+        told = ChunkIndex(
+            message_start_time=begin,
+            message_end_time=end,
             chunk_start_offset=start,
             chunk_length=length,
             message_index_offsets={},
@@ -118,8 +120,10 @@ class Summary:
             compressed_size=len(chunk.data),
             uncompressed_size=chunk.uncompressed_size,
         )
-        self.chunks.append(index)
-        return index
+        self.chunks.append(told)
+        for channel, index in indexes.items():
+            self.count(channel, len(index) // 2, begin, end)
+        return told
 
     def count(self, channel: int, count: int, begin: int, end: int) -> None:
         """Count messages of a channel, from and to these log times in ns."""

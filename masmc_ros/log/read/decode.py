@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,7 +30,14 @@ from masmc_ros.messages.labelled_command import (
     LabelledCdr,
     NANOSECOND_DIGITS,
 )
-from masmc_ros.messages.layout import checked_stamp, END_OF_TIME, NANOSECONDS, stamps_of
+from masmc_ros.messages.layout import (
+    checked_stamp,
+    END_OF_TIME,
+    Layout,
+    Messages,
+    NANOSECONDS,
+    stamps_of,
+)
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
@@ -64,18 +71,18 @@ class Series(NamedTuple):
 
 class Bulk(NamedTuple):
     """
-    The rows that had the expected layout.
+    What messages of one layout say.
 
     Attributes
     ----------
     usable
-        (n) which they are.
+        (n) which have a stamp that can be understood.
     series
-        of all rows, meaningless where not usable.
+        of all, meaningless where not usable.
 
     """
 
-    usable: NDArray[np.bool_]
+    usable: NDArray[np.bool_] | bool
     series: Series
 
 
@@ -88,18 +95,18 @@ class Topical:
     ----------
     width
         how many values each has.
-    kind
-        tells apart the layouts that they may come in, together with their size.
+    layout
+        tells which layout a message has where it is one of ours, else None.
     bulk
-        reads messages of one kind and size; None for those of another layout.
+        reads messages of a layout.
     single
         reads a decoded message and its log time in ns: stamp in ns and values.
 
     """
 
     width: int
-    kind: Callable[[bytes], Hashable]
-    bulk: Callable[[Sequence[bytes]], Bulk | None]
+    layout: Callable[[bytes], Layout | None]
+    bulk: Callable[[Messages], Bulk]
     single: Callable[[Any, int], tuple[int, Floats]]
 
 
@@ -154,15 +161,16 @@ def decode(topic: Topic, how: Topical) -> Series:
     stamps = np.zeros(count, np.int64)
     values = np.zeros((count, how.width))
     usable = np.zeros(count, bool)
-    groups: dict[Hashable, list[int]] = defaultdict(list)
+    groups: dict[Layout, list[int]] = defaultdict(list)
     for index, raw in enumerate(topic.messages):
-        groups[len(raw), how.kind(raw)].append(index)
-    for members in groups.values():
-        bulk = how.bulk([topic.messages[index] for index in members])
-        if bulk is not None:
-            usable[members] = bulk.usable
-            stamps[members] = bulk.series.stamps
-            values[members] = bulk.series.values
+        layout = how.layout(raw)
+        if layout is not None and len(raw) == layout.size:
+            groups[layout].append(index)
+    for layout, members in groups.items():
+        matching, messages = layout.read([topic.messages[index] for index in members])
+        told, series = how.bulk(messages)
+        usable[members] = matching & told & _are_times(series.stamps)
+        stamps[members], values[members] = series
     others = np.flatnonzero(~usable).tolist()
     refusal = _decode_singly(topic, how, others, stamps, values, usable)
     if refusal is not None and not usable.any():
@@ -204,10 +212,6 @@ def _are_times(stamps: Stamps) -> NDArray[np.bool_]:
     return (stamps >= 0) & (stamps < END_OF_TIME)
 
 
-def _same(_: bytes) -> Hashable:
-    return None
-
-
 def joint_states(
     names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
 ) -> Topical:
@@ -221,43 +225,34 @@ def joint_states(
 
     layout = joint_state_layout(names)
 
-    def bulk(raws: Sequence[bytes]) -> Bulk | None:
-        if len(raws[0]) != layout.size:
-            return None
-        usable, states = layout.read(raws)
-        stamps = stamps_of(states['stamp'])
+    def bulk(states: Messages) -> Bulk:
         numbers = np.hstack([states[field] for field in FIELDS])
-        return Bulk(usable & _are_times(stamps), Series(stamps, numbers))
+        return Bulk(True, Series(stamps_of(states['stamp']), numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
-    return Topical(len(FIELDS) * len(names), _same, bulk, single)
+    return Topical(len(FIELDS) * len(names), lambda _: layout, bulk, single)
 
 
 def commands(kind: CommandKind) -> Topical:
     """Read commands of a kind, a number a joint; those without a label take their log time."""
     message = LabelledCdr(kind)
-    width = len(kind.joints)
 
-    def size(raw: bytes) -> Hashable:
-        return raw[LABEL_SIZE]
+    def layout(raw: bytes) -> Layout | None:
+        return kind.layout_of_label(raw[LABEL_SIZE])
 
-    def bulk(raws: Sequence[bytes]) -> Bulk | None:
-        layout = kind.layout_of_label(raws[0][LABEL_SIZE])
-        if layout is None or len(raws[0]) != layout.size:
-            return None
-        usable, messages = layout.read(raws)
+    def bulk(messages: Messages) -> Bulk:
         plain, stamps = _label_stamps(messages['characters'])
-        return Bulk(usable & plain & _are_times(stamps), Series(stamps, messages['data']))
+        return Bulk(plain, Series(stamps, messages['data']))
 
     def single(received: Any, log_time: int) -> tuple[int, Floats]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
         return stamp, message.data.copy()
 
-    return Topical(width, size, bulk, single)
+    return Topical(len(kind.joints), layout, bulk, single)
 
 
 def _label_stamps(characters: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], Stamps]:
@@ -278,22 +273,19 @@ def telemetry(label: str, count: int) -> Topical:
 
     layout = telemetry_layout(label, count)
 
-    def bulk(raws: Sequence[bytes]) -> Bulk | None:
-        if len(raws[0]) != layout.size:
-            return None
-        usable, messages = layout.read(raws)
+    def bulk(messages: Messages) -> Bulk:
         parts = messages['head']
         # False for what is not a number, too.
-        usable &= ((parts >= 0.0) & (parts < _STAMP_LIMITS)).all(axis=1)
-        seconds, nanoseconds = np.where(usable[:, None], parts, 0.0).astype(np.int64).T
+        usable = np.all((parts >= 0.0) & (parts < _STAMP_LIMITS), axis=1, keepdims=True)
+        seconds, nanoseconds = np.where(usable, parts, 0.0).astype(np.int64).T
         stamps = seconds * NANOSECONDS + nanoseconds
-        return Bulk(usable, Series(stamps, messages['data']))
+        return Bulk(usable[:, 0], Series(stamps, messages['data']))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received)
         return message.stamp_ns, message.values.copy()
 
-    return Topical(count, _same, bulk, single)
+    return Topical(count, lambda _: layout, bulk, single)
 
 
 def decode_references(topic: Topic) -> list[tuple[int, ReferenceWindow]]:

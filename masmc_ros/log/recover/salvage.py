@@ -343,13 +343,10 @@ class Salvage:
         if found.offsets and not found.indexed.keys() <= found.offsets.keys():
             raise _DamagedError('an index is missing')
         self._open = None
-        chunk = found.found.chunk
-        told = self.summary.note_chunk(chunk, found.start, found.found.end - found.start)
+        indexed = IndexedChunk(found.found.chunk, found.indexed)
+        told = self.summary.note_chunk(indexed, found.start, found.found.end - found.start)
         told.message_index_offsets = found.offsets
         told.message_index_length = found.index_length
-        for channel, index in found.indexed.items():
-            times = chunk.message_start_time, chunk.message_end_time
-            self.summary.count(channel, len(index) // 2, *times)
 
     def _known(self) -> set[int]:
         """Return the channels whose messages a reader understands."""

@@ -50,19 +50,10 @@ class RecordSink:
         """Bytes that are not on the disk yet."""
         return self._pending_size
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes) -> None:
         """Keep whole records until the next commit."""
-        if data:
-            self._pending.append(bytes(data))
-            self._pending_size += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the length of the stream, committed or not."""
-        return self._committed + self._pending_size
-
-    def flush(self) -> None:
-        """Do nothing: a writer flushes between records, `commit` is called after them."""
+        self._pending.append(data)
+        self._pending_size += len(data)
 
     def commit(self, *, durable: bool = False) -> None:
         """

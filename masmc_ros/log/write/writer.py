@@ -131,7 +131,8 @@ class LogWriter:
         """
         text, type_hash = defined or definition(type_name)
         summary = self._records.summary
-        if type_name not in self._schemas:
+        schema = self._schemas.get(type_name)
+        if schema is None:
             schema = self._schemas[type_name] = len(summary.schemas) + 1
             self._define(Schema(schema, text.encode(), SchemaEncoding.ROS2, type_name))
         channel = len(summary.channels) + 1
@@ -139,7 +140,6 @@ class LogWriter:
             'offered_qos_profiles': '\n'.join(each.to_yaml() for each in qos),
             'topic_type_hash': type_hash,
         }
-        schema = self._schemas[type_name]
         self._define(Channel(channel, topic, MessageEncoding.CDR, metadata, schema))
         return channel
 
@@ -219,6 +219,8 @@ class LogWriter:
             self._end_chunk()
         if isinstance(self._stream, RecordSink):
             self._stream.commit(durable=durable)
+        else:
+            self._stream.flush()
 
     def sync(self) -> None:
         """Wait until a power cut can harm nothing of what was committed; OSError if it can."""
