@@ -92,7 +92,7 @@ class Layout:
     def _close_gap(self) -> None:
         gap = len(self._bytes) - self._described
         if gap:
-            self._fields.append((f'_{len(self._fields)}', np.void, gap))
+            self._fields.append((f'_{len(self._fields)}', f'V{gap}'))
         self._described = len(self._bytes)
 
     def _vary(self, name: str, kind: DTypeLike, *shape: int) -> None:
