@@ -16,10 +16,11 @@
 Elementary functions whose every bit is the same on every machine.
 
 The C library's sin, cos and tanh differ between machines in the last bit. These use only
-the IEEE operations + - * /, which do not. Argument reduction and minimax polynomials are
-the classical ones: W. J. Cody and W. Waite, Software Manual for the Elementary Functions
-(1980); coefficients as in FreeBSD's msun (sin, cos) and in S. L. Moshier's Cephes (tanh,
-exp). All are free of branches, so that they also run in vector lanes.
+the IEEE operations + - * /, which do not, and the bits that numbers are made of. Argument
+reduction and minimax polynomials are the classical ones: W. J. Cody and W. Waite, Software
+Manual for the Elementary Functions (1980); coefficients as in FreeBSD's msun (sin, cos) and in
+S. L. Moshier's Cephes (tanh, exp). All are free of branches, so that they also run in vector
+lanes.
 """
 
 from __future__ import annotations
