@@ -34,7 +34,7 @@ from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 import numpy as np
 
-LANES, BLOCK = 16, 500
+LANES, BLOCK = 16, 100
 """Runs side by side, and ticks that are kept at a time."""
 
 CASES = {

@@ -16,14 +16,16 @@
 Elementary functions whose every bit is the same on every machine.
 
 The C library's sin, cos and tanh differ between machines in the last bit. These use only
-the IEEE operations + - * /, which do not. Argument reduction and minimax polynomials are
-the classical ones: W. J. Cody and W. Waite, Software Manual for the Elementary Functions
-(1980); coefficients as in FreeBSD's msun (sin, cos) and in S. L. Moshier's Cephes (tanh,
-exp). All are free of branches, so that they also run in vector lanes.
+the IEEE operations + - * /, which do not, and the bits that numbers are made of. Argument
+reduction and minimax polynomials are the classical ones: W. J. Cody and W. Waite, Software
+Manual for the Elementary Functions (1980); coefficients as in FreeBSD's msun (sin, cos) and in
+S. L. Moshier's Cephes (tanh, exp). All are free of branches, so that they also run in vector
+lanes.
 """
 
 from __future__ import annotations
 
+from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
@@ -55,7 +57,8 @@ def sin_cos(angle: float) -> tuple[float, float]:
     worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
     """
     angle = angle if abs(angle) < _LARGEST_ANGLE else _NAN
-    n = (angle * _TWO_OVER_PI + _ROUND) - _ROUND
+    shifted = angle * _TWO_OVER_PI + _ROUND
+    n = shifted - _ROUND
     r = (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
     z = r * r
     tail = 8.33333333332248946124e-03 + z * (
@@ -82,13 +85,12 @@ def sin_cos(angle: float) -> tuple[float, float]:
     half = 0.5 * z
     rest = 1.0 - half
     cosine = rest + (((1.0 - rest) - half) + z * tail)
-    # Quadrant n mod 4, from the floor of n / 4.
-    quadrant = n - 4.0 * (((n * 0.25 - 0.375) + _ROUND) - _ROUND)
-    odd = (quadrant == 1.0) | (quadrant == 3.0)
-    sin_value = cosine if odd else sine
-    cos_value = sine if odd else cosine
-    sin_value = -sin_value if quadrant >= 2.0 else sin_value
-    cos_value = -cos_value if (quadrant == 1.0) | (quadrant == 2.0) else cos_value
+    # The last bits of a number of this size are those of n: one tells whether sine and cosine
+    # are exchanged, the next one is the sign.
+    quadrant = bits_of(shifted)
+    odd = (quadrant & 1) != 0
+    sin_value = with_sign_flipped(cosine if odd else sine, quadrant >> 1)
+    cos_value = with_sign_flipped(sine if odd else cosine, (quadrant + 1) >> 1)
     return sin_value, cos_value
 
 
@@ -114,7 +116,8 @@ def tanh(x: float) -> float:
     magnitude = abs(x)
     magnitude = magnitude if magnitude < _TANH_SATURATION else _TANH_SATURATION
     y = magnitude + magnitude
-    n = (y * _LOG2_E + _ROUND) - _ROUND
+    shifted = y * _LOG2_E + _ROUND
+    n = shifted - _ROUND
     r = (y - n * _LN2_HIGH) - n * _LN2_LOW
     z = r * r
     p = r * ((1.26177193074810590878e-04 * z + 3.02994407707441961300e-02) * z + 1.0)
@@ -122,7 +125,7 @@ def tanh(x: float) -> float:
         (3.00198505138664455042e-06 * z + 2.52448340349684104192e-03) * z
         + 2.27265548208155028766e-01
     ) * z + 2.0
-    exponential = (1.0 + 2.0 * (p / (q - p))) * float(1 << int(n))
+    exponential = (1.0 + 2.0 * (p / (q - p))) * power_of_two(shifted)
     far = 1.0 - 2.0 / (exponential + 1.0)
     far = far if x > 0.0 else -far
     value = near if abs(x) < 0.625 else far

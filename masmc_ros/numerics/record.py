@@ -152,16 +152,32 @@ def _shape(record: Any, name: str) -> tuple[int, ...]:
     return tuple(record.fields[name].type.shape)
 
 
+def _lanes(record: Any) -> int:
+    return int(next(iter(record.fields.values())).type.shape[-1])
+
+
+def _allow_wide_vectors(compiler: Compiler, record: Any) -> None:
+    """Let a function that goes through lanes use all of AVX-512's width, not half of it."""
+    if _lanes(record) > 1:
+        # llvmlite's own `add` knows no attributes that have a value.
+        set.add(compiler.builder.function.attributes, '"prefer-vector-width"="512"')
+
+
 @generated(lane_count, lambda context, record: types.intp)
 def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    lanes = next(iter(kinds[0].fields.values())).type.shape[-1]
+    lanes = _lanes(kinds[0])
     number = compiler.context.get_constant(types.intp, lanes)
     if lanes == 1:
         return number
+    _allow_wide_vectors(compiler, kinds[0])
     # Where the compiler knows how many, it writes a tick out once for each lane, and does not
-    # find out that one instruction does for several.
-    same = ir.FunctionType(number.type, [number.type])
-    return compiler.builder.asm(same, '', '=r,0', [number], False)
+    # find out that one instruction does for several. What it may know is by which power of two
+    # the number divides, so that it writes no second loop for lanes that are left over.
+    build = compiler.builder
+    power = (lanes & -lanes).bit_length() - 1
+    odd = compiler.context.get_constant(types.intp, lanes >> power)
+    hidden = build.asm(ir.FunctionType(odd.type, [odd.type]), '', '=r,0', [odd], False)
+    return build.shl(build.or_(hidden, odd.type(1)), odd.type(power), flags=('nuw', 'nsw'))
 
 
 def get(record: Any, name: str, lane: int) -> Any:
@@ -238,6 +254,7 @@ def copied(record: Any) -> Any:
 @generated(copied, lambda context, record: record)
 def _copied(compiler: Compiler, kinds: Any, values: Any) -> Any:
     size = kinds[0].size
+    _allow_wide_vectors(compiler, kinds[0])
     room = cgutils.alloca_once(compiler.builder, ir.ArrayType(ir.IntType(8), size))
     room.align = _CACHE_LINE
     _copy_bytes(compiler.builder, room, values[0], size)

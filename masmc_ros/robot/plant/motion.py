@@ -19,7 +19,8 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
@@ -35,9 +36,14 @@ def _moved(value: float, h: float, rate: float) -> float:
 
 
 @formula
-def _total(k1: float, k2: float, k3: float, k4: float) -> float:
-    """Return the sum of the slopes with their weights."""
-    return k1 + 2.0 * k2 + 2.0 * k3 + k4
+def _summed(total: float, slope: float, weight: float, is_first: bool) -> float:
+    """Return the sum of the slopes so far with their weights."""
+    return slope if is_first else total + weight * slope
+
+
+@formula
+def _chosen(slope: float, total: float, is_last: bool) -> float:
+    return total if is_last else slope
 
 
 @formula
@@ -58,30 +64,31 @@ def derivative(
 
 
 @formula
-def rk4_step(
-    model: Any,
-    theta: Numbers,
-    position: Numbers,
-    rates: Numbers,
-    h: float,
-    start: Numbers,
-    middle: Numbers,
-    end: Numbers,
-) -> State:
-    """Return the state after h seconds, under the joints' torques at three times."""
-    p1, r1 = derivative(model, theta, position, rates, start)
-    half = 0.5 * h
-    p2, r2 = derivative(
-        model, theta, each(_moved, position, half, p1), each(_moved, rates, half, r1), middle
+def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) -> None:
+    """
+    Take one of the four stages of a step of h seconds; after the last, `reached` is its end.
+
+    One stage for all lanes after the other, as short loops: a processor works on the next
+    lanes while it waits for results of these.
+    """
+    is_first, is_last = stage == 0, stage == 3
+    weight = 1.0 if is_last else 2.0
+    # To the next stage from the start of the step, and to the end of it along all slopes.
+    part = h / 6.0 if is_last else (h if stage == 2 else 0.5 * h)
+    slope, acceleration = derivative(
+        mechanism.model_of(plant, lane),
+        get(plant, 'theta', lane),
+        get(memory, 'reached', lane),
+        get(memory, 'reached_rates', lane),
+        each(plus, get(memory, 'driven', lane), get(memory, 'push', lane)),
     )
-    p3, r3 = derivative(
-        model, theta, each(_moved, position, half, p2), each(_moved, rates, half, r2), middle
+    slopes = each(_summed, get(memory, 'slopes', lane), slope, weight, is_first)
+    accelerations = each(
+        _summed, get(memory, 'accelerations', lane), acceleration, weight, is_first
     )
-    p4, r4 = derivative(
-        model, theta, each(_moved, position, h, p3), each(_moved, rates, h, r3), end
-    )
-    sixth = h / 6.0
-    return (
-        each(_moved, position, sixth, each(_total, p1, p2, p3, p4)),
-        each(_moved, rates, sixth, each(_total, r1, r2, r3, r4)),
-    )
+    put(memory, 'slopes', lane, slopes)
+    put(memory, 'accelerations', lane, accelerations)
+    along = each(_chosen, slope, slopes, is_last)
+    put(memory, 'reached', lane, each(_moved, get(memory, 'position', lane), part, along))
+    along = each(_chosen, acceleration, accelerations, is_last)
+    put(memory, 'reached_rates', lane, each(_moved, get(memory, 'rates', lane), part, along))

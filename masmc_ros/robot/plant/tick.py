@@ -21,13 +21,13 @@ from typing import Any
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import Field, get, lane_count, put
-from masmc_ros.numerics.scalars import minus, plus, zero
+from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import column, each
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.disturbance import sinusoid
 from masmc_ros.robot.plant.drives import drive
 from masmc_ros.robot.plant.measurement import measure
-from masmc_ros.robot.plant.motion import rk4_step
+from masmc_ros.robot.plant.motion import runge_kutta_stage
 
 Numbers = tuple[float, ...]
 
@@ -56,6 +56,10 @@ MEMORY = (
     Field('position', 'positions', 'True positions', 'm, rad'),
     Field('velocity', 'positions', 'Their derivatives', 'm/s, rad/s'),
     Field('rates', 'joints', 'True rates of the joints, the last of them again', 'rad/s'),
+    Field('reached', 'positions', 'Positions at the stage of a step', 'm, rad'),
+    Field('reached_rates', 'joints', 'Rates of the joints there', 'rad/s'),
+    Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
+    Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
     Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
     Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
@@ -122,44 +126,45 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     takes_rates = (plant['takes_rates'][0] != 0) | holds
     time = tick * period
     h = period / steps
-    for lane in range(lanes):
-        asked = get(now, 'torque', lane)
-        nothing = each(zero, asked)
-        held = each(
-            limited,
-            asked,
-            get(memory, 'driven', lane),
-            get(plant, 'limit', lane),
-            get(plant, 'rate_limit', lane),
-            period,
-        )
-        put(now, 'applied', lane, nothing if takes_rates else held)
-        if holds:
-            put(now, 'rates', lane, nothing)
-        if not takes_rates:
+    # What is the same in all lanes is decided outside of the loops, which else stay scalar.
+    if takes_rates:
+        for lane in range(lanes):
+            nothing = each(zero, get(now, 'torque', lane))
+            put(now, 'applied', lane, nothing)
+            if holds:
+                put(now, 'rates', lane, nothing)
+    else:
+        for lane in range(lanes):
+            asked = get(now, 'torque', lane)
+            held = each(
+                limited,
+                asked,
+                get(memory, 'driven', lane),
+                get(plant, 'limit', lane),
+                get(plant, 'rate_limit', lane),
+                period,
+            )
+            put(now, 'applied', lane, held)
             put(memory, 'driven', lane, held)
-            put(memory, 'wound', lane, nothing)
-        put(memory, 'push', lane, disturbance(plant, lane, time))
+            put(memory, 'wound', lane, each(zero, asked))
+    for lane in range(lanes):
+        put(memory, 'reached', lane, get(memory, 'position', lane))
+        put(memory, 'reached_rates', lane, get(memory, 'rates', lane))
     for step in range(steps):
         if takes_rates:
             for lane in range(lanes):
                 _hold_rates(plant, memory, now, lane, h, steps)
+        for stage in range(4):
+            # At the start of a later step it is what it was at the end of the one before.
+            if (stage == 1) | (stage == 3) | (step + stage == 0):
+                moment = time + (step + 0.5 * ((stage + 1) // 2)) * h
+                for lane in range(lanes):
+                    put(memory, 'push', lane, disturbance(plant, lane, moment))
+            for lane in range(lanes):
+                runge_kutta_stage(plant, memory, lane, stage, h)
         for lane in range(lanes):
-            torque = get(memory, 'driven', lane)
-            end = disturbance(plant, lane, time + (step + 1.0) * h)
-            position, rates = rk4_step(
-                mechanism.model_of(plant, lane),
-                get(plant, 'theta', lane),
-                get(memory, 'position', lane),
-                get(memory, 'rates', lane),
-                h,
-                each(plus, torque, get(memory, 'push', lane)),
-                each(plus, torque, disturbance(plant, lane, time + (step + 0.5) * h)),
-                each(plus, torque, end),
-            )
-            put(memory, 'position', lane, position)
-            put(memory, 'rates', lane, rates)
-            put(memory, 'push', lane, end)
+            put(memory, 'position', lane, get(memory, 'reached', lane))
+            put(memory, 'rates', lane, get(memory, 'reached_rates', lane))
     write_velocity(plant, memory)
     if holds & (plant['takes_rates'][0] == 0):
         for lane in range(lanes):

@@ -1,0 +1,61 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Numbers as the bits that they are made of, for what needs no arithmetic."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.generated import Compiler, generated
+from numba import types
+
+_WORD = 0xFFFFFFFFFFFFFFFF
+_SIGN, _EXPONENT, _ONE = 63, 52, 1023 << 52
+
+
+def bits_of(value: float) -> int:
+    """Return the 64 bits of a double."""
+    return int(struct.unpack('<Q', struct.pack('<d', value))[0])
+
+
+@generated(bits_of, lambda context, value: types.int64)
+def _bits_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    value = compiler.cast(values[0], kinds[0], types.float64)
+    return compiler.builder.bitcast(value, compiler.context.get_value_type(types.int64))
+
+
+def of_bits(bits: int) -> float:
+    """Return the double of 64 bits; higher ones do not count."""
+    return float(struct.unpack('<d', struct.pack('<Q', bits & _WORD))[0])
+
+
+@generated(of_bits, lambda context, bits: types.float64)
+def _of_bits(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    bits = compiler.cast(values[0], kinds[0], types.int64)
+    return compiler.builder.bitcast(bits, compiler.context.get_value_type(types.float64))
+
+
+@formula
+def with_sign_flipped(value: float, flips: int) -> float:
+    """Return -value where the last bit of `flips` is set, else value."""
+    return of_bits(bits_of(value) ^ (flips << _SIGN))
+
+
+@formula
+def power_of_two(shifted: float) -> float:
+    """Return 2**n for n + 1.5 * 2**52, n from -1022 to 1023."""
+    return of_bits((bits_of(shifted) << _EXPONENT) + _ONE)
