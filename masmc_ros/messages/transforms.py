@@ -84,6 +84,13 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
+def has_names(raw: bytes, frame_prefix: str) -> bool:
+    """Tell whether a TFMessage begins with a robot's first frames as `TransformsCdr` has them."""
+    layout, stamps, numbers = transforms_layout(frame_prefix)
+    names = stamps[0] + STAMP.size
+    return len(raw) == layout.size and raw.startswith(layout.template[names:numbers[0]], names)
+
+
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
     """
     Tell whether a TFMessage speaks of a robot whose frames have this prefix.

@@ -168,25 +168,28 @@ class ExchangePublisher(Publisher):
         # rclpy asks for the message's type and locks the publisher at every call, which takes
         # longer than to send what is bytes already.
         self._send = self.handle.publish_raw
+        self._count = self.handle.get_subscription_count
+        qos = self.qos_profile
+        self._is_latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self._hand_over: Take | None = None
-        self._keep: Take | None = None
 
     def join(self, exchange: Exchange) -> None:
         """Send by an exchange too."""
         topic = exchange.topic(self.topic_name)
         self._hand_over = topic.send
-        qos = self.qos_profile
-        if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-            self._keep = topic.past(qos.depth).append
+        if self._is_latched:
+            self._keep = topic.past(self.qos_profile.depth).append
 
     def publish(self, msg: Any) -> None:
         """Send a message or its bytes."""
         raw = msg if type(msg) is bytes else serialize_message(msg)
         if self._hand_over is not None:
             self._hand_over(raw)
-            if self._keep is not None:
+            if self._is_latched:
                 self._keep(raw)
-        self._send(raw)
+        # The middleware keeps what is latched for who comes later.
+        if self._is_latched or self._count():
+            self._send(raw)
 
 
 class ExchangeNode(Node):
