@@ -73,18 +73,15 @@ class _Topic:
         inbox = _Inbox(callback, qos.depth)
         self._inboxes.append(inbox)
         if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-            for raw in (raw for past in self._pasts for raw in past):
-                self._hand(inbox, raw)
+            inbox.waiting.extend(raw for past in self._pasts for raw in past)
+            self._due.extend([inbox] * len(inbox.waiting))
         return partial(self._inboxes.remove, inbox)
 
     def send(self, raw: bytes) -> None:
         """Hand a message to everybody who listens."""
         for inbox in self._inboxes:
-            self._hand(inbox, raw)
-
-    def _hand(self, inbox: _Inbox, raw: bytes) -> None:
-        inbox.waiting.append(raw)
-        self._due.append(inbox)
+            inbox.waiting.append(raw)
+            self._due.append(inbox)
 
 
 class Exchange:
@@ -131,7 +128,7 @@ class ProcessContext(Context):
         self.exchange: Exchange | None = None
         self.log_node: Node | None = None
 
-    def listener_of_logs(self) -> Node:
+    def listener_of_logs(self, namespace: str) -> Node:
         """
         Return the node that subscribes to /rosout for the others.
 
@@ -145,6 +142,7 @@ class ProcessContext(Context):
             self.log_node = Node(
                 'log_listener',
                 context=apart,
+                namespace=namespace,
                 use_global_arguments=False,
                 enable_rosout=False,
                 start_parameter_services=False,
@@ -220,7 +218,7 @@ class ExchangeNode(Node):
         if not isinstance(context, ProcessContext) or context.exchange is None:
             return create(msg_type, topic, callback, *arguments, raw=raw, **options)
         if topic == _LOG_TOPIC:
-            create = context.listener_of_logs().create_subscription
+            create = context.listener_of_logs(self.get_namespace()).create_subscription
         subscription = create(msg_type, topic, callback, *arguments, raw=raw, **options)
         take = callback if raw else lambda data: callback(deserialize_message(data, msg_type))
         subscription.leave = context.exchange.topic(subscription.topic_name).listen(
@@ -234,3 +232,11 @@ class ExchangeNode(Node):
         if leave is not None:
             leave()
         return bool(super().destroy_subscription(subscription))
+
+
+def hears_logs(node: Node) -> bool:
+    """Tell whether a node's subscription to /rosout has found the nodes of its own process."""
+    context = node.context
+    listener = context.log_node if isinstance(context, ProcessContext) else None
+    here: int = node.count_publishers(_LOG_TOPIC)
+    return listener is None or bool(listener.count_publishers(_LOG_TOPIC) >= here)

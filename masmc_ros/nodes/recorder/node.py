@@ -60,6 +60,7 @@ from masmc_ros.messages.topics import (
     transforms_topic,
 )
 from masmc_ros.messages.transforms import first_frames, has_names, is_of_robot
+from masmc_ros.nodes.middleware.exchange import hears_logs
 from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
@@ -451,7 +452,8 @@ class RecorderNode(SuiteNode):
         """Tell the plant when all senders are found; end when they have gone."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
+        has_found = all(here) and hears_logs(self.node)
+        if not self._is_ready and has_found and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._report(self._coverage.reached())
