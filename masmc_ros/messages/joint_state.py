@@ -75,11 +75,9 @@ class JointStateCdr(StampedMessage):
     def is_finite(self) -> bool:
         """Tell whether every position and velocity is a finite number."""
         position, velocity = self.position, self.velocity
-        # A sum of squares is quick, and finite only where every number is; it overflows
-        # before the numbers do.
-        if isfinite(position.dot(position) + velocity.dot(velocity)):
-            return True
-        return all(map(isfinite, position.tolist() + velocity.tolist()))
+        numbers = position.tolist() + velocity.tolist()
+        # A sum is quick, and finite only where every number is; it overflows before they do.
+        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
 
     def check(
         self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None

@@ -91,4 +91,11 @@ def _command_reader(command: LabelledCdr) -> StampReader:
 
 
 def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:
-    return lambda raw: telemetry.stamp_ns if telemetry.load(raw) else None
+    size, head = telemetry.size, telemetry.head
+
+    def read(raw: bytes) -> int | None:
+        if len(raw) == size and raw.startswith(head):
+            return telemetry.stamp_of(raw)
+        return telemetry.stamp_ns if telemetry.load(raw) else None
+
+    return read

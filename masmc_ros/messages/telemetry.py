@@ -65,6 +65,10 @@ class TelemetryCdr(Message):
     ----------
     values
         (count) the vector.
+    size
+        of the message in bytes.
+    head
+        the bytes before the stamp, which are the same in all.
 
     """
 
@@ -76,6 +80,8 @@ class TelemetryCdr(Message):
         self._stamp_offset = layout.places['head'].start
         self._head = self._record['head']
         self.values = self._record['data']
+        self.size = layout.size
+        self.head = layout.template[:self._stamp_offset]
 
     def set_stamp(self, stamp_ns: int) -> None:
         """Write the stamp, in ns, of the state that the values belong to."""
@@ -84,7 +90,11 @@ class TelemetryCdr(Message):
     @property
     def stamp_ns(self) -> int:
         """Return the stamp in ns; InputError where a sender wrote numbers that are no time."""
-        return _stamp(*_STAMP_PAIR.unpack_from(self._wire, self._stamp_offset))
+        return self.stamp_of(self._wire)
+
+    def stamp_of(self, raw: bytes | memoryview) -> int:
+        """Return the stamp in ns of such a message, as `stamp_ns` does."""
+        return _stamp(*_STAMP_PAIR.unpack_from(raw, self._stamp_offset))
 
     def load_message(self, message: Any) -> None:
         """

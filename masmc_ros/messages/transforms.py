@@ -113,6 +113,14 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
+def has_names(raw: bytes, frame_prefix: str) -> bool:
+    """Tell whether a TFMessage begins with a robot's first frames as `TransformsCdr` has them."""
+    layout, (_, child) = transforms_layout(frame_prefix), FRAMES[0]
+    names = layout.places[f'stamp_{child}'].stop
+    numbers = layout.places[f'transform_{child}'].start
+    return len(raw) == layout.size and raw.startswith(layout.template[names:numbers], names)
+
+
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
     """
     Tell whether a TFMessage speaks of a robot whose frames have this prefix.

@@ -58,6 +58,10 @@ NOT_UNDERSTOOD = 'messages_not_understood'
 """Metadata record: how many messages of each topic are recorded as they came, unread."""
 
 
+Message = tuple[int, int, bytes]
+"""Number of a channel, log time in ns and the message."""
+
+
 @dataclass(frozen=True)
 class Options:
     """
@@ -203,14 +207,34 @@ class Recording:
 
     def write(self, channel: int, time_ns: int, data: bytes) -> bool:
         """Queue a message; False where it found no place and is lost."""
-        size = len(data) + _OVERHEAD
-        if self.backlog + size > self._options.queue_size:
-            topic = self._channels[channel].topic
-            self.lost[topic] = self.lost.get(topic, 0) + 1
-            return False
+        return self.write_all([(channel, time_ns, data)]) > 0
+
+    def write_all(self, messages: list[Message]) -> int:
+        """
+        Queue messages, and return how many found a place; the others are lost.
+
+        The list belongs to the recording from here on.
+        """
+        size = sum(len(data) for _, _, data in messages) + _OVERHEAD * len(messages)
+        room = self._options.queue_size - self.backlog
+        if size > room:
+            size, messages = self._fitting(messages, room)
         self._queued += size
-        self._queue.append((channel, time_ns, data))
-        return True
+        self._queue.append(messages)
+        return len(messages)
+
+    def _fitting(self, messages: list[Message], room: int) -> tuple[int, list[Message]]:
+        """Return messages that fit into so many bytes, their size first; count the others."""
+        fitting, taken = [], 0
+        for message in messages:
+            size = len(message[2]) + _OVERHEAD
+            if taken + size <= room:
+                fitting.append(message)
+                taken += size
+            else:
+                topic = self._channels[message[0]].topic
+                self.lost[topic] = self.lost.get(topic, 0) + 1
+        return taken, fitting
 
     @property
     def backlog(self) -> int:
@@ -264,12 +288,13 @@ class Recording:
         queue = self._queue
         while queue:
             item = queue.popleft()
-            if isinstance(item, tuple):
-                self._write(*item)
-            else:
+            if not isinstance(item, list):
                 item()
-            if self._log.pending > _BATCH and self.trouble is None:
-                self._commit(whole=False)
+                continue
+            for message in item:
+                self._write(*message)
+                if self._log.pending > _BATCH and self.trouble is None:
+                    self._commit(whole=False)
 
     def _write(self, channel: int, time_ns: int, data: bytes) -> None:
         part = self._parts[-1]

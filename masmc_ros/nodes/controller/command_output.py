@@ -84,7 +84,7 @@ class TorqueOutput:
 
     def is_finite(self) -> bool:
         """Tell whether every torque is a finite number."""
-        return all(map(isfinite, self._torque.tolist()))
+        return isfinite(sum(self._torque.tolist())) or all(map(isfinite, self._torque.tolist()))
 
     def send(self, stamp: int) -> None:
         """Send the torques as the answer to the state of a stamp in ns."""

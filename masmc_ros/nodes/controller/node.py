@@ -75,6 +75,8 @@ class ControllerNode(SuiteNode):
         values = self.values
         self._timing = Timing.from_values(values)
         self._controller = Controller(robot_of(values), self._timing.period, values)
+        last = self._timing.last
+        self._last_stamp = None if last is None else self._timing.stamp(last)
         self._order = StampOrder()
         self._supervisor = Supervisor(active=values['active_on_start'])
         self._activations = self._supervisor.activations
@@ -239,7 +241,7 @@ class ControllerNode(SuiteNode):
         # state, which comes so to a controller that was held up at the end, there is no next.
         # In lock-step every state comes, the last one too.
         is_near = self._is_realtime and order is not Order.AHEAD
-        self._may_finish = is_near or self._is_last(stamp)
+        self._may_finish = is_near or stamp == self._last_stamp
         if order is Order.NEXT:
             return True
         if order is Order.LATE:
@@ -257,10 +259,6 @@ class ControllerNode(SuiteNode):
         if not self._supervisor.is_active:
             self._supervision.recover(STATES, is_anew=False)
         self._answer(stamp)
-
-    def _is_last(self, stamp: int) -> bool:
-        """Tell whether a stamp in ns is exactly that of the run's last state."""
-        return self._timing.last is not None and stamp == self._timing.stamp(self._timing.last)
 
     def _start_anew(self, order: Order) -> None:
         if order is Order.BACK:

@@ -21,6 +21,7 @@ import sys
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.nodes.middleware.exchange import ExchangeNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.file import read
@@ -68,7 +69,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
     return result
 
 
-class ParameterNode(Node):
+class ParameterNode(ExchangeNode):
     """
     A node to which a parameter may be set to what it is, a read-only one too.
 

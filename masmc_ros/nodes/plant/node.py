@@ -25,27 +25,25 @@ from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import robot_of
-from masmc_ros.loop.timing import LATE_TICKS, Timing
+from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.nodes.plant.command_input import CommandInput
 from masmc_ros.nodes.plant.command_parts import Part
 from masmc_ros.nodes.plant.health import PlantHealth
+from masmc_ros.nodes.plant.lockstep import LockStep
+from masmc_ros.nodes.plant.pacing import Pacing, Plant
 from masmc_ros.nodes.plant.recorder_pace import RecorderPace
 from masmc_ros.nodes.plant.state_output import StateOutput
+from masmc_ros.nodes.plant.wall_clock import WallClock
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.nodes.process.throttle import Throttle
 import numpy as np
 from rclpy.context import Context
-from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
-
-_HELD = 0.02
-"""Time in s between two sendings of the same state while the robot's time stands still."""
 
 
 class PlantNode(SuiteNode):
@@ -58,32 +56,46 @@ class PlantNode(SuiteNode):
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
-        self._lockstep = self.values['pacing'] == 'lockstep'
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
         for command in (np.zeros(4), None):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
-        self._started = self._paused = self._runs = False
-        self._single_steps = 0
+        self._started = False
         self._refusals = Refusals(self.log)
-        self._silences = Throttle(period=5.0)
         self._input = CommandInput(self.values, self._refusals)
         self._health = PlantHealth(self._timing.period)
         self._begun = 0.0
-        self._watched = -1
         self._recorder = RecorderPace(self.log)
-        self._woken = self._sent = 0.0
-        self._anchor = (0.0, 0)
-        self._pacer: Timer | None = None
+        self._pacing = self._new_pacing()
+
+    def _new_pacing(self) -> Pacing:
+        plant = Plant(
+            self.node,
+            self.steady,
+            self.values,
+            self._timing,
+            self._robot,
+            self._input,
+            self._output,
+            self._health,
+            self._recorder,
+            self.wait,
+            self._advance,
+            lambda: self.finished,
+        )
+        if self.values['pacing'] == 'lockstep':
+            return LockStep(plant)
+        # Where a controller is waited for, time begins with its first command.
+        return WallClock(plant, waits=bool(self._wait_for))
 
     def connect(self) -> None:
         """Create topics, services and timers; the first state follows once all are there."""
         super().connect()
         self._output.connect(self)
         node = self.node
-        self._input.subscribe(node, self._is_for_now, self._on_command)
+        self._input.subscribe(node, self._is_for_now, self._pacing.on_command)
         node.create_subscription(
             Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True), raw=True
         )
@@ -97,10 +109,8 @@ class PlantNode(SuiteNode):
             self.steady,
             self._report_health,
         )
-        if self._lockstep:
-            node.create_timer(1.0, self._watch_lockstep, clock=self.steady)
-        else:
-            self.parameters.on_change(lambda _: self._pace())
+        self._pacing.connect()
+        self.parameters.on_change(lambda _: self._pacing.change())
 
     # Start.
 
@@ -116,10 +126,7 @@ class PlantNode(SuiteNode):
         self._started = True
         self._begun = time.monotonic()
         self._output.publish()
-        if not self._lockstep:
-            # Where a controller is waited for, time begins with its first command.
-            self._runs = not self._wait_for
-            self._pace()
+        self._pacing.begin()
 
     def _is_there(self, name: str) -> bool:
         """Tell whether a node of this namespace has found its topics."""
@@ -143,51 +150,15 @@ class PlantNode(SuiteNode):
         here = self.node.get_namespace()
         return any(e.node_name == name and e.node_namespace == here for e in endpoints)
 
-    # Commands.
+    # Run.
 
     def _is_for_now(self, part: Part, answered: int | None) -> bool:
         """Tell whether a part of a command is for the present, and count it if it is not."""
-        if self._is_current(part, answered):
+        if self._pacing.is_current(part, answered):
             return True
         self._health.dropped += 1
         self.log.debug(f'{self._health.dropped} commands dropped', throttle_duration_sec=5.0)
         return False
-
-    def _on_command(self) -> None:
-        """Go by what has come."""
-        if not self._lockstep:
-            if not self._runs:
-                self._take_anchor()
-                self._runs = True
-            return
-        self._answer()
-
-    def _is_current(self, part: Part, answered: int | None) -> bool:
-        """
-        Tell whether a command is for the present, by the stamp in ns that it answers.
-
-        In lock-step it must answer the outstanding state; where its messages cannot tell, it
-        is taken to do so. In real time it may answer any state within the command timeout, or
-        name none.
-        """
-        if not self._started:
-            return False
-        if self._lockstep:
-            return answered == self._output.stamp or not part.names_state
-        oldest = 1e9 * self.values['command_timeout'] * self.values['real_time_factor']
-        return answered is None or 0 <= self._output.stamp - answered <= oldest
-
-    def _answer(self) -> None:
-        """Apply the command at hand in lock-step, unless something holds the plant up."""
-        if self.finished or not self._input.is_complete:
-            return
-        if self._paused and not self._single_steps:
-            return
-        if self._recorder.holds_up(self._robot.tick):
-            return
-        if self._single_steps:
-            self._single_steps -= 1
-        self._advance(self._input.take())
 
     def _advance(self, command: np.ndarray | None) -> None:
         if self._robot.tick == self._timing.last:
@@ -197,17 +168,9 @@ class PlantNode(SuiteNode):
         try:
             self._robot.advance(command)
         except InputError as error:
-            self.fail(error if self._lockstep else self._with_figures(error))
+            self.fail(self._pacing.explained(error))
             return
         self._output.publish()
-
-    def _with_figures(self, error: InputError) -> InputError:
-        """Add what else may be to blame in real time: a machine that does not keep up."""
-        age = self._input.age(time.monotonic())
-        return InputError(
-            f'{error}, and a machine that keeps up with it; {self._health.late} ticks were late,'
-            f' the last command came {age:.3f} s ago'
-        )
 
     def _say_pace(self) -> None:
         """Tell how fast the run was, from its first state to the last command."""
@@ -218,20 +181,6 @@ class PlantNode(SuiteNode):
             f'{ticks * self._timing.period / elapsed:.1f} times real time'
         )
 
-    def _watch_lockstep(self) -> None:
-        """Note what lock-step stands still for; leave a silent recorder behind."""
-        stands_still = self._robot.tick == self._watched and self._started and not self.finished
-        self._watched = self._robot.tick
-        if not stands_still or self._paused:
-            self.wait(None if self._started else self._waiting)
-        elif not self._input.is_complete:
-            differs = self._input.disagreement(self.node, 'controller')
-            why = self._input.missing() + ('' if differs is None else f'; {differs}')
-            self.wait(f"the controller's command ({why})")
-        else:
-            self.wait('the recorder (recorder/progress)')
-            self._answer()
-
     def _on_recorded(self, raw: bytes) -> None:
         """Note how far the recorder is, and go on if lock-step was held up for it."""
         try:
@@ -240,70 +189,7 @@ class PlantNode(SuiteNode):
             self._refusals.add('recorder/progress', error)
             return
         self._recorder.note(round(stamp / (1e9 * self._timing.period)), self._robot.tick)
-        if self._lockstep:
-            self._answer()
-
-    # Wall clock.
-
-    def _pace(self) -> None:
-        """Let a timer run at the factor in force."""
-        self._take_anchor()
-        if not self._started:
-            return
-        if self._pacer is not None:
-            self.node.destroy_timer(self._pacer)
-        period = self._timing.period / max(1.0, self.values['real_time_factor'])
-        self._pacer = self.node.create_timer(period, self._on_wall_clock, clock=self.steady)
-
-    def _take_anchor(self) -> None:
-        """Let simulated time run on from now at the factor in force."""
-        self._anchor = (time.monotonic(), self._robot.tick)
-
-    def _on_wall_clock(self) -> None:
-        now, before = time.monotonic(), self._woken
-        self._woken = now
-        if now - before > max(0.5 * self.values['command_timeout'], 10.0 * self._timing.period):
-            # This process was held up, and the robot's time with it; commands may be waiting.
-            self._input.touch()
-        if self._paused or not self._runs or self.finished:
-            self._send_again(now)
-            return
-        since, tick = self._anchor
-        factor = self.values['real_time_factor']
-        due = tick + int((now - since) * factor / self._timing.period)
-        behind = due - self._robot.tick
-        if behind > 1:
-            self._health.late += behind - 1  # by a period or more
-        if behind > LATE_TICKS * max(1.0, factor):
-            self.log.warning(
-                f'{behind - 1} ticks late; the plant goes on from here',
-                throttle_duration_sec=5.0,
-            )
-            due = self._robot.tick + 1
-            self._anchor = (now, due)
-        while self._robot.tick < due and not self.finished:
-            self._advance(self._held_command(now))
-
-    def _send_again(self, now: float) -> None:
-        """Let nobody take a robot whose time stands still for one that is silent."""
-        if not self.finished and now - self._sent > _HELD:
-            self._sent = now
-            self._output.send_again()
-
-    def _held_command(self, now: float) -> np.ndarray | None:
-        """
-        Return the last command, None where nothing is commanded or that is too old.
-
-        A command does not grow old while the robot's time stands still.
-        """
-        timeout = self.values['command_timeout']
-        # Topic by topic: the messages of a command come, and grow old, one after the other.
-        for topic in [] if self._paused else self._input.drop_old(now, timeout):
-            if self._silences.is_due(topic):
-                self.log.warning(
-                    f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
-                )
-        return self._input.held()
+        self._pacing.go_on()
 
     def _report_health(self) -> Health:
         return self._health.report(
@@ -319,11 +205,9 @@ class PlantNode(SuiteNode):
         """Tell what the plant does, in a word."""
         if not self._started:
             return f'waits for {self._waiting or "its beginning"}'
-        if self._paused:
+        if self._pacing.is_paused:
             return 'paused'
-        if not (self._lockstep or self._runs):
-            return 'waits for the first command'
-        return 'lock-step' if self._lockstep else 'real time'
+        return self._pacing.text
 
     # Services.
 
@@ -331,39 +215,35 @@ class PlantNode(SuiteNode):
         self._robot.reset()
         self._input.clear()
         self._recorder.set_back()
-        self._take_anchor()
+        self._pacing.set_anchor()
         if self._started:
             self._output.publish()
         response.success, response.message = True, 'the robot is in its initial state, t = 0 s'
         return response
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        self._paused = request.data
-        self._take_anchor()
+        self._pacing.is_paused = is_paused = request.data
+        self._pacing.set_anchor()
         self._input.touch()
         response.success = True
         # A request may arrive long after it was sent: the caller learns when it took effect.
         since = f'at t = {self._timing.time(self._robot.tick):g} s'
         if not self._started:
             since = 'before the run has begun'
-        response.message = f'{"paused" if self._paused else "running"} {since}'
-        if not self._paused and self._lockstep:
-            self._answer()
+        response.message = f'{"paused" if is_paused else "running"} {since}'
+        if not is_paused:
+            self._pacing.go_on()
         return response
 
     def _on_step(self, _: Any, response: Any) -> Any:
         """Advance by one control period while paused."""
-        response.success = self._paused and self._started
+        response.success = self._pacing.is_paused and self._started
         if not response.success:
             needed = 'pause with data true first' if self._started else 'again when it has'
             state = 'not paused' if self._started else 'the run has not begun'
             response.message = f'{state}; call {needed}'
             return response
-        if self._lockstep:
-            self._single_steps += 1
-            self._answer()
-        else:
-            self._advance(self._held_command(time.monotonic()))
+        self._pacing.step()
         response.message = f't = {self._timing.time(self._robot.tick):g} s'
         return response
 

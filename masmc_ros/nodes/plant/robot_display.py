@@ -28,6 +28,7 @@ from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.numerics.compiled import bound
 from masmc_ros.robot.two_link.description import robot_description
 from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
 from nav_msgs.msg import Path
@@ -55,7 +56,8 @@ class RobotDisplay:
         self._message = TransformsCdr(prefix)
         self._path = ActualPath(self._timing, robot, prefix)
         self._path.add(0, np.zeros(7))
-        frame_transforms(self._origins, np.zeros((1, 7)))
+        self._position = np.zeros((1, 7))
+        self._frames = bound(frame_transforms, self._origins, self._position)
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics and publish the description."""
@@ -77,7 +79,8 @@ class RobotDisplay:
         if self._transforms is not None and (
             tick % self._decimation == 0 or tick == self._timing.last
         ):
-            transforms = frame_transforms(self._origins, position[None])[0]
+            self._position[:] = position
+            transforms = self._frames(self._origins, self._position)[0]
             self._transforms.publish(self._message.fill(self._timing.stamp(tick), transforms))
         if self._path.takes(tick):
             path = self._path.add(tick, position)

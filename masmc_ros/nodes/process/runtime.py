@@ -28,18 +28,22 @@ from types import FrameType
 from typing import Protocol
 
 from masmc_ros.errors import InputError, UserError
+from masmc_ros.nodes.middleware.exchange import Exchange, ProcessContext
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
 from masmc_ros.nodes.process.ending import bounded_ending, ending_at_once, on_end
 import rclpy
-from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""
+
+_TURN = 5e-3
+"""Time in s for which the process's own messages are handled before others have their turn."""
 
 
 class RunningNode(Protocol):
@@ -78,8 +82,9 @@ def _told(error: UserError) -> int:
 def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = _StopSignals()
-    prepare_transport()
-    context = Context()
+    context = ProcessContext()
+    if prepare_transport(has_exchange=len(factories) > 1):
+        context.exchange = Exchange()
     # What is wrong with the arguments is told once, below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
@@ -91,6 +96,16 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     if get_logger_level('rcl') == LoggingSeverity.FATAL:
         set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
+    exchange = context.exchange
+
+    def spin() -> None:
+        """Handle what has come, within this process and from outside."""
+        if exchange is not None:
+            executor.spin_once(0.0 if exchange.deliver(_TURN) else _POLL)
+        else:
+            # Callback after callback: a return to Python after each takes a fifth of its time.
+            executor.spin_until_future_complete(stop.future(), _POLL)
+
     nodes: list[RunningNode] = []
     status = 1
     try:
@@ -100,6 +115,8 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
         for node in nodes:
             node.connect()
             executor.add_node(node.node)
+        if context.log_node is not None:
+            executor.add_node(context.log_node)
         # What was built so far stays; without this a full garbage collection looks through
         # all of it again and again, and stops the ticks for a third of a second.
         gc.collect()
@@ -107,7 +124,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
         leading = [node for node in nodes if not node.follows] or nodes
         for node in leading:
             while not (node.finished or stop.requested):
-                executor.spin_once(_POLL)
+                spin()
         status = 0
     except UserError as error:
         status = _told(error)
@@ -115,7 +132,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
         # Whatever happened to one of them, the others deliver and complete what they have.
         for node in nodes:
             try:
-                node.close(lambda: executor.spin_once(_POLL))
+                node.close(spin)
             except UserError as error:
                 status = _told(error)
         with bounded_ending(status):
@@ -132,10 +149,18 @@ class _StopSignals:
 
     def __init__(self) -> None:
         self.requested = False
+        self._future: Future | None = None
         on_end(self._request)
+
+    def future(self) -> Future:
+        """Return what is complete as soon as a signal has come."""
+        self._future = Future()
+        return self._future
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
+        if self._future is not None:
+            self._future.cancel()
 
 
 def one_line(error: BaseException) -> str:

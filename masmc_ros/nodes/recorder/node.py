@@ -32,7 +32,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.gaps import MISSING
 from masmc_ros.log.recover.recover import recover_all
 from masmc_ros.log.write.provenance import write_origin, write_parameters
-from masmc_ros.log.write.recording import clear_recording, Options, Recording
+from masmc_ros.log.write.recording import clear_recording, Message, Options, Recording
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
@@ -49,7 +49,7 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord, record_of
-from masmc_ros.messages.stamps import stamp_reader, StampReader
+from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
@@ -59,7 +59,8 @@ from masmc_ros.messages.topics import (
     TRANSFORMS,
     transforms_topic,
 )
-from masmc_ros.messages.transforms import first_frames, is_of_robot
+from masmc_ros.messages.transforms import first_frames, has_names, is_of_robot
+from masmc_ros.nodes.middleware.exchange import hears_logs
 from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
@@ -84,6 +85,12 @@ Others do not count: health is told every second, by this node too.
 
 _WATCH = 0.2
 """Time in s between two looks at how the disk does."""
+
+_TOGETHER = 256
+"""Messages that are handed to the thread that writes at once."""
+
+_SOON = 0.02
+"""Time in s that they wait for one another at most."""
 
 _MEGABYTE = 1_000_000
 
@@ -127,6 +134,7 @@ class RecorderNode(SuiteNode):
         self._health = RecorderHealth(self._recording)
         self._note_state = self._health.watch(self.node.resolve_topic_name(STATE_TOPIC)).add
         self._latest: int | None = None
+        self._taken: list[Message] = []
         self._early: list[tuple[int, bytes]] = []
         self._early_size = 0
         self._coverage = Coverage()
@@ -164,6 +172,7 @@ class RecorderNode(SuiteNode):
                 self.log.warning(f'{name} is not recorded: {error}')
         self.node.create_timer(0.05, self._look_around, clock=self.steady)
         self.node.create_timer(_WATCH, self._watch_disk, clock=self.steady)
+        self.node.create_timer(_SOON, self._hand_over, clock=self.steady)
         publish_health(
             self.node,
             self.latched(DiagnosticArray, '/diagnostics'),
@@ -179,6 +188,7 @@ class RecorderNode(SuiteNode):
         super().close(spin)
         take_rest(spin, lambda: self._last_arrival)
         self._release_early(self._latest or 0)
+        self._hand_over()
         self._health.look()
         self._recording.close()
         self._watch_disk()
@@ -296,23 +306,22 @@ class RecorderNode(SuiteNode):
             **{name: partial(self._on_tick, name) for name in _WITH_TICKS},
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
-        callback = partial(
-            self._on_message,
-            resolved,
-            channel,
-            stamp_reader(topic, type_name),
-            handlers.get(topic),
-        )
-        # Plain functions: rclpy looks at a callback's signature to see what it takes.
+        stamp_of, handler = stamp_reader(topic, type_name), handlers.get(topic)
+        is_shared, counts = topic == TRANSFORMS.name, self.counts
 
-        def take_any(raw: Any) -> None:
-            callback(raw)
-
-        def take_own(raw: Any) -> None:
-            if self._is_own(raw):
-                callback(raw)
-
-        take = take_own if topic == TRANSFORMS.name else take_any
+        def take(raw: Any) -> None:
+            if is_shared and not self._is_own(raw):
+                return
+            self._last_arrival = time.monotonic()
+            counts[resolved] += 1
+            stamp = None
+            try:
+                stamp = stamp_of(raw)
+                if handler is not None:
+                    handler(raw, stamp)
+            except Exception as error:  # whatever a stranger sends must not end the recording
+                self._not_understood.add(resolved, error)
+            self._keep(channel, stamp, raw)
 
         if is_latched and not best_effort:
             subscribe_with_past(self.node, message_type, topic, take, _QUEUE)
@@ -320,28 +329,21 @@ class RecorderNode(SuiteNode):
             qos = subscription_qos(depth=_QUEUE, past=is_latched, best_effort=best_effort)
             self.node.create_subscription(message_type, topic, take, qos, raw=True)
 
-    def _on_message(
-        self,
-        topic: str,
-        channel: int,
-        stamp_of: StampReader,
-        handler: Callable[[bytes, int | None], None] | None,
-        raw: bytes,
-    ) -> None:
-        self._last_arrival = time.monotonic()
-        self.counts[topic] += 1
-        stamp = None
-        try:
-            stamp = stamp_of(raw)
-            if handler is not None:
-                handler(raw, stamp)
-        except Exception as error:  # whatever a stranger sends must not end the recording
-            self._not_understood.add(topic, error)
+    def _keep(self, channel: int, stamp: int | None, raw: bytes) -> None:
+        """Keep a message of a stamp in ns, or without one, for the log."""
         time_ns = self._latest if stamp is None else stamp
         if time_ns is None:
             self._keep_early(channel, raw)
-        else:
-            self._recording.write(channel, time_ns, raw)
+            return
+        self._taken.append((channel, time_ns, raw))
+        if len(self._taken) >= _TOGETHER:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Hand what has come to the thread that writes."""
+        if self._taken:
+            self._recording.write_all(self._taken)
+            self._taken = []
 
     def _keep_early(self, channel: int, raw: bytes) -> None:
         """Keep a message until there is a time, but no more than a queue may hold."""
@@ -375,6 +377,8 @@ class RecorderNode(SuiteNode):
 
     def _is_own(self, raw: bytes) -> bool:
         """Tell whether transforms on /tf, which robots share, are of this one."""
+        if has_names(raw, self._frame_prefix):
+            return True
         is_own = is_of_robot(raw, self._frame_prefix)
         if not is_own:
             parent, child = first_frames(raw)
@@ -419,8 +423,7 @@ class RecorderNode(SuiteNode):
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
-        for channel, raw in self._early:
-            self._recording.write(channel, stamp, raw)
+        self._taken += [(channel, stamp, raw) for channel, raw in self._early]
         self._early.clear()
         self._early_size = 0
 
@@ -449,7 +452,8 @@ class RecorderNode(SuiteNode):
         """Tell the plant when all senders are found; end when they have gone."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
+        has_found = all(here) and hears_logs(self.node)
+        if not self._is_ready and has_found and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._report(self._coverage.reached())

@@ -1,0 +1,242 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages from node to node within a process, as bytes, past the middleware.
+
+Who publishes hands them to the others' inboxes, and the process's loop to their callbacks: in
+the order of sending, one after the other, never from within `publish`. An inbox is as deep as
+its subscription, and what was sent before comes to who asks for the past. To the middleware all
+publishers and subscriptions are what they always were; it carries what comes from outside and
+goes there, because it does not match the endpoints of one participant with each other (see
+`transport.py`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+import time
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+
+_LOG_TOPIC = '/rosout'
+
+Take = Callable[[Any], None]
+
+
+class _Inbox:
+    """Messages that wait for a subscription's callback; the oldest go where there is no room."""
+
+    def __init__(self, callback: Take, depth: int) -> None:
+        self._callback = callback
+        self.waiting: deque[bytes] = deque(maxlen=depth)
+
+    def take(self) -> None:
+        """Hand over the oldest message, unless it has gone."""
+        if self.waiting:
+            self._callback(self.waiting.popleft())
+
+
+class _Topic:
+    """Who of this process listens to a topic, and what was sent to it from here."""
+
+    def __init__(self, due: deque[_Inbox]) -> None:
+        self._due = due
+        self._inboxes: list[_Inbox] = []
+        self._pasts: list[deque[bytes]] = []
+
+    def past(self, depth: int) -> deque[bytes]:
+        """Return where a transient-local publisher keeps its last messages."""
+        self._pasts.append(deque(maxlen=depth))
+        return self._pasts[-1]
+
+    def listen(self, callback: Take, qos: QoSProfile) -> Callable[[], None]:
+        """Hand every message to a callback from now on; return what ends that."""
+        inbox = _Inbox(callback, qos.depth)
+        self._inboxes.append(inbox)
+        if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            inbox.waiting.extend(raw for past in self._pasts for raw in past)
+            self._due.extend([inbox] * len(inbox.waiting))
+        return partial(self._inboxes.remove, inbox)
+
+    def send(self, raw: bytes) -> None:
+        """Hand a message to everybody who listens."""
+        for inbox in self._inboxes:
+            inbox.waiting.append(raw)
+            self._due.append(inbox)
+
+
+class Exchange:
+    """The topics of one process."""
+
+    def __init__(self) -> None:
+        """Start without topics."""
+        self._topics: dict[str, _Topic] = {}
+        self._due: deque[_Inbox] = deque()
+
+    def topic(self, name: str) -> _Topic:
+        """Return the topic of a full name."""
+        return self._topics.setdefault(name, _Topic(self._due))
+
+    def deliver(self, seconds: float) -> bool:
+        """
+        Call whom messages wait for, for so long; tell whether more of them wait.
+
+        What is sent meanwhile is delivered as well. Between two calls the executor has its
+        turn: timers, services and what comes from outside.
+        """
+        due, limit = self._due, time.monotonic() + seconds
+        while due and time.monotonic() < limit:
+            due.popleft().take()
+        return bool(due)
+
+
+class ProcessContext(Context):
+    """
+    The context of the nodes of a process, who may share an exchange.
+
+    Attributes
+    ----------
+    exchange
+        None where the middleware carries all messages.
+    log_node
+        what hears of the log messages of this process's nodes; None without a need for it.
+
+    """
+
+    def __init__(self) -> None:
+        """Start without an exchange."""
+        super().__init__()
+        self.exchange: Exchange | None = None
+        self.log_node: Node | None = None
+
+    def listener_of_logs(self, namespace: str) -> Node:
+        """
+        Return the node that subscribes to /rosout for the others.
+
+        rcl publishes log messages itself, past every exchange, and the middleware keeps them
+        from subscriptions of the same participant: this node has a participant of its own. It
+        can go when rclpy lets a subscription choose whether to ignore its own process.
+        """
+        if self.log_node is None:
+            apart = Context()
+            apart.init(args=[], domain_id=self.get_domain_id())
+            self.log_node = Node(
+                'log_listener',
+                context=apart,
+                namespace=namespace,
+                use_global_arguments=False,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+        return self.log_node
+
+    def try_shutdown(self) -> None:
+        """Let go of the middleware."""
+        if self.log_node is not None:
+            self.log_node.destroy_node()
+            self.log_node.context.try_shutdown()
+        super().try_shutdown()
+
+
+class ExchangePublisher(Publisher):
+    """A publisher whose messages go to this process by an exchange, if there is one."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Take what rclpy gives a publisher."""
+        super().__init__(*arguments, **options)
+        # rclpy asks for the message's type and locks the publisher at every call, which takes
+        # longer than to send what is bytes already.
+        self._send = self.handle.publish_raw
+        self._count = self.handle.get_subscription_count
+        qos = self.qos_profile
+        self._is_latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self._hand_over: Take | None = None
+
+    def join(self, exchange: Exchange) -> None:
+        """Send by an exchange too."""
+        topic = exchange.topic(self.topic_name)
+        self._hand_over = topic.send
+        if self._is_latched:
+            self._keep = topic.past(self.qos_profile.depth).append
+
+    def publish(self, msg: Any) -> None:
+        """Send a message or its bytes."""
+        raw = msg if type(msg) is bytes else serialize_message(msg)
+        if self._hand_over is not None:
+            self._hand_over(raw)
+            if self._is_latched:
+                self._keep(raw)
+        # The middleware keeps what is latched for who comes later.
+        if self._is_latched or self._count():
+            self._send(raw)
+
+
+class ExchangeNode(Node):
+    """A node whose publishers and subscriptions use the exchange of its process, if it has one."""
+
+    def create_publisher(self, *arguments: Any, **options: Any) -> Any:
+        """Create a publisher as `Node` does."""
+        publisher: Any = super().create_publisher(
+            *arguments, publisher_class=ExchangePublisher, **options
+        )
+        context = self.context
+        if isinstance(context, ProcessContext) and context.exchange is not None:
+            publisher.join(context.exchange)
+        return publisher
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Take,
+        *arguments: Any,
+        raw: bool = False,
+        **options: Any,
+    ) -> Any:
+        """Create a subscription as `Node` does."""
+        context = self.context
+        create: Any = super().create_subscription
+        if not isinstance(context, ProcessContext) or context.exchange is None:
+            return create(msg_type, topic, callback, *arguments, raw=raw, **options)
+        if topic == _LOG_TOPIC:
+            create = context.listener_of_logs(self.get_namespace()).create_subscription
+        subscription = create(msg_type, topic, callback, *arguments, raw=raw, **options)
+        take = callback if raw else lambda data: callback(deserialize_message(data, msg_type))
+        subscription.leave = context.exchange.topic(subscription.topic_name).listen(
+            take, subscription.qos_profile
+        )
+        return subscription
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        """Destroy a subscription as `Node` does."""
+        leave = getattr(subscription, 'leave', None)
+        if leave is not None:
+            leave()
+        return bool(super().destroy_subscription(subscription))
+
+
+def hears_logs(node: Node) -> bool:
+    """Tell whether a node's subscription to /rosout has found the nodes of its own process."""
+    context = node.context
+    listener = context.log_node if isinstance(context, ProcessContext) else None
+    here: int = node.count_publishers(_LOG_TOPIC)
+    return listener is None or bool(listener.count_publishers(_LOG_TOPIC) >= here)

@@ -1,0 +1,171 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Within a process messages go past the middleware, and outside it nobody notices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+import signal
+import time
+from typing import Any
+
+from log_contents import read_log
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.nodes.middleware.exchange import Exchange
+from masmc_ros.nodes.middleware.qos import subscription_qos
+from processes import PAPER, peer, processes, ros_arguments
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+TOPICS = {
+    'joint_states': JointState,
+    'effort_commands': Float64MultiArray,
+    'controller/tracking_error': Float64MultiArray,
+}
+
+
+def listen(
+    exchange: Exchange, topic: str, callback: Callable[[Any], None], **qos: Any
+) -> Callable[[], None]:
+    """Subscribe to a topic of an exchange; return what ends that."""
+    return exchange.topic(topic).listen(callback, subscription_qos(**qos))
+
+
+def test_answers_do_not_nest() -> None:
+    """A chain of answers is a loop: each callback returns before the next is called."""
+    exchange, under_way, most = Exchange(), 0, 0
+    found: list[bytes] = []
+
+    def answer(topic: str) -> Callable[[bytes], None]:
+        def take(raw: bytes) -> None:
+            nonlocal under_way, most
+            under_way += 1
+            most = max(most, under_way)
+            found.append(raw)
+            if len(found) < 5000:
+                exchange.topic(topic).send(b'%d' % len(found))
+            under_way -= 1
+
+        return take
+
+    listen(exchange, '/state', answer('/command'))
+    listen(exchange, '/command', answer('/state'))
+    exchange.topic('/state').send(b'0')
+    assert not found
+    while exchange.deliver(0.01):
+        pass
+    assert found == [b'%d' % number for number in range(5000)]
+    assert most == 1
+
+
+def test_a_turn_ends() -> None:
+    exchange = Exchange()
+    listen(exchange, '/echo', exchange.topic('/echo').send)
+    exchange.topic('/echo').send(b'')
+    begun = time.monotonic()
+    assert exchange.deliver(0.02)
+    assert time.monotonic() - begun >= 0.02
+
+
+def test_an_inbox_is_as_deep_as_its_subscription() -> None:
+    exchange = Exchange()
+    shallow: list[bytes] = []
+    deep: list[bytes] = []
+    leave = listen(exchange, '/state', shallow.append)
+    listen(exchange, '/state', deep.append, depth=3)
+    for number in range(5):
+        exchange.topic('/state').send(b'%d' % number)
+    assert not exchange.deliver(1.0)
+    assert (shallow, deep) == ([b'4'], [b'2', b'3', b'4'])
+    leave()
+    exchange.topic('/state').send(b'5')
+    exchange.deliver(1.0)
+    assert (shallow, deep[-1]) == ([b'4'], b'5')
+
+
+def test_the_past_comes_to_who_asks_for_it() -> None:
+    exchange = Exchange()
+    keep = exchange.topic('/reference').past(depth=2).append
+    for number in range(3):
+        keep(b'%d' % number)
+    late: list[bytes] = []
+    new: list[bytes] = []
+    listen(exchange, '/reference', late.append, depth=10, past=True)
+    listen(exchange, '/reference', new.append, depth=10)
+    exchange.deliver(1.0)
+    assert (late, new) == ([b'1', b'2'], [])
+
+
+@pytest.mark.parametrize('transport', [None, 'UDPv4'])
+def test_a_listener_outside_gets_what_is_recorded_inside(
+    transport: str | None, tmp_path: Path
+) -> None:
+    """Also where the user has chosen a transport, and the middleware carries everything."""
+    log = tmp_path / 'run.mcap'
+    arguments = ros_arguments(
+        PAPER,
+        duration=0.5,
+        plant__wait_for='[controller, trajectory, recorder, listener]',
+        recorder__output=log,
+    )
+    environment = {'FASTDDS_BUILTIN_TRANSPORTS': transport} if transport else None
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        found = {
+            topic: tester.collect(kind, topic, raw=True, past=topic != 'controller/tracking_error')
+            for topic, kind in TOPICS.items()
+        }
+        started.start('composed', '--record', *arguments, environment=environment)
+        for topic in TOPICS:
+            tester.until(
+                lambda topic=topic: tester.node.count_publishers(topic), f'a sender of {topic}'
+            )
+        # The plant waits for a node of this name, which says that everybody listens.
+        listener = Node('listener', context=tester.node.context)
+        tester.until(lambda: all(len(each) > 500 for each in found.values()), 'the last tick')
+        assert started.wait() == {'composed': 0}, started.output()
+        listener.destroy_node()
+    recorded = read_log(log).messages
+    for topic, messages in found.items():
+        assert messages == recorded[topic], topic
+    assert {len(each) for each in found.values()} == {501}
+    # What rcl sends by itself is recorded too, once.
+    assert len([raw for raw in recorded['rosout'] if b'ticks/s' in raw]) == 1
+
+
+def test_what_comes_from_outside_is_heard(tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    arguments = ros_arguments(PAPER, duration=0.0, recorder__output=log)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        run = started.start('composed', '--record', *arguments)
+        commands = tester.publisher(Float64MultiArray, 'effort_commands')
+        tester.wait_for_subscribers(commands)
+        wrong = EffortCdr()
+        wrong.data[1] = float('inf')
+        commands.publish(wrong.to_bytes())
+        tester.until(lambda: run.logged('ERROR', 'effort_commands refused'), 'a refusal')
+        gain = Parameter('observer_gain', Parameter.Type.DOUBLE, 0.25).to_parameter_msg()
+        request = SetParameters.Request(parameters=[gain])
+        tester.call(SetParameters, 'controller/set_parameters', request, again=False)
+        started.signal(signal.SIGINT)
+        assert started.wait() == {'composed': 0}, started.output()
+    recorded = read_log(log).messages
+    assert wrong.to_bytes() in recorded['effort_commands']
+    # What rclpy sends by itself comes to this process's recorder, once.
+    assert len([raw for raw in recorded['parameter_events'] if b'observer_gain' in raw]) == 1
