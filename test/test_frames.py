@@ -25,7 +25,6 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.robot.two_link.frames import (
     check_frame_prefix,
     end_effector_height,
@@ -36,7 +35,7 @@ from masmc_ros.robot.two_link.names import FRAMES
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 from rosbags.highlevel import AnyReader
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'

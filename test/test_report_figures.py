@@ -36,14 +36,13 @@ from masmc_ros.report.report import write_report
 from masmc_ros.report.robot_drawing import arm_points
 from masmc_ros.report.style import paper_style, png
 from masmc_ros.report.tracking import tracking
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
 import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 import numpy as np
 import pytest
 from report_runs import paper_like, run_of, ticks, without_error
-from robots import all_angles, Angles, Machine, machines, PROPERTY
+from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)

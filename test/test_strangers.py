@@ -29,6 +29,7 @@ from masmc_ros.log.recover.recover import recover
 from masmc_ros.log.write.recording import NOT_UNDERSTOOD
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.layout import END_OF_TIME
+from masmc_ros.messages.names import ARM_JOINTS, DRIVEN_JOINTS
 from masmc_ros.messages.parameter_record import read_record, record_of
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.messages.telemetry import TelemetryCdr
@@ -36,7 +37,6 @@ from masmc_ros.messages.text import string_message
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.plant.command_parts import rate_parts, torque_parts
-from masmc_ros.robot.two_link.names import ARM_JOINTS, DRIVEN_JOINTS
 from mcap.reader import make_reader
 import numpy as np
 from processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments

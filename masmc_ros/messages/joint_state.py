@@ -47,7 +47,7 @@ def joint_state_layout(names: tuple[str, ...] = JOINTS) -> JointStateLayout:
     layout.uint32(len(names))
     for name in names:
         layout.string(name)
-    return JointStateLayout(layout, *(layout.sequence(len(JOINTS)) for _ in range(3)))
+    return JointStateLayout(layout, *(layout.sequence(len(names)) for _ in range(3)))
 
 
 class JointStateCdr(StampedMessage):
@@ -57,24 +57,24 @@ class JointStateCdr(StampedMessage):
     Attributes
     ----------
     names
-        (7) of the joints.
+        (n) of the joints.
     position
-        (7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        (n) those of the base, then the joints' angles, in m and rad.
     velocity
-        (7) their rates in m/s and rad/s.
+        (n) their rates in m/s and rad/s.
     effort
-        (7) zeros for the base joints, then the four torques in N m.
+        (n) zeros for the base joints, then the torques in N m.
 
     """
 
     def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
-        """Make a state of zeros at time 0, of joints (7) of these names."""
+        """Make a state of zeros at time 0, of joints of these names."""
         layout, position, velocity, effort = joint_state_layout(names)
         super().__init__(layout)
         self.names = names
-        self.position = self._view(position, len(JOINTS))
-        self.velocity = self._view(velocity, len(JOINTS))
-        self.effort = self._view(effort, len(JOINTS))
+        self.position = self._view(position, len(names))
+        self.velocity = self._view(velocity, len(names))
+        self.effort = self._view(effort, len(names))
         self._names: list[str] = []
         self._joints: tuple[str, ...] = ()
         self._order: list[int] = []
@@ -97,7 +97,7 @@ class JointStateCdr(StampedMessage):
         With `unknown_velocity` that takes the place of such velocities instead.
         """
         joints = joints or self.names
-        first = len(JOINTS) - len(joints)
+        first = len(self.names) - len(joints)
         _check_finite(self.position[first:], joints, 'position')
         velocity = self.velocity[first:]
         if unknown_velocity is None:
@@ -149,7 +149,7 @@ class JointStateCdr(StampedMessage):
             effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
             _check_finite(effort, joints, 'effort')
         stamp = message.header.stamp
-        first = len(JOINTS) - len(joints)
+        first = len(self.names) - len(joints)
         self.position[first:] = position
         self.velocity[first:] = velocity
         self.effort[first:] = effort

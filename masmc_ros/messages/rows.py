@@ -30,7 +30,8 @@ from masmc_ros.messages.platform_motion import (
     twist_stamped_layout,
 )
 from masmc_ros.messages.telemetry import telemetry_layout
-from masmc_ros.messages.transforms import transforms_layout
+from masmc_ros.messages.transforms import Frames, transforms_layout
+from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -85,13 +86,13 @@ def joint_state_rows(
     stamps
         (N) in ns.
     positions
-        (N, 7) in m and rad.
+        (N, n) in m and rad.
     velocities
-        (N, 7) in m/s and rad/s.
+        (N, n) in m/s and rad/s.
     efforts
-        (N, 7) zeros for the base joints, then torques in N m.
+        (N, n) zeros for the base joints, then torques in N m.
     names
-        (7) of the joints.
+        (n) of the joints.
 
     """
     layout, position, velocity, effort = joint_state_layout(names)
@@ -232,7 +233,12 @@ def odometry_rows(
     return rows
 
 
-def transforms_rows(stamps: Stamps, transforms: ArrayLike, frame_prefix: str = '') -> Rows:
+def transforms_rows(
+    stamps: Stamps,
+    transforms: ArrayLike,
+    frame_prefix: str = '',
+    frames: Frames = DEFAULT.frames,
+) -> Rows:
     """
     Return the transforms of all frames as (N, size).
 
@@ -241,13 +247,15 @@ def transforms_rows(stamps: Stamps, transforms: ArrayLike, frame_prefix: str = '
     stamps
         (N) in ns.
     transforms
-        (N, 6, 7) translation in m and quaternion x, y, z, w, as FRAMES lists them.
+        (N, frames, 7) translation in m and quaternion x, y, z, w.
     frame_prefix
         of the names of all frames.
+    frames
+        parent and child of each.
 
     """
     transforms = np.asarray(transforms)
-    layout, stamp_offsets, number_offsets = transforms_layout(frame_prefix)
+    layout, stamp_offsets, number_offsets = transforms_layout(frame_prefix, frames)
     rows = _rows(layout, len(stamps))
     for frame, (stamp, number) in enumerate(zip(stamp_offsets, number_offsets, strict=True)):
         _fill_stamps(rows, stamps, stamp)

@@ -25,7 +25,7 @@ from functools import cache
 from typing import NamedTuple
 
 from masmc_ros.messages.layout import ENCAPSULATION, Layout, Message, NANOSECONDS, STAMP
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +34,9 @@ _COUNT = 4
 
 TRANSFORM = 7
 """Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
+
+
+Frames = tuple[tuple[str, str], ...]
 
 
 class TransformsLayout(NamedTuple):
@@ -45,12 +48,14 @@ class TransformsLayout(NamedTuple):
 
 
 @cache
-def transforms_layout(frame_prefix: str = '') -> TransformsLayout:
-    """Return the layout of the transforms of FRAMES, with a prefix before all names."""
+def transforms_layout(
+    frame_prefix: str = '', frames: Frames = DEFAULT.frames
+) -> TransformsLayout:
+    """Return the layout of the transforms of frames, with a prefix before all names."""
     layout = Layout()
-    layout.uint32(len(FRAMES))
+    layout.uint32(len(frames))
     stamps, numbers = [], []
-    for parent, child in FRAMES:
+    for parent, child in frames:
         stamps.append(layout.stamp())
         layout.string(frame_prefix + parent)
         layout.string(frame_prefix + child)
@@ -61,9 +66,9 @@ def transforms_layout(frame_prefix: str = '') -> TransformsLayout:
 class TransformsCdr(Message):
     """A TFMessage of all frames of a robot, filled in place."""
 
-    def __init__(self, frame_prefix: str = '') -> None:
-        """Make transforms of zeros at time 0."""
-        layout, stamps, numbers = transforms_layout(frame_prefix)
+    def __init__(self, frame_prefix: str = '', frames: Frames = DEFAULT.frames) -> None:
+        """Make transforms of zeros at time 0, of these frames: parent and child of each."""
+        layout, stamps, numbers = transforms_layout(frame_prefix, frames)
         super().__init__(layout)
         self._words = self._memory.view(np.int32)
         # One write each for all stamps and for all numbers, wherever they lie.
@@ -71,7 +76,7 @@ class TransformsCdr(Message):
         self._numbers = (np.array(numbers)[:, None] + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
-        """Write transforms (6, 7) as FRAMES lists them, m; return the message as it is sent."""
+        """Write transforms (frames, 7) in their order, m; return the message as it is sent."""
         self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
         self._memory[self._numbers] = transforms
         return self.to_bytes()

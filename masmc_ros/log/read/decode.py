@@ -231,7 +231,7 @@ def joint_states(
     names: tuple[str, ...] = JOINTS, joints: tuple[str, ...] | None = None
 ) -> Topical:
     """
-    Read joint states: positions, velocities and efforts, 7 of each, by the joints' names.
+    Read joint states: positions, velocities and efforts, by the joints' names.
 
     `joints` are those that a state must have, as in `JointStateCdr.load_message`; the numbers
     of others mean nothing.
@@ -246,14 +246,14 @@ def joint_states(
         seconds = _numbers(rows, len(ENCAPSULATION), 1, '<i4')[:, 0].astype(np.int64)
         nanoseconds = _numbers(rows, len(ENCAPSULATION) + 4, 1, '<u4')[:, 0].astype(np.int64)
         stamps = seconds * NANOSECONDS + nanoseconds
-        numbers = np.hstack([_numbers(rows, offset, len(JOINTS)) for offset in offsets])
+        numbers = np.hstack([_numbers(rows, offset, len(names)) for offset in offsets])
         return Bulk(usable & _are_times(stamps), Series(stamps, numbers))
 
     def single(received: Any, _: int) -> tuple[int, Floats]:
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
-    return Topical(3 * len(JOINTS), _same, bulk, single)
+    return Topical(3 * len(names), _same, bulk, single)
 
 
 def commands(kind: CommandKind) -> Topical:
@@ -316,16 +316,16 @@ def telemetry(label: str, count: int) -> Topical:
     return Topical(count, _same, bulk, single)
 
 
-def decode_references(topic: Topic) -> list[tuple[int, ReferenceWindow]]:
+def decode_references(topic: Topic, axes: int) -> list[tuple[int, ReferenceWindow]]:
     """Read windows and set-points, each with its log time in ns, leaving out refused ones."""
     windows = []
     make = None
     for log_time, raw in zip(topic.log_times, topic.messages, strict=True):
         try:
-            window = ReferenceWindow.from_bytes(raw)
+            window = ReferenceWindow.from_bytes(raw, axes)
             if window is None:
                 make = make or message_decoder(topic)
-                window = ReferenceWindow.from_message(make(raw))
+                window = ReferenceWindow.from_message(make(raw), axes)
         except (InputError, AttributeError, TypeError, ValueError, OverflowError):
             continue  # the latter where the log's own definition of the type is another
         windows.append((log_time, window))

@@ -25,10 +25,11 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import ChannelRows, LogWriter
-from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.messages import rows
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.effort import EFFORT
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
@@ -52,10 +53,8 @@ from masmc_ros.messages.topics import (
     TRANSFORMS,
     TWIST_STAMPED,
 )
-from masmc_ros.robot.two_link.description import robot_description
-from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
-from masmc_ros.robot.two_link.names import joint_names
-from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.robot.names import check_frame_prefix, joint_names
+from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +86,7 @@ class SimulationLog:
         self._files = {
             **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
         }
-        self._origins = frame_origins(robot.geometry)
+        self._robot, self._mechanism = robot, robot.mechanism
         self._actual = ActualPath(simulation.timing, robot, self._prefix)
         self._desired = self._desired_path()
         self._writer = LogWriter(path, compression=recorder['compression'])
@@ -186,8 +185,8 @@ class SimulationLog:
         return ChannelRows(self._channels[topic], stamps, data)
 
     def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
-        effort = np.zeros((len(stamps), 7))
-        effort[:, 3:] = stretch.applied
+        effort = np.zeros_like(stretch.position)
+        effort[:, len(self._mechanism.base):] = stretch.applied
         data = rows.joint_state_rows(
             stamps, stretch.position, stretch.velocity, effort, self._joints
         )
@@ -195,17 +194,21 @@ class SimulationLog:
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in rows.effort_rows(stamps, stretch.torque, ~stretch.active):
+            kind = EFFORT.named(self._joints[len(self._mechanism.base):])
+            for group in rows.command_rows(kind, stamps, stretch.torque, ~stretch.active):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.rows)
             return
         twists = np.zeros((len(stamps), 6))
-        twists[:, 0], twists[:, 5] = stretch.rates[:, 0], stretch.rates[:, 1]
+        own = len(self._mechanism.twist)
+        for number, velocity in enumerate(self._mechanism.twist):
+            twists[:, velocity.place] = stretch.rates[:, number]
         if self._is_stamped:
             data = rows.twist_stamped_rows(stamps, twists, self._command_prefix)
         else:
             data = rows.twist_rows(twists)
         yield self._rows(CMD_VEL_TOPIC, stamps, data)
-        for group in rows.command_rows(ARM_VELOCITY, stamps, stretch.rates[:, 2:]):
+        kind = ARM_VELOCITY.named(self._joints[len(self._mechanism.base) + own:])
+        for group in rows.command_rows(kind, stamps, stretch.rates[:, own:]):
             yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.rows)
 
     def _telemetry(
@@ -226,7 +229,9 @@ class SimulationLog:
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
     ) -> Iterator[ChannelRows]:
         chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
-        pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
+        pose, twist = self._mechanism.formulas.base_motion(
+            stretch.position[chosen], stretch.velocity[chosen]
+        )
         odometry = rows.odometry_rows(stamps[chosen], pose, twist, self._prefix)
         yield self._rows('odom', stamps[chosen], odometry)
         yield self._rows('base_twist', stamps[chosen], rows.twist_rows(twist))
@@ -245,8 +250,10 @@ class SimulationLog:
         decimation = self._values['plant']['tf_decimation']
         if decimation:
             chosen = self._decimated(ticks, decimation)
-            transforms = frame_transforms(self._origins, stretch.position[chosen])
-            data = rows.transforms_rows(stamps[chosen], transforms, self._prefix)
+            transforms = self._robot.frame_transforms(stretch.position[chosen])
+            data = rows.transforms_rows(
+                stamps[chosen], transforms, self._prefix, self._mechanism.frames
+            )
             yield self._rows(TRANSFORMS.name, stamps[chosen], data)
 
     def _path(

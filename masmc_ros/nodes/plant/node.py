@@ -24,7 +24,6 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
@@ -39,6 +38,7 @@ from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.nodes.process.throttle import Throttle
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
 from rclpy.timer import Timer

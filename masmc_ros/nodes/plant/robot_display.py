@@ -20,7 +20,6 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import ActualPath
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message
@@ -28,8 +27,8 @@ from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.robot.two_link.description import robot_description
-from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Path
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +50,12 @@ class RobotDisplay:
         self._decimation: int = values['tf_decimation']
         self._description = string_message(robot_description(values, prefix))
         self._prefix = prefix
-        self._origins = frame_origins(robot.geometry)
-        self._message = TransformsCdr(prefix)
+        self._robot = robot
+        self._message = TransformsCdr(prefix, robot.mechanism.frames)
         self._path = ActualPath(self._timing, robot, prefix)
-        self._path.add(0, np.zeros(7))
-        frame_transforms(self._origins, np.zeros((1, 7)))
+        nowhere = np.zeros((1, len(robot.mechanism.positions)))
+        self._path.add(0, nowhere[0])
+        robot.frame_transforms(nowhere)
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics and publish the description."""
@@ -77,7 +77,7 @@ class RobotDisplay:
         if self._transforms is not None and (
             tick % self._decimation == 0 or tick == self._timing.last
         ):
-            transforms = frame_transforms(self._origins, position[None])[0]
+            transforms = self._robot.frame_transforms(position[None])[0]
             self._transforms.publish(self._message.fill(self._timing.stamp(tick), transforms))
         if self._path.takes(tick):
             path = self._path.add(tick, position)
