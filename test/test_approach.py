@@ -26,7 +26,6 @@ from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import PAPER
 import pytest
-from robots import task_positions
 
 SPEED = 0.25
 MS = 1_000_000
@@ -50,7 +49,7 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
     approach = Approach(ROBOT, SPEED)
     approach.begin()
     first = approach.follow(0, position, REST, reference).copy()
-    assert first[:4] == pytest.approx(task_positions(ROBOT.geometry, position[None])[0], abs=1e-12)
+    assert first[:4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert np.abs(first[4:]).max() < 1e-9  # at rest
     stamp = 0
     while approach.is_on:
@@ -93,7 +92,7 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
     step = 1e-6
     after = integrated(position, rates, step)
     velocity = (
-        task_positions(ROBOT.geometry, after[None])[0] - task_positions(ROBOT.geometry, position[None])[0]
+        ROBOT.task_positions(after[None])[0] - ROBOT.task_positions(position[None])[0]
     ) / step
     way = {}
     for name, each in (('moving', rates), ('at rest', REST)):
@@ -103,7 +102,7 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
         for k in range(501):
             way[name].append(approach.follow(k * MS, position, each, reference).copy())
     moved, rested = np.array(way['moving']), np.array(way['at rest'])
-    assert moved[0, :4] == pytest.approx(task_positions(ROBOT.geometry, position[None])[0], abs=1e-12)
+    assert moved[0, :4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert moved[0, 4:8] == pytest.approx(np.clip(velocity, -SPEED, SPEED), abs=1e-4)
     assert np.abs(moved - rested)[:, :4].max() <= 0.1 * SPEED
     # Braked after half a second, from which on nothing is different.
@@ -157,7 +156,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
                 peak = max(peak, float(np.abs(law.torque).max()))
             plant.advance(law.torque)
         peaks[speed] = peak
-        reached = task_positions(law.geometry, plant.position[None])[0]
+        reached = law.task_positions(plant.position[None])[0]
         assert np.abs(reached - reference[:4]).max() < 0.1
     assert peaks[SPEED] < 0.1 * peaks[0.0]
 
