@@ -156,7 +156,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
                 peak = max(peak, float(np.abs(law.torque).max()))
             plant.advance(law.torque)
         peaks[speed] = peak
-        reached = law.task_positions(plant.position[None])[0]
+        reached = law.robot.task_positions(plant.position[None])[0]
         assert np.abs(reached - reference[:4]).max() < 0.1
     assert peaks[SPEED] < 0.1 * peaks[0.0]
 

@@ -61,7 +61,7 @@ class PlantNode(SuiteNode):
         self._lockstep = self.values['pacing'] == 'lockstep'
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
-        for command in (np.zeros(4), None):
+        for command in (np.zeros(len(self._robot.mechanism.joints)), None):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
