@@ -154,6 +154,7 @@ def test_its_parameters_are_checked_like_the_others(
     assert 'from the rail; expected up to 0.6 m' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_live_in_lockstep_it_has_the_bits_of_the_simulation(file: Path, tmp_path: Path) -> None:
     log, computed = tmp_path / 'live.mcap', tmp_path / 'computed.mcap'
     with processes(tmp_path) as started:

@@ -22,7 +22,6 @@ from masmc_ros.robot.registry import DEFAULT
 
 __all__ = [
     'ACTUAL_PATH_TOPIC',
-    'ARM_JOINTS',
     'ARM_VELOCITY_TOPIC',
     'BASE_FRAME',
     'BASE_JOINTS',
@@ -35,10 +34,12 @@ __all__ = [
     'DRIVEN_JOINTS',
     'JOINTS',
     'ODOM_FRAME',
+    'RATED_JOINTS',
     'REFERENCE_TOPIC',
     'STATE_TOPIC',
     'TASK_AXES',
     'TELEMETRY',
+    'TELEMETRY_SIZES',
     'telemetry_topic',
 ]
 
@@ -46,7 +47,7 @@ JOINTS = all_joints(DEFAULT)
 """Of a joint state, where nothing else is told."""
 BASE_JOINTS = JOINTS[:len(DEFAULT.base)]
 DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
-ARM_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
+RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
 """Those that are commanded rates of their own where rates are."""
 
 TASK_AXES = len(DEFAULT.axes)
@@ -65,13 +66,16 @@ DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
-TELEMETRY = {
+TELEMETRY_SIZES = {
     'tracking_error': 'axes',
     'sliding_surface': 'axes',
     'parameter_estimate': 'parameters',
     'raw_torque': 'joints',
 }
 """Label of each telemetry message, and of what it carries a value each."""
+
+TELEMETRY = {label: DEFAULT.sizes[size] for label, size in TELEMETRY_SIZES.items()}
+"""The same with the number of values, where nothing else is told."""
 
 
 def telemetry_topic(label: str) -> str:

@@ -47,7 +47,7 @@ from masmc_ros.messages.names import (
     JOINTS,
     REFERENCE_TOPIC,
     STATE_TOPIC,
-    TELEMETRY,
+    TELEMETRY_SIZES,
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
@@ -245,7 +245,7 @@ def _run(path: Path, records: Records) -> Run:
     references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
     told = {
         label: None if each is None else _last_pass(each, count)
-        for label, size in TELEMETRY.items()
+        for label, size in TELEMETRY_SIZES.items()
         for count in (mechanism.sizes[size],)
         for each in (series(telemetry_topic(label), telemetry(label, count)),)
     }

@@ -21,13 +21,13 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
-from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.platform_motion import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.names import joint_names
 from masmc_ros.robot.registry import chosen
 from nav_msgs.msg import Odometry
