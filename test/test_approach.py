@@ -143,7 +143,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
     for speed in (SPEED, 0.0):
         run = simulation(**{'controller.law': 'smc', 'controller.switching': switching})
         plant, law = run.plant, run.controller
-        approach = Approach(law.geometry, speed or 1.0)
+        approach = Approach(law.robot, speed or 1.0)
         approach.begin()
         reference = np.array([1.3, 0.9, 1.0, 0.4, *[0.0] * 8])
         peak = 0.0
