@@ -27,11 +27,10 @@ from dataclasses import dataclass
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import LATE_TICKS
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import Values
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +75,7 @@ class _Answering:
         control = values['controller']
         period = control['control_period']
         self.controller = Controller(robot_of(control), period, control)
-        self._approach = Approach(self.controller.geometry, control['approach_speed'])
+        self._approach = Approach(self.controller.robot, control['approach_speed'])
         self._approach.begin()
         self._reference, self._delay, self._period = reference, delay, period
         self._free = 0.0
@@ -145,7 +144,7 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
         for _ in range(plant.tick, min(due, ticks)):
             late += answered < plant.tick
             plant.advance(held)
-            place = task_positions(plant.geometry, plant.true_position[None])[0]
+            place = plant.robot.task_positions(plant.true_position[None])[0]
             error[plant.tick - 1] = place - reference[plant.tick, :4]
             largest = np.maximum(largest, np.abs(plant.applied))
             state = (now, plant.tick, plant.position.copy(), plant.velocity.copy())

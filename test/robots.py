@@ -22,10 +22,12 @@ from typing import Any
 
 from hypothesis import settings
 from hypothesis import strategies as st
+from masmc_ros.robot.robot import Robot
+from masmc_ros.robot.two_link.constants import base_parameters
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry, Posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import SINGULAR_SINE
-from masmc_ros.robot.two_link.parameters import base_parameters
+from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -56,6 +58,16 @@ DEFAULT = {
     'link_1_inertia': 0.148,
     'link_2_inertia': 0.0228,
 }
+
+AXES = TWO_LINK.sizes['axes']
+BASE_PARAMETERS = TWO_LINK.sizes['parameters']
+
+
+def task_positions(geometry: ArrayLike, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (x_E, y_E, x_F, y_F) (n, 4) in m from lengths (5) and positions (n, 7)."""
+    robot = Robot(TWO_LINK, {}, np.asarray(geometry, dtype=np.float64), np.zeros(BASE_PARAMETERS))
+    return robot.task_positions(position)
+
 
 
 @dataclass(frozen=True)

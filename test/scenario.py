@@ -27,10 +27,9 @@ from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
-from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
-from robots import Array, DEFAULT, Machine
+from robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.loop.base_pose import BasePose
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.reference.approach import Approach, SHORTEST
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
-from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.robot.base_pose import BasePose
+from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import PAPER
@@ -37,7 +36,7 @@ def simulation(**settings_: object) -> Simulation:
     return Simulation(load_scenario(str(PAPER), [f'{k}={v}' for k, v in settings_.items()]))
 
 
-ROBOT = simulation().controller.geometry
+ROBOT = simulation().controller.robot
 REST = np.zeros(4)
 
 
@@ -50,7 +49,7 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
     approach = Approach(ROBOT, SPEED)
     approach.begin()
     first = approach.follow(0, position, REST, reference).copy()
-    assert first[:4] == pytest.approx(task_positions(ROBOT, position[None])[0], abs=1e-12)
+    assert first[:4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert np.abs(first[4:]).max() < 1e-9  # at rest
     stamp = 0
     while approach.is_on:
@@ -93,7 +92,7 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
     step = 1e-6
     after = integrated(position, rates, step)
     velocity = (
-        task_positions(ROBOT, after[None])[0] - task_positions(ROBOT, position[None])[0]
+        ROBOT.task_positions(after[None])[0] - ROBOT.task_positions(position[None])[0]
     ) / step
     way = {}
     for name, each in (('moving', rates), ('at rest', REST)):
@@ -103,7 +102,7 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
         for k in range(501):
             way[name].append(approach.follow(k * MS, position, each, reference).copy())
     moved, rested = np.array(way['moving']), np.array(way['at rest'])
-    assert moved[0, :4] == pytest.approx(task_positions(ROBOT, position[None])[0], abs=1e-12)
+    assert moved[0, :4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert moved[0, 4:8] == pytest.approx(np.clip(velocity, -SPEED, SPEED), abs=1e-4)
     assert np.abs(moved - rested)[:, :4].max() <= 0.1 * SPEED
     # Braked after half a second, from which on nothing is different.
@@ -112,7 +111,7 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
 
 def integrated(position: np.ndarray, rates: np.ndarray, step: float) -> np.ndarray:
     """Return the positions (7) a step later at these rates (4) of the driven joints."""
-    radius, half_track = ROBOT[0], ROBOT[1]
+    radius, half_track = ROBOT.geometry[0], ROBOT.geometry[1]
     speed = 0.5 * radius * (rates[0] + rates[1])
     turn = 0.5 * radius / half_track * (rates[0] - rates[1])
     yaw = position[2]
@@ -144,7 +143,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
     for speed in (SPEED, 0.0):
         run = simulation(**{'controller.law': 'smc', 'controller.switching': switching})
         plant, law = run.plant, run.controller
-        approach = Approach(law.geometry, speed or 1.0)
+        approach = Approach(law.robot, speed or 1.0)
         approach.begin()
         reference = np.array([1.3, 0.9, 1.0, 0.4, *[0.0] * 8])
         peak = 0.0
@@ -157,7 +156,7 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
                 peak = max(peak, float(np.abs(law.torque).max()))
             plant.advance(law.torque)
         peaks[speed] = peak
-        reached = task_positions(law.geometry, plant.position[None])[0]
+        reached = law.robot.task_positions(plant.position[None])[0]
         assert np.abs(reached - reference[:4]).max() < 0.1
     assert peaks[SPEED] < 0.1 * peaks[0.0]
 

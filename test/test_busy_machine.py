@@ -24,7 +24,7 @@ import subprocess
 import sys
 
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
+from masmc_ros.robot.two_link.names import TORQUE_LIMIT
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest

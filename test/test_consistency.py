@@ -19,9 +19,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
+from masmc_ros.robot.two_link.constants import base_parameters
 from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
 from masmc_ros.robot.two_link.geometry import Geometry, posture
-from masmc_ros.robot.two_link.parameters import base_parameters
 import numpy as np
 from robots import (
     all_angles,

@@ -20,7 +20,7 @@ import re
 from types import ModuleType
 
 from masmc_ros.params.file import read
-from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.robot.two_link.names import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.scenario.node_parameters import declared, NODES
 from masmc_ros.scenario.scenario import load_scenario
 import pytest

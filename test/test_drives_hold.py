@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, joined, Stretch
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
 from processes import PAPER

@@ -25,7 +25,6 @@ from hypothesis import strategies as st
 from masmc_ros.loop import records
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link import AXES, BASE_PARAMETERS
 from masmc_ros.robot.two_link.dynamics import (
     BaseParameters,
     coriolis,
@@ -39,7 +38,7 @@ from masmc_ros.robot.two_link.dynamics import (
 )
 from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 from plant_state import derivative, PlantState
 import pytest
@@ -48,6 +47,8 @@ from robots import (
     Angles,
     Array,
     assert_agree,
+    AXES,
+    BASE_PARAMETERS,
     between,
     columns,
     DEFAULT,

@@ -25,18 +25,17 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.two_link.frames import (
-    check_frame_prefix,
-    end_effector_height,
     frame_origins,
     frame_transforms,
 )
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.two_link.names import FRAMES, TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 from rosbags.highlevel import AnyReader
 
 PAPER = Path(__file__).resolve().parent.parent / 'config' / 'paper.yaml'
@@ -81,7 +80,8 @@ def test_chained_transforms_are_the_kinematics(
     tip, arm = chained(transforms, 'end_effector'), chained(transforms, 'link_1')
     np.testing.assert_allclose(tip[:2, 3], task[:2], rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(arm[:2, 3], task[2:], rtol=0.0, atol=1e-12)
-    assert np.isclose(tip[2, 3], end_effector_height(lengths), rtol=1e-14)
+    robot = Robot(TWO_LINK, {}, lengths, np.array(machine.theta))
+    assert np.isclose(tip[2, 3], robot.height, rtol=1e-14)
     # The end effector looks along link 2; a wheel that turns forward carries its top forward.
     heading = position[2] + position[5] + position[6]
     np.testing.assert_allclose(tip[:2, 0], [np.cos(heading), np.sin(heading)], atol=1e-13)

@@ -25,7 +25,7 @@ from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reach
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
 from robots import Array, assert_agree, between, PROPERTY

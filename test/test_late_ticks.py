@@ -23,7 +23,7 @@ from delayed_loop import Delay, delayed_run, DelayedRun
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.params.declaration import check_all
-from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT
+from masmc_ros.robot.two_link.names import TORQUE_LIMIT, TWO_LINK
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario, Values
 import numpy as np
@@ -125,5 +125,6 @@ def test_how_long_a_torque_may_be_held_under_a_layer() -> None:
 def test_the_least_inertia_is_that_of_the_default_robot() -> None:
     machine: Any = Machine(DEFAULT)
     position = np.array([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2])
-    found = least_task_inertia(np.array(machine.theta), np.array(machine.geometry), position)
+    theta, geometry = np.array(machine.theta), np.array(machine.geometry)
+    found = least_task_inertia(TWO_LINK, theta, geometry, position)
     assert 0.6 < found < 1.0

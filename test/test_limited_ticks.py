@@ -20,9 +20,10 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of
+from masmc_ros.messages.names import DRIVEN_JOINTS
 from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import PAPER
@@ -129,7 +130,7 @@ def test_ticks_that_are_left_out_are_no_disturbance() -> None:
 
 def test_saturation_is_told_by_joint_and_from_report_to_report() -> None:
     loop = Loop('controller.torque_limit=[0.0, 0.0, 0.5, 0.0]')
-    saturation = Saturation()
+    saturation = Saturation(DRIVEN_JOINTS)
     assert saturation.report() == {
         'ticks with limited torque': '0.0%', 'joints with limited torque': 'none',
     }  # fmt: skip

@@ -23,20 +23,19 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
 from masmc_ros.messages.stamps import stamp_reader
 from masmc_ros.reference.trajectory import parameters, Trajectory
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
-from masmc_ros.robot.two_link.frames import end_effector_height
-from masmc_ros.robot.two_link.parameters import Robot
+from masmc_ros.robot.registry import DEFAULT as TWO_LINK
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
-from robots import DEFAULT
+from robots import DEFAULT, task_positions
 from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPE = 'nav_msgs/msg/Path'
 STAMPS = st.integers(0, 2**31 * 10**9 - 1)
 FRAMES = st.text('abcdefg/_', min_size=1, max_size=9)
-ROBOT = Robot.from_values({f'robot.{name}': value for name, value in DEFAULT.items()})
-VALUES = {parameter.name: parameter.default for parameter in parameters()}
+ROBOT = robot_of({f'robot.{name}': value for name, value in DEFAULT.items()})
+VALUES = {parameter.name: parameter.default for parameter in parameters(TWO_LINK)}
 
 
 def points(count: int) -> np.ndarray:
@@ -135,7 +134,7 @@ def test_the_desired_path_is_the_trajectory() -> None:
     assert t[-1] == 20.0
     np.testing.assert_allclose(poses[:, 1], 0.3 + 0.2 * t, atol=1e-12)
     np.testing.assert_allclose(poses[:, 2], 0.5 + 0.25 * np.sin(0.2 * np.pi * t), atol=1e-12)
-    assert set(poses[:, 3]) == {end_effector_height(ROBOT.geometry)}
+    assert set(poses[:, 3]) == {ROBOT.height}
 
 
 def test_an_endless_path_is_told_piece_by_piece() -> None:
@@ -183,7 +182,7 @@ def test_the_actual_path_grows_to_its_bound(period: float, last: int) -> None:
     assert np.diff(ticks).max() * period <= max(0.05, period) * 1.02
     assert ticks[0] == 0 or len(latest) == MOST_POSES
     np.testing.assert_array_equal(latest[:, 1:3], task[ticks, :2])
-    assert set(latest[:, 3]) == {end_effector_height(ROBOT.geometry)}
+    assert set(latest[:, 3]) == {ROBOT.height}
 
 
 def test_a_robot_that_is_set_back_begins_its_path_anew() -> None:

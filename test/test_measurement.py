@@ -191,9 +191,9 @@ def test_the_true_error_is_that_of_the_true_state() -> None:
     late_by = 'duration=1.0', 'plant.measurement_delay=0.01', *slow
     simulation = Simulation(load_scenario(PAPER, late_by))
     (run,) = simulation.run()
-    true = run.true_error(simulation.plant.geometry)
+    true = run.true_error(simulation.plant.robot)
     late = run.error[10:] - true[:-10]
     moved = run.reference[10:, :4] - run.reference[:-10, :4]
     assert late == pytest.approx(-moved, abs=1e-12)
     (ideal,) = Simulation(load_scenario(PAPER, ('duration=1.0',))).run()
-    assert (ideal.true_error(simulation.plant.geometry) == ideal.error).all()
+    assert (ideal.true_error(simulation.plant.robot) == ideal.error).all()

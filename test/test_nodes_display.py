@@ -22,7 +22,7 @@ import signal
 import sys
 
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.robot.two_link.description import robot_description
+from masmc_ros.robot.robot import robot_description
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Path
 from processes import BOUNDED, PAPER, peer, processes, ros_arguments

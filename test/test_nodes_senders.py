@@ -22,12 +22,12 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.hermite import quintic
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray

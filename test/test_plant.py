@@ -25,11 +25,11 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_start, plant_tick
 from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.numerics.record import fill
+from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
 from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -179,7 +179,8 @@ def test_the_initial_pose_is_that_of_the_centre_of_mass(
     pose = np.array([0.4, -0.6, yaw])
     start = {'initial_pose': pose, 'initial_joints': joints, 'initial_velocity': rates}
     memory, now = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
-    write_start(memory, offset, start)
+    machine = Robot(TWO_LINK, robot.physical, np.array(robot.geometry), np.array(robot.theta))
+    write_start(memory, machine, start)
     assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), now)
     position, velocity = now['position'][0, :, 0], now['velocity'][0, :, 0]
     heading = np.array([math.cos(yaw), math.sin(yaw)])

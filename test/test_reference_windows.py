@@ -34,7 +34,7 @@ def add(windows: ReferenceWindows, first: int, count: int, value: float = 1.0) -
 
 
 def test_a_set_point_beside_a_trajectory_is_refused() -> None:
-    windows = ReferenceWindows()
+    windows = ReferenceWindows(4)
     add(windows, 0, 10)
     add(windows, 10, 10)
     # In the middle, at an end, between two windows, and before the first state has come.
@@ -50,7 +50,7 @@ def test_a_set_point_beside_a_trajectory_is_refused() -> None:
 
 def test_after_a_trajectory_has_ended_a_set_point_holds() -> None:
     """At the very first state that nothing covers: in lock-step it waits for an answer."""
-    windows = ReferenceWindows()
+    windows = ReferenceWindows(4)
     add(windows, 0, 10)
     assert windows.at(10 * MS) is None
     windows.set_point(POINT, 10 * MS)
@@ -62,7 +62,7 @@ def test_after_a_trajectory_has_ended_a_set_point_holds() -> None:
 
 def test_a_trajectory_that_begins_takes_over_from_a_set_point_and_tells() -> None:
     told: list[str] = []
-    windows = ReferenceWindows(told.append)
+    windows = ReferenceWindows(4, told.append)
     windows.set_point(POINT)
     add(windows, 5, 10)
     found = windows.at(4 * MS)
@@ -82,7 +82,7 @@ def test_a_trajectory_that_begins_takes_over_from_a_set_point_and_tells() -> Non
 
 def test_between_two_windows_the_path_goes_on() -> None:
     """States of hardware lie off the grid, also between the last sample and the first."""
-    windows = ReferenceWindows()
+    windows = ReferenceWindows(4)
     add(windows, 0, 10)
     add(windows, 10, 10)
     for stamp in (8.5, 9.25, 9.5, 9.75, 10.5):

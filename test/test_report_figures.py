@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 import io
 from itertools import chain
@@ -28,22 +27,22 @@ from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
-from masmc_ros.report.error_figure import end_effector_figure, platform_figure
+from masmc_ros.report.error_figure import error_figure
 from masmc_ros.report.figures import draw_figures, figure_names
 from masmc_ros.report.labels import labels
 from masmc_ros.report.metrics import metrics
 from masmc_ros.report.report import write_report
-from masmc_ros.report.robot_drawing import arm_points
 from masmc_ros.report.style import paper_style, png
 from masmc_ros.report.tracking import tracking
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.declaration import Point
+from masmc_ros.robot.registry import DEFAULT
+from masmc_ros.robot.two_link.drawing import arm_points
 import matplotlib
-from matplotlib.figure import Figure
 from matplotlib.image import imread
 import numpy as np
 import pytest
 from report_runs import paper_like, run_of, ticks, without_error
-from robots import all_angles, Angles, Machine, machines, PROPERTY
+from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
@@ -124,13 +123,15 @@ def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
         assert matplotlib.rcParams['font.size'] == 20.0
 
 
-@pytest.mark.parametrize(('draw', 'first'), [(end_effector_figure, 0), (platform_figure, 2)])
-def test_errors_are_drawn_in_mm_and_enlarged(draw: Callable[..., Figure], first: int) -> None:
+@pytest.mark.parametrize('point', DEFAULT.points)
+def test_errors_are_drawn_in_mm_and_enlarged(point: Point) -> None:
     run = paper_like()
     tracked = tracking(run)
-    error = 1000.0 * tracked.error[:, first:first + 2]
+    error = 1000.0 * tracked.error[:, point.axes]
     with paper_style():
-        upper, lower = draw(tracked, metrics(run), 'run').axes
+        figure = error_figure(tracked, metrics(run), 'run', point)
+    assert figure is not None
+    upper, lower = figure.axes
     for axes in (upper, lower):
         _, x, y = axes.get_lines()
         np.testing.assert_allclose(np.stack([x.get_ydata(), y.get_ydata()], axis=1), error)
@@ -186,7 +187,7 @@ def test_any_name_of_a_file_can_be_drawn() -> None:
         texts = [text.get_text() for text in legend.get_texts()]
         assert texts == ['_hidden', r'cost \$x_{\$', r'\$\frac\$', f'…{"a" * 39}', '%s {} "']
         for label, run, tracked in compared:
-            drawn = end_effector_figure(tracked, metrics(run), label)
+            drawn = error_figure(tracked, metrics(run), label, DEFAULT.points[0])
             image = pixels(png(drawn))
             assert share(image, BLUE) > 1e-3
             assert (image[:, -1] == 255).all()  # no name is cut off

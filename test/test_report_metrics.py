@@ -49,10 +49,10 @@ def test_points_on_circles_have_their_radii(radius_e: float, radius_f: float) ->
         axis=1,
     )
     found = metrics(run_of(error, t))
-    assert found.end_effector_rms == pytest.approx(radius_e)
-    assert found.end_effector_max == pytest.approx(radius_e)
-    assert found.platform_rms == pytest.approx(radius_f)
-    assert found.platform_max == pytest.approx(radius_f)
+    assert found.of('end_effector').rms == pytest.approx(radius_e)
+    assert found.of('end_effector').largest == pytest.approx(radius_e)
+    assert found.of('platform').rms == pytest.approx(radius_f)
+    assert found.of('platform').largest == pytest.approx(radius_f)
 
 
 def test_whole_periods_of_a_sine() -> None:
@@ -61,9 +61,9 @@ def test_whole_periods_of_a_sine() -> None:
     error[:, 1] = 0.03 * np.sin(2 * np.pi * t)
     error[:, 2] = 0.05
     found = metrics(run_of(error, t))
-    assert found.end_effector_rms == pytest.approx(0.03 / np.sqrt(2))
-    assert found.end_effector_max == pytest.approx(0.03)
-    assert found.platform_rms == pytest.approx(0.05)
+    assert found.of('end_effector').rms == pytest.approx(0.03 / np.sqrt(2))
+    assert found.of('end_effector').largest == pytest.approx(0.03)
+    assert found.of('platform').rms == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(
@@ -75,15 +75,16 @@ def test_window_is_the_second_half_without_the_last_tick(time: float, counts: bo
     error[round(time / 0.01), 0] = 1.0
     found = metrics(run_of(error, t))
     assert (found.begin, found.end) == (10.0, 20.0)
-    assert found.end_effector_max == float(counts)
+    assert found.of('end_effector').largest == float(counts)
 
 
 def test_window_of_choice() -> None:
     t = ticks()
     error = np.zeros((len(t), 4))
     error[t < 1.0] = 0.5
-    assert metrics(run_of(error, t), window=(0.0, 1.0)).platform_rms == pytest.approx(np.sqrt(0.5))
-    assert metrics(run_of(error, t), window=(1.0, 20.0)).platform_rms == 0.0
+    first = metrics(run_of(error, t), window=(0.0, 1.0)).of('platform')
+    assert first.rms == pytest.approx(np.sqrt(0.5))
+    assert metrics(run_of(error, t), window=(1.0, 20.0)).of('platform').rms == 0.0
 
 
 def test_stamps_of_the_wall_clock_change_nothing() -> None:
@@ -96,7 +97,7 @@ def test_stamps_of_the_wall_clock_change_nothing() -> None:
         torque_times=run.torque_times + late,
     )
     found, right = metrics(shifted), metrics(run)
-    assert found.end_effector_rms == pytest.approx(right.end_effector_rms, rel=1e-3)
+    assert found.of('end_effector').rms == pytest.approx(right.of('end_effector').rms, rel=1e-3)
     assert found.torque_variation == pytest.approx(right.torque_variation, rel=1e-3)
     assert found.end == pytest.approx(20.0, abs=1e-6)
 
@@ -148,8 +149,10 @@ def test_norm_of_the_last_estimate() -> None:
 
 def test_run_of_one_state_has_no_window() -> None:
     found = metrics(run_of(np.zeros((1, 4)), np.zeros(1)))
-    assert (found.end_effector_rms, found.platform_max, found.torque_rms) == (None, None, None)
-    assert found.end_effector_settling == 0.0
+    assert found.of('end_effector').rms is None
+    assert found.of('platform').largest is None
+    assert found.torque_rms is None
+    assert found.of('end_effector').settling == 0.0
 
 
 @pytest.fixture(scope='module')
@@ -208,8 +211,8 @@ def test_log_that_does_not_tell_the_error(change: dict[str, Any]) -> None:
     assert (tracked.desired is None) == ('reference' in change)
     assert (tracked.actual is None) == ('parameters' in change)
     found = metrics(run)
-    assert found.end_effector_rms is None
-    assert found.platform_settling is None
+    assert found.of('end_effector').rms is None
+    assert found.of('platform').settling is None
     assert found.torque_rms is not None
 
 

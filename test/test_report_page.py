@@ -139,11 +139,12 @@ def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
     head, first, second = both.table(id='metrics')
     assert head[:3] == ['run', 'window (s)', 'E RMS (mm)']
     assert (first[0], second[0]) == ('smc, tanh δ 0.2, changed', 'rasmc, tanh δ 0.2')
-    rms = metrics(changed).end_effector_rms
+    rms = metrics(changed).of('end_effector').rms
     assert rms is not None
     assert float(first[2]) == pytest.approx(1e3 * rms, rel=1e-4)
     settles = first[head.index('E settles (s)')]
-    assert float(settles) == pytest.approx(metrics(changed).end_effector_settling or 0.0, rel=1e-4)
+    settled = metrics(changed).of('end_effector').settling
+    assert float(settles) == pytest.approx(settled or 0.0, rel=1e-4)
     assert first[head.index('F settles (s)')] == 'does not'
 
 

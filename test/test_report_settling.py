@@ -44,8 +44,8 @@ def test_end_effector_and_platform_settle_on_their_own() -> None:
     error[:, 1] = np.where(t < 2.0, 0.5, 0.01)  # 2 % of 0.5 m is inside
     error[:, 2] = np.where(t < 3.0, 0.5, 0.0101)  # this is not
     found = metrics(run_of(error, t))
-    assert found.end_effector_settling == 2.0
-    assert found.platform_settling == math.inf
+    assert found.of('end_effector').settling == 2.0
+    assert found.of('platform').settling == math.inf
 
 
 def test_small_errors_are_settled_from_the_start() -> None:
@@ -73,7 +73,7 @@ def test_a_change_of_parameters_begins_anew(changed: float, settled: float) -> N
     errors = np.where(t < 14.0, 1.0, 0.0)[:, None] * [1.0, 0.0]
     error = np.hstack((errors, errors))
     run = with_change(run_of(error, t), changed, 'controller', k_s1=1.0)
-    assert metrics(run).platform_settling == settled
+    assert metrics(run).of('platform').settling == settled
 
 
 def test_a_change_shortly_before_the_end_is_no_excuse() -> None:
@@ -95,7 +95,8 @@ def test_time_counts_from_the_first_error() -> None:
     t = ticks()
     run = run_of(np.exp(-2.0 * t)[:, None] * np.ones(4), t)
     late = replace(run, times=run.times - 5.0)  # the controller begins 5 s after the plant
-    assert metrics(late).end_effector_settling == pytest.approx(metrics(run).end_effector_settling)
+    settled = metrics(run).of('end_effector').settling
+    assert metrics(late).of('end_effector').settling == pytest.approx(settled)
 
 
 @given(hnp.arrays(float, st.tuples(st.integers(2, 40), st.just(2)), elements=NEAR_THE_BAND))

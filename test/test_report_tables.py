@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import astuple, replace
+from dataclasses import replace
 import io
 import math
 from typing import Any
@@ -25,20 +25,19 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import Metrics, metrics
+from masmc_ros.report.metrics import Metrics, metrics, Reached
 from masmc_ros.report.table import csv_table, markdown_table, number, text_table
+from masmc_ros.robot.registry import DEFAULT
 import pytest
 from report_runs import paper_like, with_change
+
+E, F = DEFAULT.points
 
 KNOWN = Metrics(
     begin=10.0,
     end=20.0,
-    end_effector_rms=0.020688,
-    end_effector_max=0.0752,
-    platform_rms=0.0395656,
-    platform_max=0.0601855,
-    end_effector_settling=1.934,
-    platform_settling=math.inf,
+    points={E: Reached(0.020688, 0.0752, 1.934), F: Reached(0.0395656, 0.0601855, math.inf)},
+    joints=4,
     torque_rms=3.4239,
     torque_variation=236554.4,
     estimate_norm=None,
@@ -122,8 +121,10 @@ def test_markdown_table_has_a_cell_for_every_head() -> None:
 
 @given(st.floats(0.0, 1e6), st.floats(0.0, 1e6) | st.none())
 def test_csv_keeps_every_bit(rms: float, variation: float | None) -> None:
-    row = replace(KNOWN, platform_rms=rms, torque_variation=variation)
+    reached = replace(KNOWN.points[F], rms=rms)
+    row = replace(KNOWN, points={**KNOWN.points, F: reached}, torque_variation=variation)
     (read,) = csv.DictReader(io.StringIO(csv_table({'smc, "x"': row})))
     assert read.pop('run') == 'smc, "x"'
-    assert [float(text) if text else None for text in read.values()] == list(astuple(row))
+    known = [0.020688, 0.0752, rms, 0.0601855, 1.934, math.inf, 3.4239, variation, None]
+    assert [float(text) if text else None for text in read.values()] == [10.0, 20.0, *known]
     assert list(read)[4] == 'platform_rms (m)'

@@ -23,12 +23,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.messages.names import DRIVEN_JOINTS
-from masmc_ros.robot.two_link.description import robot_description
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
-from masmc_ros.robot.two_link.parameters import base_parameters
+from masmc_ros.robot.robot import robot_description
+from masmc_ros.robot.two_link.constants import base_parameters
 import numpy as np
 import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 
 POSITIONS = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
 

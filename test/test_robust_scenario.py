@@ -43,10 +43,10 @@ class LongRun:
     def __init__(self, *settings: str) -> None:
         """Simulate under config/robust.yaml and further settings."""
         simulation = Simulation(load_scenario(ROBUST, ('duration=600.0', *settings)))
-        geometry, self.nominal = simulation.plant.geometry, simulation.controller.nominal
+        robot, self.nominal = simulation.plant.robot, simulation.controller.nominal
         errors, estimates, cut = [], [], 0
         for stretch in simulation.run():
-            errors.append(stretch.true_error(geometry))
+            errors.append(stretch.true_error(robot))
             estimates.append(stretch.estimate)
             cut += int((stretch.raw_torque != stretch.torque).any(axis=1).sum())
         self.error, self.estimate = np.concatenate(errors), np.concatenate(estimates)

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+import re
+import tokenize
 
 import pytest
 
@@ -126,3 +128,56 @@ def test_only_nodes_know_ros() -> None:
                 else []
             )
             assert not any(each.split('.')[0].startswith('rcl') for each in names), path
+
+
+OF_ONE_ROBOT = re.compile(
+    r'wheel|yaw|elbow|(^|_)axle|two_link|(^|_)arm($|_)|(^|_)[xy]_[EF]$', re.IGNORECASE
+)
+"""What names of one kind of robot are made of."""
+
+OF_THE_TOPIC = re.compile(r'_?(every_)?arm_(velocity|rate)', re.IGNORECASE)
+"""What is about the topic `arm_velocity_commands`, whose name is public whatever the robot."""
+
+ARRAYS = ('zeros', 'empty', 'ones', 'full', 'range', 'reshape')
+
+SIZES = (4, 7, 12, 21)
+"""Of the paper's robot: axes and joints, positions and parameters, samples, states."""
+
+
+def outside_robot() -> list[Path]:
+    return [path for path in files() if path.relative_to(PACKAGE).parts[0] != 'robot']
+
+
+def test_only_its_own_folder_names_parts_of_a_robot() -> None:
+    found = []
+    for path in outside_robot():
+        with path.open('rb') as stream:
+            names = {
+                token.string
+                for token in tokenize.tokenize(stream.readline)
+                if token.type == tokenize.NAME
+            }
+        found += [
+            f'{path}: {name}'
+            for name in sorted(names)
+            if OF_ONE_ROBOT.search(name) and not OF_THE_TOPIC.match(name)
+        ]
+    assert not found
+
+
+def test_only_its_own_folder_spells_the_sizes_of_a_robot() -> None:
+    found = []
+    for path in outside_robot():
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if not isinstance(node, ast.Call):
+                continue
+            called = getattr(node.func, 'attr', getattr(node.func, 'id', ''))
+            spelt: list[ast.expr] = list(node.args) if called in ARRAYS else []
+            spelt += [each.value for each in node.keywords if each.arg == 'length']
+            found += [
+                f'{path}:{node.lineno}'
+                for argument in spelt
+                for part in (argument, *getattr(argument, 'elts', ()))
+                if isinstance(part, ast.Constant) and part.value in SIZES
+            ]
+    assert not found

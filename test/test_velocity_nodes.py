@@ -30,18 +30,18 @@ from live_run import live_run, LiveRun
 from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.report.parameters import run_robot
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest
+from robots import task_positions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -161,7 +161,7 @@ class Watched:
         self.rates = np.full(4, np.nan)
         self.motion = np.full(4, np.nan)
         self._geometry = robot_of(load_scenario(str(PAPER), ())['plant']).geometry
-        self._windows = ReferenceWindows()
+        self._windows = ReferenceWindows(4)
         self._errors: deque[np.ndarray] = deque(maxlen=SECOND)
         run.tester.subscribe(Float64MultiArray, 'reference', self._on_reference, raw=True)
         run.tester.subscribe(self.type, 'cmd_vel', self._on_twist, raw=True)

@@ -28,12 +28,12 @@ import struct
 from typing import Any
 
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.loop.simulation import robot_of
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 from node_readers import read_log, run_read_log, SOURCES
 import numpy as np
 import pytest
+from robots import task_positions
 from viewed_run import computed_run, decoded, ROOT
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'

@@ -29,7 +29,6 @@ import re
 
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +63,7 @@ def estimated(bandwidth: float) -> Point:
         'controller.velocity_source=estimated', f'controller.estimator_bandwidth={bandwidth}'
     )
     (run,) = simulation.run(block=30_000)
-    return _point(bandwidth, run.true_error(simulation.plant.geometry), run.torque)
+    return _point(bandwidth, run.true_error(simulation.plant.robot), run.torque)
 
 
 def filtered(bandwidth: float) -> Point:
@@ -84,7 +83,7 @@ def filtered(bandwidth: float) -> Point:
         position[k], torque[k] = plant.true_position, controller.torque
         if k + 1 < ticks:
             plant.advance(controller.torque)
-    error = task_positions(plant.geometry, position) - reference[:, :4]
+    error = plant.robot.task_positions(position) - reference[:, :4]
     return _point(bandwidth, error, torque)
 
 
@@ -92,7 +91,7 @@ def measured() -> Point:
     """Return what the noisy measured rates reach."""
     simulation = _simulation()
     (run,) = simulation.run(block=30_000)
-    return _point(math.nan, run.true_error(simulation.plant.geometry), run.torque)
+    return _point(math.nan, run.true_error(simulation.plant.robot), run.torque)
 
 
 def _simulation(*settings: str) -> Simulation:

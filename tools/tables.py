@@ -28,7 +28,7 @@ from unittest.mock import patch
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
-from masmc_ros.scenario.node_parameters import declared, NODES, SHARED
+from masmc_ros.scenario.node_parameters import declared, NODES, shared
 
 ROOT = Path(__file__).resolve().parent.parent
 _BLOCK = re.compile(r'(<!-- table: ([a-z ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -41,13 +41,13 @@ def tables() -> dict[str, str]:
 
 
 def _tables() -> dict[str, str]:
-    shared = {parameter.name for parameter in SHARED}
+    names = {parameter.name for parameter in shared()}
     own = {
-        node: tuple(p for p in declared(node) if p.name not in shared) for node in NODES
+        node: tuple(p for p in declared(node) if p.name not in names) for node in NODES
     }
     return {
         'topics': _topics(),
-        'shared parameters': markdown_table(SHARED),
+        'shared parameters': markdown_table(shared()),
         'tunable parameters': markdown_table(
             tuple(p for p in own['controller'] if not p.read_only)
         ),

@@ -20,7 +20,7 @@ import shutil
 import textwrap
 
 from masmc_ros.params.documentation import plain_list
-from masmc_ros.scenario.node_parameters import declared, SHARED
+from masmc_ros.scenario.node_parameters import declared, shared
 
 _DOES = {
     'plant': 'The simulated robot: takes commands, sends its states.',
@@ -55,12 +55,12 @@ def node_help(name: str) -> str:
     if own:
         lines += ['', '  --record  record the run as well']
     nodes = _COMPOSED if own else (name,)
-    shared = {parameter.name for parameter in SHARED}
+    names = {parameter.name for parameter in shared()}
     for node in nodes:
-        parameters = [p for p in declared(node) if p.name not in shared]
+        parameters = [p for p in declared(node) if p.name not in names]
         lines += ['', f'parameters of the node {node}:', *plain_list(parameters, width)]
     needed = {p.name for node in nodes for p in declared(node)}
-    common = [p for p in SHARED if p.name in needed]
+    common = [p for p in shared() if p.name in needed]
     if common:
         lines += ['', 'parameters that nodes share:', *plain_list(common, width)]
     return '\n'.join(lines) + '\n'

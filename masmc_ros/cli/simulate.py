@@ -33,7 +33,6 @@ from masmc_ros.report.labels import law_label
 from masmc_ros.report.metrics import measure, second_half
 from masmc_ros.report.recomputed import Recomputed
 from masmc_ros.report.table import text_table
-from masmc_ros.robot.two_link import AXES
 from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
 import numpy as np
@@ -98,7 +97,8 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
         print(f'log: {output}')
     if singular:
         print(
-            f'warning: the arm was close to singular at {singular} of {ticks} ticks; motion '
+            f'warning: {simulation.plant.mechanism.lost} was close to singular at {singular} of '
+            f'{ticks} ticks; motion '
             'along the lost direction is damped there',
             file=sys.stderr,
         )
@@ -157,7 +157,7 @@ def _print_table(
     times = np.arange(len(error), dtype=np.float64) * simulation.timing.period
     computed = np.concatenate(active)
     # Where rates were commanded there are no torques.
-    torque = np.concatenate([np.zeros((0, AXES)), *torques])
+    torque = np.concatenate([np.zeros((0, len(simulation.plant.mechanism.joints))), *torques])
     reached = measure(
         times[computed],
         error[computed],
@@ -165,6 +165,7 @@ def _print_table(
         torque,
         last.estimate[-1:],
         second_half(times),
+        points=simulation.plant.mechanism.points,
     )
     label = law_label(source.values['controller'])
     is_changed = any(change.values for change in source.changes)

@@ -22,6 +22,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
+from masmc_ros.robot.registry import NAME as MECHANISM
 
 COMMAND_INTERFACES = ('effort', 'velocity')
 """Choices of `command_interface`; compiled code knows them by their position here."""
@@ -46,7 +47,7 @@ ENABLE_STAMPED_CMD_VEL = Parameter(
 
 def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
     """Raise InputError where a plant does not take what a controller sends, by their values."""
-    for name in (COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
+    for name in (MECHANISM, COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
         if plant[name] != controller[name]:
             raise InputError(
                 f'controller.{name} = {yaml_text(controller[name])}: expected '

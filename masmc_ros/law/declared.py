@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.declaration import Mechanism
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PerEntry:
         """Return the declaration for a mechanism."""
         length = mechanism.sizes[self.size]
         default = (
-            mechanism.drives[self.default]
+            mechanism.default(self.default, self.size)
             if isinstance(self.default, str)
             else (self.default,) * length
         )

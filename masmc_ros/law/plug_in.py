@@ -41,9 +41,9 @@ class TickInput:
     gains: Mapping[str, Any]
     """Every parameter of the controller in force, by name; arrays for gains per axis."""
     position: Array
-    """Positions (7) in the order of joint_states: x_O, y_O, yaw, wheels, arm."""
+    """Positions in the order of joint_states: the base's, then the joints'."""
     velocity: Array
-    """Velocities (7) in the same order."""
+    """Velocities in the same order."""
     reference: Array
     """x_d, xdot_d, xddot_d (3, n)."""
     error: Array
@@ -59,7 +59,7 @@ class TickInput:
     jacobian: Array
     """J (n, n) of (4)."""
     inverse_jacobian: Array
-    """J^-1 (n, n), damped close to a singular arm."""
+    """J^-1 (n, n), damped close to a singularity."""
     inertia: Array
     """Reduced inertia H (n, n) of (10) of the nominal model."""
     task_inertia: Array
@@ -71,7 +71,7 @@ class TickInput:
     commanded: Array
     """Torque (n) commanded at the last tick, N m: the law's own within the limits in force."""
     singular: bool
-    """True where the arm is so close to singular that J^-1 is damped."""
+    """True where the task is so close to singular that J^-1 is damped."""
 
 
 class PlugInLaw(Protocol):

@@ -45,7 +45,7 @@ def _ahead(velocity: float, acceleration: float, time: float) -> float:
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return no torque; write the command as a base and an arm take it to the memory."""
+    """Return no torque; write the command as the drives take it to the memory."""
     v = each(_ahead, tick.reference_velocity, tick.reference_acceleration, 0.5 * tick.period)
     put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
     return each(zero, get(memory, 'commanded', lane))

@@ -38,7 +38,7 @@ from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
-from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.declaration import Mechanism
 
 LAWS = {law.name: law for law in (SMC, RASMC)}
 """The laws of this folder that `law` chooses among."""

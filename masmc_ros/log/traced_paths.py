@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The end effector's paths for viewers: where it is to go, and where it has been.
+Paths of the robot's first point, for viewers: where it is to go, and where it has been.
 
 Live nodes and computed logs make them with the same functions, so that they are the same
-bytes. They lie at the height of the end effector's frame.
+bytes. They lie at the height of its frame.
 """
 
 from __future__ import annotations
@@ -26,10 +26,8 @@ from collections import deque
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.path import path_message
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
-from masmc_ros.robot.two_link.frames import end_effector_height
-from masmc_ros.robot.two_link.names import ODOM_FRAME
-from masmc_ros.robot.two_link.parameters import Robot
+from masmc_ros.robot.declaration import ODOM_FRAME
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,12 +57,12 @@ def pose_stride(timing: Timing) -> int:
 
 
 class DesiredPath:
-    """Where the end effector is to go, by the trajectory."""
+    """Where the point is to go, by the trajectory."""
 
     def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
         """Take the control grid, the robot and the prefix of the frames' names."""
         self._timing = timing
-        self._height = end_effector_height(robot.geometry)
+        self._height, self._axes = robot.height, robot.mechanism.points[0].axes
         self._frame = frame_prefix + ODOM_FRAME
         self._recent: deque[_Pose] = deque(maxlen=MOST_POSES)
 
@@ -84,7 +82,7 @@ class DesiredPath:
             return None
         ticks = thinned(self._timing.last)
         points = np.full((len(ticks), 3), self._height)
-        points[:, :2] = trajectory.positions(ticks)[:, :2]
+        points[:, :2] = trajectory.positions(ticks)[:, self._axes]
         stamps = origin_ns + np.array([self._timing.stamp(tick) for tick in ticks.tolist()])
         return path_message(self._frame, int(stamps[0]), stamps, points)
 
@@ -99,23 +97,23 @@ class DesiredPath:
         starts_ns
             stamp of the first sample in ns.
         samples
-            (n, 12) at consecutive ticks.
+            (n, 3 axes) at consecutive ticks.
 
         """
         for tick in range(0, len(samples), pose_stride(self._timing)):
-            x, y = samples[tick, :2].tolist()
+            x, y = samples[tick, self._axes].tolist()
             _add(self._recent, (starts_ns + self._timing.stamp(tick), x, y, self._height))
         return _message(self._frame, stamp_ns, self._recent)
 
 
 class ActualPath:
-    """Where the end effector has been: its latest poses."""
+    """Where the point has been: its latest poses."""
 
     def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
         """Take the control grid, the robot and the prefix of the frames' names."""
         self._timing = timing
-        self._lengths = robot.geometry
-        self._height = end_effector_height(robot.geometry)
+        self._robot = robot
+        self._height, self._axes = robot.height, robot.mechanism.points[0].axes
         self._frame = frame_prefix + ODOM_FRAME
         self._stride = pose_stride(timing)
         self._sent_stride = max(1, round(_SENT_PERIOD / timing.period))
@@ -134,7 +132,7 @@ class ActualPath:
         tick
             number of the tick; with a smaller one than before the path goes on from there.
         position
-            (7) in the order of joint_states.
+            in the order of joint_states.
 
         Returns
         -------
@@ -142,7 +140,7 @@ class ActualPath:
 
         """
         stamp = self._timing.stamp(tick)
-        x, y = task_positions(self._lengths, position[None])[0, :2].tolist()
+        x, y = self._robot.task_positions(position[None])[0, self._axes].tolist()
         _add(self._poses, (stamp, x, y, self._height))
         if tick % self._sent_stride and not self._is_last(tick):
             return None

@@ -32,8 +32,7 @@ from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill, take_over
-from masmc_ros.robot.two_link.parameters import Robot
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,7 +60,7 @@ class Controller:
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the robot, the control period in s and checked values of `parameters()`."""
         self.period = period
-        self.mechanism = TWO_LINK
+        self.robot, self.mechanism = robot, robot.mechanism
         self.now = records.signals(self.mechanism)
         signals = {field.name: self.now[field.name][0] for field in SIGNALS}
         self._position, self._velocity = signals['position'][:, 0], signals['velocity'][:, 0]
@@ -70,7 +69,6 @@ class Controller:
         self.error, self.surface = signals['error'][:, 0], signals['surface'][:, 0]
         self.used_estimate = signals['estimate'][:, 0]
         self.velocity_command = signals['rates'][:, 0]
-        self.geometry = robot.geometry
         self.nominal = values['model_scale'] * robot.theta
         self.commands_rates = values['command_interface'] == VELOCITY_INTERFACE
         self.values: dict[str, Any] = {}
@@ -206,7 +204,7 @@ class Controller:
             law = registry.LAWS['smc']
         self._law = law
         settings = records.law_settings(self.mechanism, law, values['switching'])
-        fill(settings, 'geometry', self.geometry)
+        fill(settings, 'geometry', self.robot.geometry)
         fill(settings, 'nominal', self.nominal)
         fill(settings, 'period', self.period)
         fill(settings, 'takes_rates', self.commands_rates)

@@ -28,21 +28,23 @@ from masmc_ros.law.tick import task_inertia
 from masmc_ros.loop import records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.record import fill, get
-from masmc_ros.robot import mechanism
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot import mechanism as formulas
+from masmc_ros.robot.declaration import Mechanism
 import numpy as np
 
 
 @kernel
 def _task_inertia(plant: Any, now: Any) -> Any:
-    model = mechanism.model_of(plant[0], 0)
-    bend = mechanism.posture(model, get(now[0], 'position', 0))
+    model = formulas.model_of(plant[0], 0)
+    bend = formulas.posture(model, get(now[0], 'position', 0))
     return task_inertia(model, bend, get(plant[0], 'theta', 0), get(now[0], 'error', 0))
 
 
-def least_task_inertia(theta: Any, geometry: Any, position: Any) -> float:
+def least_task_inertia(
+    mechanism: Mechanism, theta: Any, geometry: Any, position: Any
+) -> float:
     """Return lambda_min(H_x) in kg of base parameters and lengths, at the positions."""
-    plant, now = records.plant_settings(TWO_LINK), records.signals(TWO_LINK)
+    plant, now = records.plant_settings(mechanism), records.signals(mechanism)
     fill(plant, 'theta', theta)
     fill(plant, 'geometry', geometry)
     fill(now, 'position', position)

@@ -34,8 +34,8 @@ from masmc_ros.law.law import Law
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, settle
 from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
-from masmc_ros.robot.mechanism import Mechanism
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import load as load_mechanism
 
 
 def laws() -> tuple[Law, ...]:
@@ -57,7 +57,8 @@ def load(mechanism: Mechanism) -> None:
 
 def mark(mechanism: Mechanism) -> Path:
     """Return the file that tells that the kernels of these laws are on this machine's disk."""
-    return machine_code(f'prepared-{mechanism.name}', *map(records.law_tag, laws()))
+    name = f'prepared-{mechanism.tag}'.replace(' ', '-')
+    return machine_code(name, *map(records.law_tag, laws()))
 
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
@@ -68,21 +69,24 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
         load(mechanism)
         return None
     return subprocess.Popen(
-        [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
+        [sys.executable, '-m', __name__, mechanism.name],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
     )
 
 
-def main() -> None:
-    """Make the kernels of the default robot, unless another process is about it."""
+def main(name: str) -> None:
+    """Make the kernels of a mechanism, by its name, unless another process is about it."""
     # Standard input is the node that asked: it is closed when that ends, however it does.
     Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, 'nice'):
         os.nice(19)
-    done = mark(TWO_LINK)
+    mechanism = load_mechanism(name)
+    done = mark(mechanism)
     at_work = done.with_suffix('.lock')
     with at_work.open('w') as file:
         if _is_first(file.fileno()):
-            load(TWO_LINK)
+            load(mechanism)
             done.touch()
 
 
@@ -104,4 +108,4 @@ def _end_with_parent() -> None:
 
 
 if __name__ == '__main__':
-    main()
+    main(sys.argv[1])

@@ -29,7 +29,7 @@ from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.record import Field, fill, new_record
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant import tick as plant_tick
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1)
     declared = map(field_of, declared_for(mechanism, (*parameters(mechanism), *law.parameters)))
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
-        'mechanism': mechanism.name,
+        'mechanism': mechanism.tag,
         'law': law_tag(law),
         'switching': switching,
     }
@@ -88,7 +88,7 @@ def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
 
 def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:
     """Return settings of a plant, all zero."""
-    tags = {'mechanism': mechanism.name}
+    tags = {'mechanism': mechanism.tag}
     return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags)
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from decimal import Decimal
-import math
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -32,128 +31,101 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
 from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.robot.mechanism import Mechanism
+from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.two_link.parameters import Robot
-from masmc_ros.robot.two_link.two_link import TORQUE_LIMIT, TORQUE_RATE_LIMIT, TWO_LINK
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-PLANT = (
-    Parameter(
-        'initial_pose',
-        (0.0, 0.0, math.pi / 2),
-        'x_C, y_C, yaw at t = 0',
-        unit='m, m, rad',
-        length=3,
-    ),
-    Parameter(
-        'initial_joints',
-        (0.0, 0.0, math.pi / 4, -math.pi / 2),
-        'Angles of wheel_right, wheel_left, arm_1, arm_2 at t = 0',
-        unit='rad',
-        length=4,
-    ),
-    Parameter(
-        'initial_velocity',
-        (0.0, 0.0, 0.0, 0.0),
-        'Rates of wheel_right, wheel_left, arm_1, arm_2 at t = 0',
-        unit='rad/s',
-        length=4,
-    ),
-    Parameter(
-        'disturbance.amplitude',
-        (1.5, 1.5, 3.0, 3.0),
-        'Amplitude of the disturbance torque, amplitude sin(frequency t + phase)',
-        unit='N·m',
-        length=4,
-    ),
-    Parameter(
-        'disturbance.frequency',
-        (3.0, 3.0, 1.5, 1.5),
-        'Frequency of the disturbance torque',
-        unit='rad/s',
-        length=4,
-    ),
-    Parameter(
-        'disturbance.phase',
-        (0.0, math.pi / 2, 0.0, math.pi / 2),
-        'Phase of the disturbance torque at t = 0',
-        unit='rad',
-        length=4,
-    ),
-    Parameter(
-        'integrator_step',
-        0.0005,
-        'Step of the Runge-Kutta integration, rounded to a whole number per control period',
-        unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
-    ),
-    Parameter(
-        'torque_limit',
-        TORQUE_LIMIT,
-        "Limit of each motor's torque, unknown to the controller; 0 is none",
-        unit='N·m',
-        length=4,
-        minimum=0.0,
-    ),
-    Parameter(
-        'torque_rate_limit',
-        TORQUE_RATE_LIMIT,
-        'Limit of its change per time under commanded torques; 0 is none',
-        unit='N·m/s',
-        length=4,
-        broadcast=True,
-        minimum=0.0,
-    ),
-    COMMAND_INTERFACE,
-    ENABLE_STAMPED_CMD_VEL,
-    Parameter(
-        'velocity_loop.bandwidth',
-        (100.0, 100.0, 100.0, 100.0),
-        "Bandwidth of the drives' velocity loops, which follow commanded rates, and hold the "
-        'joints where nothing is commanded',
-        unit='rad/s',
-        length=4,
-        broadcast=True,
-        minimum=0.0,
-        exclusive_minimum=True,
-    ),
-    Parameter(
-        'encoder_resolution',
-        (0.0, 0.0, 0.0, 0.0),
-        'Step of the encoders of wheel_right, wheel_left, arm_1, arm_2; 0 is exact',
-        unit='rad',
-        length=4,
-        broadcast=True,
-        minimum=0.0,
-    ),
-    Parameter(
-        'velocity_noise',
-        (0.0, 0.0, 0.0, 0.0),
-        'Standard deviation of the noise on the measured rates of the same joints',
-        unit='rad/s',
-        length=4,
-        broadcast=True,
-        minimum=0.0,
-    ),
-    Parameter(
-        'measurement_delay',
-        0.0,
-        'Delay of the measured state, rounded to whole control periods',
-        unit='s',
-        minimum=0.0,
-        maximum=1.0,
-    ),
-    Parameter(
-        'seed', 0, 'Which noise it is', minimum=0, maximum=4294967295
-    ),
-)
-"""The plant's declarations."""
+
+def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Return the plant's declarations for a mechanism."""
+    joints = mechanism.joint_list
+
+    def of_joints(
+        name: str, description: str, unit: str, default: float = 0.0, **rest: Any
+    ) -> Parameter:
+        values = mechanism.default(name, 'joints', default)
+        count = len(mechanism.joints)
+        return Parameter(name, values, description, unit=unit, length=count, **rest)
+
+    base = mechanism.start_names or tuple(each.short for each in mechanism.base)
+    return (
+        Parameter(
+            'initial_pose',
+            mechanism.default('initial_pose', 'base'),
+            f'{", ".join(base)} at t = 0',
+            unit=', '.join(each.unit for each in mechanism.base),
+            length=len(mechanism.base),
+        ),
+        of_joints('initial_joints', f'Angles of {joints} at t = 0', 'rad'),
+        of_joints('initial_velocity', f'Rates of {joints} at t = 0', 'rad/s'),
+        of_joints(
+            'disturbance.amplitude',
+            'Amplitude of the disturbance torque, amplitude sin(frequency t + phase)',
+            'N·m',
+        ),
+        of_joints('disturbance.frequency', 'Frequency of the disturbance torque', 'rad/s'),
+        of_joints('disturbance.phase', 'Phase of the disturbance torque at t = 0', 'rad'),
+        Parameter(
+            'integrator_step',
+            0.0005,
+            'Step of the Runge-Kutta integration, rounded to a whole number per control period',
+            unit='s',
+            minimum=0.0,
+            exclusive_minimum=True,
+        ),
+        of_joints(
+            'torque_limit',
+            "Limit of each motor's torque, unknown to the controller; 0 is none",
+            'N·m',
+            minimum=0.0,
+        ),
+        of_joints(
+            'torque_rate_limit',
+            'Limit of its change per time under commanded torques; 0 is none',
+            'N·m/s',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        COMMAND_INTERFACE,
+        ENABLE_STAMPED_CMD_VEL,
+        of_joints(
+            'velocity_loop.bandwidth',
+            "Bandwidth of the drives' velocity loops, which follow commanded rates, and hold the "
+            'joints where nothing is commanded',
+            'rad/s',
+            100.0,
+            broadcast=True,
+            minimum=0.0,
+            exclusive_minimum=True,
+        ),
+        of_joints(
+            'encoder_resolution',
+            f'Step of the encoders of {joints}; 0 is exact',
+            'rad',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        of_joints(
+            'velocity_noise',
+            'Standard deviation of the noise on the measured rates of the same joints',
+            'rad/s',
+            broadcast=True,
+            minimum=0.0,
+        ),
+        Parameter(
+            'measurement_delay',
+            0.0,
+            'Delay of the measured state, rounded to whole control periods',
+            unit='s',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        Parameter('seed', 0, 'Which noise it is', minimum=0, maximum=4294967295),
+    )
 
 
 _BANDWIDTH_STEP = 0.1
@@ -174,16 +146,14 @@ class SimulatedRobot:
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
-        """Take the true robot, the control period in s and checked values of PLANT."""
+        """Take the true robot, the control period in s and checked values of `parameters`."""
         self.period = period
-        self.mechanism = TWO_LINK
+        self.robot, self.mechanism = robot, robot.mechanism
         self.settings = records.plant_settings(self.mechanism)
         write_plant(self.settings, robot, period, values)
         self.memory = records.plant_memory(self.mechanism)
         self.now = records.signals(self.mechanism)
         self.delayed = delay_line(self.settings, self.mechanism)
-        self.geometry = robot.geometry
-        self._com_offset = robot.com_offset
         self._values = values
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
             self.now[name][0, :, 0]
@@ -200,7 +170,7 @@ class SimulatedRobot:
         """Return to the initial state at t = 0; InputError where that is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
-        write_start(self.memory, self._com_offset, self._values)
+        write_start(self.memory, self.robot, self._values)
         if not plant_start(self.settings, self.memory, self.delayed, self.now):
             raise InputError(
                 'initial_pose, initial_joints or initial_velocity make no state of a robot; '
@@ -235,7 +205,7 @@ def write_plant(
     values: Mapping[str, Any],
     lane: int | None = None,
 ) -> None:
-    """Write a robot, the control period in s and checked values of PLANT into a record."""
+    """Write a robot, the control period in s and checked values of `parameters` into a record."""
     delay = round(values['measurement_delay'] / period)
     imperfect = (*values['encoder_resolution'], *values['velocity_noise'], delay)
     step = values['integrator_step']
@@ -277,12 +247,10 @@ def write_plant(
 
 
 def write_start(
-    memory: records.Records, com_offset: float, values: Mapping[str, Any], lane: int | None = None
+    memory: records.Records, robot: Robot, values: Mapping[str, Any], lane: int | None = None
 ) -> None:
-    """Write the state that checked values of PLANT begin with, the platform's C being there."""
-    x, y, yaw = values['initial_pose']
-    s, c = sin_cos(yaw)
-    position = (x - com_offset * c, y - com_offset * s, yaw, *values['initial_joints'])
+    """Write the state that checked values of `parameters` begin with."""
+    position = robot.start(values['initial_pose'], values['initial_joints'])
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)

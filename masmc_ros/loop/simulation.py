@@ -30,7 +30,7 @@ from masmc_ros.loop.stretch import Change, joined, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.two_link.parameters import ROBOT, Robot
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -113,7 +113,7 @@ class Simulation:
         if change.event == ACTIVATED:
             if not self._is_active:
                 speed = self._start['approach_speed']
-                self._approach = Approach(self.controller.geometry, speed)
+                self._approach = Approach(self.controller.robot, speed)
                 self._approach.begin()
             self.controller.reset()
         elif change.event == ADAPTATION_RESET:
@@ -204,8 +204,3 @@ class Simulation:
             rates=rates if self.controller.commands_rates else rates[:0],
             singular=int(signals['singular'].sum()),
         )
-
-
-def robot_of(values: Values) -> Robot:
-    """Return the robot that a node's parameter values describe."""
-    return Robot.from_values({p.name: values[p.name] for p in ROBOT})

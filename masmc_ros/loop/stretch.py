@@ -20,8 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
-from masmc_ros.robot.two_link import AXES
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,41 +45,41 @@ class Stretch:
     first: int
     """Tick of row 0."""
     position: Array
-    """(n, 7) as measured, in the order of joint_states."""
+    """(n, positions) as measured, in the order of joint_states."""
     velocity: Array
-    """(n, 7) as measured, in the same order."""
+    """(n, positions) as measured, in the same order."""
     true_position: Array
-    """(n, 7) as they are."""
+    """(n, positions) as they are."""
     true_velocity: Array
-    """(n, 7) as they are."""
+    """(n, positions) as they are."""
     applied: Array
-    """(n, 4) torque held over the interval that ended at the tick."""
+    """(n, joints) torque held over the interval that ended at the tick."""
     raw_torque: Array
-    """(n, 4) torque that the law asked for, before the controller's limits."""
+    """(n, joints) torque that the law asked for, before the controller's limits."""
     torque: Array
-    """(n, 4) command computed at the tick."""
+    """(n, joints) command computed at the tick."""
     active: NDArray[np.bool_]
     """(n) whether a torque was computed; where not, nothing is commanded, error and surface are
     not known, and the estimate is that of the next activation."""
     rates: Array
-    """(n, 4) commanded at the tick in place of a torque: forward speed in m/s, yaw rate and
-    both arm joints' rates in rad/s; (0, 4) where a torque is."""
+    """(n, joints) commanded at the tick in place of a torque: the base's own velocities in m/s and
+    rad/s, then the rates of the other joints in rad/s; (0, joints) where a torque is."""
     reference: Array
-    """(n, 12) x_d, xdot_d, xddot_d."""
+    """(n, 3 axes) x_d, xdot_d, xddot_d."""
     error: Array
-    """(n, 4) e, of the measured state."""
+    """(n, axes) e, of the measured state."""
     surface: Array
-    """(n, 4) s."""
+    """(n, axes) s."""
     estimate: Array
-    """(n, 7) theta_hat used in the tick's torque."""
+    """(n, parameters) theta_hat used in the tick's torque."""
     singular: int
-    """Number of ticks at which the arm was close to singular."""
+    """Number of ticks at which the task was close to singular."""
     changes: tuple[Change, ...] = ()
     """Of the controller's parameters, at ticks of the stretch."""
 
-    def true_error(self, geometry: Array) -> Array:
-        """Return x - x_d (n, 4) of the true state in m, for the true lengths (5)."""
-        return task_positions(geometry, self.true_position) - self.reference[:, :AXES]
+    def true_error(self, robot: Robot) -> Array:
+        """Return x - x_d (n, axes) of the true state in m, for the true robot."""
+        return robot.task_positions(self.true_position) - self.reference[:, :self.error.shape[1]]
 
 
 def joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The controller's torques as a message: those of the wheels, then of the arm's joints."""
+"""The controller's torques as a message."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from masmc_ros.messages.labelled_command import CommandKind, LabelledCdr
 from masmc_ros.messages.names import DRIVEN_JOINTS
 
 EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
-"""Four torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
+"""Torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
 
 
 class EffortCdr(LabelledCdr):
-    """Torques (4) of right wheel, left wheel, arm joints 1 and 2 in N m, in `data`."""
+    """Torques of the driven joints in N m, in `data`."""
 
     def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
         """Make a command of zeros, for joints of these names, that answers the state of time 0."""

@@ -55,7 +55,7 @@ class JointStateCdr(StampedMessage):
     names
         (n) of the joints.
     position
-        (n) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        (n) those of the base, then the joints' angles, in m and rad.
     velocity
         (n) their rates in m/s and rad/s.
     effort

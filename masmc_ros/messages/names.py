@@ -16,18 +16,12 @@
 
 from __future__ import annotations
 
-from masmc_ros.robot.two_link.names import (
-    ARM_JOINTS,
-    BASE_FRAME,
-    BASE_JOINTS,
-    DRIVEN_JOINTS,
-    JOINTS,
-    ODOM_FRAME,
-)
+from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
+from masmc_ros.robot.names import all_joints
+from masmc_ros.robot.registry import DEFAULT
 
 __all__ = [
     'ACTUAL_PATH_TOPIC',
-    'ARM_JOINTS',
     'ARM_VELOCITY_TOPIC',
     'BASE_FRAME',
     'BASE_JOINTS',
@@ -40,15 +34,24 @@ __all__ = [
     'DRIVEN_JOINTS',
     'JOINTS',
     'ODOM_FRAME',
+    'RATED_JOINTS',
     'REFERENCE_TOPIC',
     'STATE_TOPIC',
     'TASK_AXES',
     'TELEMETRY',
+    'TELEMETRY_SIZES',
     'telemetry_topic',
 ]
 
-TASK_AXES = 4
-"""x_E, y_E, x_F, y_F in the world, m."""
+JOINTS = all_joints(DEFAULT)
+"""Of a joint state, where nothing else is told."""
+BASE_JOINTS = JOINTS[:len(DEFAULT.base)]
+DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
+RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
+"""Those that are commanded rates of their own where rates are."""
+
+TASK_AXES = len(DEFAULT.axes)
+"""Of a reference, where nothing else is told."""
 
 DERIVATIVES = 3
 """Position (m), velocity (m/s) and acceleration (m/s^2) of a reference."""
@@ -63,13 +66,16 @@ DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
-TELEMETRY = {
-    'tracking_error': 4,
-    'sliding_surface': 4,
-    'parameter_estimate': 7,
-    'raw_torque': 4,
+TELEMETRY_SIZES = {
+    'tracking_error': 'axes',
+    'sliding_surface': 'axes',
+    'parameter_estimate': 'parameters',
+    'raw_torque': 'joints',
 }
-"""Label of each telemetry message and how many values it carries."""
+"""Label of each telemetry message, and of what it carries a value each."""
+
+TELEMETRY = {label: DEFAULT.sizes[size] for label, size in TELEMETRY_SIZES.items()}
+"""The same with the number of values, where nothing else is told."""
 
 
 def telemetry_topic(label: str) -> str:

@@ -34,14 +34,12 @@ LABELS = ('samples', 'derivative', 'task')
 _SECONDS = 2.0**31
 _LONGEST_PERIOD = 1e4
 """Longest time in s between two samples."""
-_SAMPLE = DERIVATIVES * TASK_AXES
-_SET_POINTS = f'{TASK_AXES}, {2 * TASK_AXES} or {_SAMPLE}'
 
 
 @lru_cache(maxsize=64)
-def reference_layout(samples: int) -> Layout:
-    """Return the layout of a window of that many samples."""
-    sizes = (samples, DERIVATIVES, TASK_AXES)
+def reference_layout(samples: int, axes: int = TASK_AXES) -> Layout:
+    """Return the layout of a window of that many samples, of so many task axes."""
+    sizes = (samples, DERIVATIVES, axes)
     return multi_array_layout(list(zip(LABELS, sizes, strict=True)), STAMP_NUMBERS)
 
 
@@ -58,8 +56,8 @@ class ReferenceWindow:
     period
         time from sample to sample in s; 0 for a set-point.
     samples
-        (n, derivatives, task axes) position (m), velocity (m/s),
-        acceleration (m/s^2) of x_E, y_E, x_F, y_F in the world.
+        (n, derivatives, axes) position (m), velocity (m/s), acceleration (m/s^2) of the
+        task axes.
 
     """
 
@@ -75,15 +73,18 @@ class ReferenceWindow:
     def to_bytes(self) -> bytes:
         """Return the message as it is sent; a set-point travels as its bare numbers."""
         if self.stamp_ns is None:
-            bare = multi_array_layout([('', _SAMPLE)], 0)
-            return bare.messages(data=self.samples.reshape(1, -1)).tobytes()
-        head = [[*divmod(self.stamp_ns, NANOSECONDS), self.period]]
-        layout = reference_layout(len(self.samples))
-        samples = np.reshape(self.samples, (1, -1, DERIVATIVES, TASK_AXES))
-        return layout.messages(head=head, data=samples).tobytes()
+            layout = multi_array_layout([('', self.samples.size)], 0)
+            start, head = layout.places['data'].start, b''
+        else:
+            count, _, axes = self.samples.reshape(len(self.samples), DERIVATIVES, -1).shape
+            layout = reference_layout(count, axes)
+            start = layout.places['head'].start
+            head = np.array([*divmod(self.stamp_ns, NANOSECONDS), self.period]).tobytes()
+        numbers = np.ascontiguousarray(self.samples, dtype=np.float64).tobytes()
+        return layout.template[:start] + head + numbers
 
     @staticmethod
-    def from_bytes(raw: bytes) -> ReferenceWindow | None:
+    def from_bytes(raw: bytes, axes: int = TASK_AXES) -> ReferenceWindow | None:
         """
         Read a received window that is laid out like ours.
 
@@ -91,6 +92,8 @@ class ReferenceWindow:
         ----------
         raw
             the message with its encapsulation header.
+        axes
+            number of task axes.
 
         Returns
         -------
@@ -103,17 +106,17 @@ class ReferenceWindow:
             as `from_message`.
 
         """
-        start = reference_layout(1).places['head'].start
-        samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, _SAMPLE)
+        start = reference_layout(1, axes).places['head'].start
+        samples, rest = divmod((len(raw) - start) // 8 - STAMP_NUMBERS, DERIVATIVES * axes)
         if samples < 1 or rest:
             return None
-        layout = reference_layout(samples)
+        layout = reference_layout(samples, axes)
         if not layout.matches(raw):
             return None
-        return _window(np.frombuffer(raw, np.float64, offset=start).copy())
+        return _window(np.frombuffer(raw, np.float64, offset=start).copy(), axes)
 
     @staticmethod
-    def from_message(message: Any) -> ReferenceWindow:
+    def from_message(message: Any, axes: int = TASK_AXES) -> ReferenceWindow:
         """
         Read a window or a set-point of any sender.
 
@@ -121,6 +124,8 @@ class ReferenceWindow:
         ----------
         message
             std_msgs/Float64MultiArray as any deserialiser gives it.
+        axes
+            number of task axes.
 
         Raises
         ------
@@ -134,26 +139,27 @@ class ReferenceWindow:
         numbers = np.array(message.data, dtype=np.float64)
         dimensions = [(each.label, int(each.size)) for each in message.layout.dim]
         if message.layout.data_offset == 0 and len(dimensions) < len(LABELS):
-            return _set_point(numbers)
+            return _set_point(numbers, axes)
         samples = dimensions[0][1] if dimensions else 0
-        expected = list(zip(LABELS, (samples, DERIVATIVES, TASK_AXES), strict=True))
+        expected = list(zip(LABELS, (samples, DERIVATIVES, axes), strict=True))
         if (
             dimensions != expected
             or message.layout.data_offset != STAMP_NUMBERS
             or samples < 1
-            or len(numbers) != STAMP_NUMBERS + samples * _SAMPLE
+            or len(numbers) != STAMP_NUMBERS + samples * DERIVATIVES * axes
         ):
             shape = ' x '.join(f'{label} {size}' for label, size in dimensions)
             raise InputError(
                 f'reference: {len(numbers)} numbers, data_offset {message.layout.data_offset},'
                 f' as {shape or "no dimensions"}; it takes samples n'
-                f' x derivative {DERIVATIVES} x task {TASK_AXES} after {STAMP_NUMBERS} numbers'
-                f' (seconds, nanoseconds, period), or {_SET_POINTS} bare numbers'
+                f' x derivative {DERIVATIVES} x task {axes} after {STAMP_NUMBERS} numbers'
+                f' (seconds, nanoseconds, period), or {axes}, {2 * axes} or {3 * axes} bare'
+                ' numbers'
             )
-        return _window(numbers)
+        return _window(numbers, axes)
 
 
-def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
+def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
     """Make a window of [seconds, nanoseconds, period, samples...]."""
     _check_finite(numbers)
     seconds, nanoseconds, period = numbers[:STAMP_NUMBERS].tolist()
@@ -163,7 +169,7 @@ def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
             f'reference: stamp [{seconds:g}, {nanoseconds:g}] is not whole seconds within 32'
             ' bits and nanoseconds below 1e9'
         )
-    samples = numbers[STAMP_NUMBERS:].reshape(-1, DERIVATIVES, TASK_AXES)
+    samples = numbers[STAMP_NUMBERS:].reshape(-1, DERIVATIVES, axes)
     if not 1.0 <= period * NANOSECONDS <= NANOSECONDS * _LONGEST_PERIOD:
         raise InputError(
             f'reference: sample period {period:g} s; it takes 1e-9 to {_LONGEST_PERIOD:g} s'
@@ -175,15 +181,15 @@ def _window(numbers: NDArray[np.float64]) -> ReferenceWindow:
     return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
 
 
-def _set_point(numbers: NDArray[np.float64]) -> ReferenceWindow:
+def _set_point(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
     """Make a set-point of position, and velocity and acceleration where they are given."""
-    if len(numbers) not in (TASK_AXES, 2 * TASK_AXES, _SAMPLE):
+    if len(numbers) not in (axes, 2 * axes, 3 * axes):
         raise InputError(
-            f'reference: a set-point of {len(numbers)} numbers; it takes {TASK_AXES} positions,'
-            f' or {2 * TASK_AXES} with velocities, or {_SAMPLE} with accelerations'
+            f'reference: a set-point of {len(numbers)} numbers; it takes {axes} positions, or'
+            f' {2 * axes} with velocities, or {3 * axes} with accelerations'
         )
     _check_finite(numbers)
-    samples = np.zeros((1, DERIVATIVES, TASK_AXES))
+    samples = np.zeros((1, DERIVATIVES, axes))
     samples.reshape(-1)[: len(numbers)] = numbers
     return ReferenceWindow(None, 0.0, samples)
 

@@ -17,14 +17,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.labelled_command import LabelledCdr
+from masmc_ros.messages.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.labelled_command import CommandKind, LABEL_SIZE, LabelledCdr
 from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
-from masmc_ros.messages.telemetry import TelemetryCdr
+from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+
+_NUMBER = 8
+"""Bytes of a number."""
 
 StampReader = Callable[[bytes], int | None]
 """Returns a stamp in ns, None for a message without; InputError for one that is no time."""
@@ -69,13 +73,12 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     if type_name == TRANSFORMS_TYPE:
         return transforms_stamp
     if topic == COMMAND_TOPIC:
-        return _command_reader(EffortCdr())
+        return _command_reader(EFFORT)
     if topic == ARM_VELOCITY_TOPIC:
-        return _command_reader(ArmVelocityCdr())
-    for label, count in TELEMETRY.items():
+        return _command_reader(ARM_VELOCITY)
+    for label in TELEMETRY:
         if topic == telemetry_topic(label):
-            telemetry = TelemetryCdr(label, count)
-            return _telemetry_reader(telemetry)
+            return _telemetry_reader(label)
     return lambda _: None
 
 
@@ -86,16 +89,36 @@ def _stamp_at(raw: bytes, start: int) -> int:
     return checked_stamp(seconds * NANOSECONDS + nanoseconds)
 
 
-def _command_reader(command: LabelledCdr) -> StampReader:
-    return lambda raw: command.stamp_ns if command.load(raw) else None
+def _command_reader(kind: CommandKind) -> StampReader:
+    """Read commands for any number of joints: as many as the message has room for."""
+    one = kind.named(kind.joints[:1])
 
-
-def _telemetry_reader(telemetry: TelemetryCdr) -> StampReader:
-    size, head = telemetry.size, telemetry.head
+    @lru_cache(maxsize=8)
+    def command(joints: int) -> LabelledCdr:
+        return LabelledCdr(kind.named(kind.joints[:1] * joints))
 
     def read(raw: bytes) -> int | None:
-        if len(raw) == size and raw.startswith(head):
-            return telemetry.stamp_of(raw)
-        return telemetry.stamp_ns if telemetry.load(raw) else None
+        layout = one.layout_of_label(raw[LABEL_SIZE])
+        if layout is None:
+            return None
+        message = command(max(1, 1 + (len(raw) - layout.size) // _NUMBER))
+        return message.stamp_ns if message.load(raw) else None
+
+    return read
+
+
+def _telemetry_reader(label: str) -> StampReader:
+    """Read telemetry of any number of values: as many as the message has room for."""
+    one = telemetry_layout(label, 1)
+
+    @lru_cache(maxsize=8)
+    def telemetry(size: int) -> TelemetryCdr:
+        return TelemetryCdr(label, max(1, 1 + (size - one.size) // _NUMBER))
+
+    def read(raw: bytes) -> int | None:
+        message = telemetry(len(raw))
+        if len(raw) == message.size and raw.startswith(message.head):
+            return message.stamp_of(raw)
+        return message.stamp_ns if message.load(raw) else None
 
     return read

@@ -31,7 +31,7 @@ from masmc_ros.messages.layout import (
     NANOSECONDS,
     STAMP,
 )
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -42,16 +42,19 @@ TRANSFORM = 7
 """Numbers of a transform: translation x, y, z and a quaternion x, y, z, w."""
 
 
+Frames = tuple[tuple[str, str], ...]
+
+
 @cache
-def transforms_layout(frame_prefix: str = '') -> Layout:
+def transforms_layout(frame_prefix: str = '', frames: Frames = DEFAULT.frames) -> Layout:
     """
-    Return the layout of the transforms of FRAMES, with a prefix before all names.
+    Return the layout of the transforms of frames, with a prefix before all names.
 
     Its fields are `stamp_CHILD` and `transform_CHILD` of each, the latter of TRANSFORM numbers.
     """
     layout = Layout()
-    layout.uint32(len(FRAMES))
-    for parent, child in FRAMES:
+    layout.uint32(len(frames))
+    for parent, child in frames:
         layout.stamp(f'stamp_{child}')
         layout.string(frame_prefix + parent)
         layout.string(frame_prefix + child)
@@ -60,7 +63,10 @@ def transforms_layout(frame_prefix: str = '') -> Layout:
 
 
 def transforms_messages(
-    stamps: NDArray[np.int64], transforms: NDArray[np.float64], frame_prefix: str = ''
+    stamps: NDArray[np.int64],
+    transforms: NDArray[np.float64],
+    frame_prefix: str = '',
+    frames: Frames = DEFAULT.frames,
 ) -> Messages:
     """
     Return the transforms of all frames at each of many times.
@@ -70,37 +76,38 @@ def transforms_messages(
     stamps
         (N) in ns.
     transforms
-        (N, frames, TRANSFORM) translation in m and quaternion x, y, z, w, as FRAMES lists
-        them.
+        (N, frames, TRANSFORM) translation in m and quaternion x, y, z, w.
     frame_prefix
         of the names of all frames.
+    frames
+        parent and child of each.
 
     """
     fields: dict[str, ArrayLike] = {}
-    for number, (_, child) in enumerate(FRAMES):
+    for number, (_, child) in enumerate(frames):
         fields[f'stamp_{child}'] = stamps
         fields[f'transform_{child}'] = transforms[:, number]
-    return transforms_layout(frame_prefix).messages(**fields)
+    return transforms_layout(frame_prefix, frames).messages(**fields)
 
 
 class TransformsCdr(Message):
     """A TFMessage of all frames of a robot, filled in place."""
 
-    def __init__(self, frame_prefix: str = '') -> None:
-        """Make transforms of zeros at time 0."""
-        layout = transforms_layout(frame_prefix)
+    def __init__(self, frame_prefix: str = '', frames: Frames = DEFAULT.frames) -> None:
+        """Make transforms of zeros at time 0, of these frames: parent and child of each."""
+        layout = transforms_layout(frame_prefix, frames)
         super().__init__(layout)
         self._words = self._memory.view(np.int32)
         # One write each for all stamps and for all numbers, wherever they lie.
         stamps, numbers = (
-            np.array([[layout.places[f'{field}_{child}'].start] for _, child in FRAMES])
+            np.array([[layout.places[f'{field}_{child}'].start] for _, child in frames])
             for field in ('stamp', 'transform')
         )
         self._stamps = (stamps + self._lead) // 4 + np.arange(2)
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
-        """Write transforms (frames, TRANSFORM) as FRAMES lists them, m; return the message."""
+        """Write transforms (frames, TRANSFORM) in their order, m; return the message."""
         self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
         self._memory[self._numbers] = transforms
         return self.to_bytes()
@@ -113,9 +120,9 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
-def has_names(raw: bytes, frame_prefix: str) -> bool:
+def has_names(raw: bytes, frame_prefix: str, frames: Frames = DEFAULT.frames) -> bool:
     """Tell whether a TFMessage begins with a robot's first frames as `TransformsCdr` has them."""
-    layout, (_, child) = transforms_layout(frame_prefix), FRAMES[0]
+    layout, (_, child) = transforms_layout(frame_prefix, frames), frames[0]
     names = layout.places[f'stamp_{child}'].stop
     numbers = layout.places[f'transform_{child}'].start
     return len(raw) == layout.size and raw.startswith(layout.template[names:numbers], names)

@@ -19,18 +19,20 @@ A controller that starts far from its reference would answer the distance at onc
 its gains. What it follows instead begins where the robot is and joins the reference
 smoothly: the distance between the two is a polynomial of degree five in time that ends at zero
 with its first and second derivatives. A robot that moves is braked from its velocity in half a
-second: to go on with that for longer could lead beyond the arm's reach.
+second: to go on with that for longer could lead beyond the robot's reach.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
+from masmc_ros.numerics.record import get
 from masmc_ros.reference.hermite import quintic
-from masmc_ros.robot.two_link.geometry import Geometry, posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import task_position, task_velocity
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,56 +50,55 @@ Array = NDArray[np.float64]
 
 @kernel
 def _distance(
-    geometry: Any, position: Any, rates: Any, reference: Any, speed: float, out: Any, motion: Any
+    body: Any, position: Any, rates: Any, reference: Any, speed: float, out: Any, motion: Any
 ) -> None:
     """
-    Write the reference (12) minus the robot at rest, and how the robot moves (4, m/s).
+    Write the reference (3 axes) minus the robot at rest, and how the robot moves (axes, m/s).
 
     On no axis is that more than `speed`.
     """
-    lengths = Geometry(geometry[0], geometry[1], geometry[2], geometry[3], geometry[4])
-    bend = posture(position[2], position[5], position[6])
-    x = task_position(lengths, bend, position[0], position[1])
-    out[0] = reference[0] - x[0]
-    out[1] = reference[1] - x[1]
-    out[2] = reference[2] - x[2]
-    out[3] = reference[3] - x[3]
-    for i in range(4, 12):
+    robot = body[0]
+    model = mechanism.model_of(robot, 0)
+    at = taken(position, get(robot, 'position', 0))
+    bend = mechanism.posture(model, at)
+    x = mechanism.task_position(model, bend, at)
+    v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
+    x_dot = mechanism.task_velocity(model, bend, v)
+    for i in range(len(out)):
         out[i] = reference[i]
-    v = quasi_velocity(lengths, rates[0], rates[1], rates[2], rates[3])
-    x_dot = task_velocity(lengths, bend, v[0], v[1], v[2], v[3])
-    motion[0] = clipped(x_dot[0], speed)
-    motion[1] = clipped(x_dot[1], speed)
-    motion[2] = clipped(x_dot[2], speed)
-    motion[3] = clipped(x_dot[3], speed)
+    for i in range(len(x)):
+        out[i] = reference[i] - x[i]
+        motion[i] = clipped(x_dot[i], speed)
 
 
 @kernel
 def _less(
     reference: Any, distance: Any, motion: Any, duration: float, part: float, out: Any
 ) -> None:
-    """Write the reference (12) less what of the distance is left, plus what of the motion is."""
+    """Write the reference less what of the distance is left, plus what of the motion is."""
     braked = min(part * duration / SHORTEST, 1.0)
-    for i in range(4):
+    n = len(motion)
+    for i in range(n):
         position, velocity, acceleration = quintic(
-            (distance[i], distance[4 + i], distance[8 + i]), (0.0, 0.0, 0.0), duration, part
+            (distance[i], distance[n + i], distance[2 * n + i]), (0.0, 0.0, 0.0), duration, part
         )
         way, speed, change = quintic(
             (0.0, motion[i], 0.0), (0.0, 0.0, 0.0), SHORTEST, braked
         )
         out[i] = reference[i] - (position - way)
-        out[4 + i] = reference[4 + i] - (velocity - speed)
-        out[8 + i] = reference[8 + i] - (acceleration - change)
+        out[n + i] = reference[n + i] - (velocity - speed)
+        out[2 * n + i] = reference[2 * n + i] - (acceleration - change)
 
 
 @kernel
 def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bool:
-    """Tell whether a reference (12) does not go on from where it was `time` s before."""
+    """Tell whether a reference does not go on from where it was `time` s before."""
     steps = False
-    for i in range(4):
-        expected = before[i] + 0.5 * time * (before[4 + i] + now[4 + i])
+    n = len(now) // 3
+    for i in range(n):
+        expected = before[i] + 0.5 * time * (before[n + i] + now[n + i])
         steps |= not abs(now[i] - expected) <= limit
-        steps |= not abs(now[4 + i] - before[4 + i]) <= speed
+        steps |= not abs(now[n + i] - before[n + i]) <= speed
     return steps
 
 
@@ -115,12 +116,13 @@ class Approach:
 
     """
 
-    def __init__(self, geometry: Array, speed: float) -> None:
-        """Take the robot's lengths (5) and the largest speed per task axis in m/s; 0 jumps."""
-        self._geometry = geometry
+    def __init__(self, robot: Robot, speed: float) -> None:
+        """Take the robot and the largest speed per task axis in m/s; 0 jumps."""
+        self._body = robot.body
+        axes = len(robot.mechanism.axes)
         self._speed = speed
-        self._distance, self._motion = np.zeros(12), np.zeros(4)
-        self._out = np.zeros(12)
+        self._distance, self._motion = np.zeros(3 * axes), np.zeros(axes)
+        self._out = np.zeros(3 * axes)
         self._before: Array | None = None
         self._stamp = 0
         self._begun = 0
@@ -133,7 +135,7 @@ class Approach:
         self._is_due = self.is_on = self._speed > 0.0
 
     def watch(self, stamp: int, reference: Array) -> None:
-        """Begin where the reference (12) steps; to be called with every one, stamps in ns."""
+        """Begin where the reference steps; to be called with every one, stamps in ns."""
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:
@@ -143,16 +145,16 @@ class Approach:
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
         """
-        Return the 12 numbers to follow at a stamp in ns; the reference itself once joined.
+        Return what to follow (3 axes) at a stamp in ns; the reference itself once joined.
 
-        `position` (7) in the order of joint_states, `rates` (4) of the driven joints in rad/s,
-        `reference` (12).
+        `position` in the order of joint_states, `rates` of the driven joints in rad/s,
+        `reference` (3 axes).
         """
         if self._is_due:
             self._is_due = False
             self._begun = stamp
             _distance(
-                self._geometry,
+                self._body,
                 position,
                 rates,
                 reference,
@@ -160,7 +162,7 @@ class Approach:
                 self._distance,
                 self._motion,
             )
-            farthest = float(np.abs(self._distance[:4]).max())
+            farthest = float(np.abs(self._distance[:len(self._motion)]).max())
             self._duration = max(SHORTEST, _PEAK * farthest / self._speed)
         if not self.is_on:
             return reference

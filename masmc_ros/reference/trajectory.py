@@ -16,8 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-import math
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Protocol
 
 from masmc_ros.errors import InputError
@@ -25,67 +24,77 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.reference.line_sine import line_sine
-from masmc_ros.robot.two_link.parameters import Robot
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
 ENTRY_POINTS = 'masmc_ros.references'
 """Group of entry points through which a user's own trajectory types plug in."""
 
-SAMPLE = 12
-"""Numbers in a sample: x_d, xdot_d and xddot_d of the four task axes."""
+Declared = tuple[Parameter, ...] | Callable[[Mechanism], tuple[Parameter, ...]]
+"""What a type of trajectory declares: parameters, or a function of the mechanism for them."""
 
 
 class Reference(Protocol):
-    """A type of trajectory: class attribute `parameters`, made from checked values."""
+    """
+    A type of trajectory: class attribute `parameters`, made from checked values.
 
-    parameters: ClassVar[tuple[Parameter, ...]]
+    One that is for certain task axes alone has their names as its class attribute `axes`.
+    """
+
+    parameters: ClassVar[Declared]
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Take checked values, names without the type's prefix."""
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (n, 12) samples at times (n) in s: positions, velocities, accelerations."""
+        """Return (n, 3 axes) samples at times (n) in s: positions, velocities, accelerations."""
         ...
 
 
-def _axes(name: str, default: tuple[float, ...], description: str, unit: str) -> Parameter:
-    return Parameter(f'line_sine.{name}', default, description, unit=unit, length=4)
+def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    def per_axis(name: str, description: str, unit: str) -> Parameter:
+        name = f'line_sine.{name}'
+        default = mechanism.default(name, 'axes')
+        return Parameter(name, default, description, unit=unit, length=len(default))
+
+    return (
+        per_axis('offset', 'Position at t = 0 without the sine', 'm'),
+        per_axis('slope', 'Velocity without the sine', 'm/s'),
+        per_axis('amplitude', 'Amplitude of the sine', 'm'),
+        per_axis('frequency', 'Frequency of the sine', 'rad/s'),
+        per_axis('phase', 'Phase of the sine at t = 0', 'rad'),
+    )
 
 
 class LineSine:
     """x_d(t) = offset + slope t + amplitude sin(frequency t + phase), axis by axis."""
 
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        _axes('offset', (0.3, 0.5, 0.0, 0.0), 'Position at t = 0 without the sine', 'm'),
-        _axes('slope', (0.2, 0.0, 0.2, 0.0), 'Velocity without the sine', 'm/s'),
-        _axes('amplitude', (0.0, 0.25, 0.0, 0.0), 'Amplitude of the sine', 'm'),
-        _axes('frequency', (0.0, 0.2 * math.pi, 0.0, 0.0), 'Frequency of the sine', 'rad/s'),
-        _axes('phase', (0.0, 0.0, 0.0, 0.0), 'Phase of the sine at t = 0', 'rad'),
-    )
+    parameters: ClassVar[Declared] = staticmethod(_line_sine_parameters)
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Take checked values, names without the type's prefix."""
-        self._table = np.array(
-            [values[p.name.partition('.')[2]] for p in self.parameters], dtype=np.float64
-        )
+        names = 'offset', 'slope', 'amplitude', 'frequency', 'phase'
+        self._table = np.array([values[name] for name in names], dtype=np.float64)
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (n, 12) samples at times (n) in s."""
+        """Return (n, 3 axes) samples at times (n) in s."""
         return _sample_line_sine(self._table, times)
 
 
 @kernel
 def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
-    out = np.empty((len(times), 12))
+    axes = table.shape[1]
+    out = np.empty((len(times), 3 * axes))
     for k in range(len(times)):
-        for i in range(4):
+        for i in range(axes):
             position, velocity, acceleration = line_sine(
                 times[k], table[0, i], table[1, i], table[2, i], table[3, i], table[4, i]
             )
             out[k, i] = position
-            out[k, 4 + i] = velocity
-            out[k, 8 + i] = acceleration
+            out[k, axes + i] = velocity
+            out[k, 2 * axes + i] = acceleration
     return out
 
 
@@ -105,33 +114,48 @@ def load(name: str) -> type[Reference]:
     return reference
 
 
-def parameters() -> tuple[Parameter, ...]:
-    """Return the declarations of `type` and of the block of every type."""
+def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Return the declarations of `type` and of the block of every type, for a mechanism."""
     kind = Parameter(
         'type', 'line_sine', 'Type of trajectory; its parameters are in its block', choices=types()
     )
-    return (kind, *(p for name in types() for p in load(name).parameters))
+    declared = (load(name).parameters for name in types())
+    return (
+        kind, *(p for each in declared for p in (each(mechanism) if callable(each) else each))
+    )
 
 
 class Trajectory:
     """A trajectory on the control grid, checked against the robot's reach."""
 
     def __init__(self, values: Mapping[str, Any], period: float, robot: Robot) -> None:
-        """Take checked values of `parameters()` and the control period in s."""
+        """
+        Take checked values of `parameters`, and the control period in s.
+
+        Raises InputError where the trajectory is for other task axes than the robot's.
+        """
         kind = values['type']
         block = f'{kind}.'
-        self._reference = load(kind)(
+        chosen = load(kind)
+        own = tuple(axis.name for axis in robot.mechanism.axes)
+        wanted = tuple(getattr(chosen, 'axes', own))
+        if wanted != own:
+            raise InputError(
+                f'type = {kind}: a trajectory of {", ".join(wanted)}; expected one of '
+                f'{", ".join(own)}, the task axes of {robot.mechanism.name}'
+            )
+        self._reference = chosen(
             {n.removeprefix(block): v for n, v in values.items() if n.startswith(block)}
         )
         self._period = period
         self._robot = robot
+        self._axes = len(own)
 
     def sample(self, first: int, count: int) -> NDArray[np.float64]:
         """
-        Return (count, 12) samples at ticks first, first + 1, ...
+        Return (count, 3 axes) samples at ticks first, first + 1, ...
 
-        Raises InputError where the arm cannot reach the desired end effector position from
-        the desired position of its base.
+        Raises InputError where the robot cannot reach what is desired.
         """
         times, samples = self._at(np.arange(first, first + count))
         if not np.isfinite(samples).all():
@@ -139,29 +163,25 @@ class Trajectory:
             raise InputError(
                 f'trajectory: not finite at t = {times[bad]:g} s, expected numbers everywhere'
             )
-        distance = np.hypot(samples[:, 0] - samples[:, 2], samples[:, 1] - samples[:, 3])
-        least, most = self._robot.reach
-        outside = (distance < least) | (distance > most)
-        if outside.any():
-            bad = int(np.argmax(outside))
-            raise InputError(
-                f'trajectory: at t = {times[bad]:g} s the end effector is to be '
-                f'{distance[bad]:.3f} m from the base of the arm, outside its reach; expected '
-                f'{least:.3f} to {most:.3f} m'
-            )
+        robot = self._robot
+        wrong = robot.mechanism.formulas.out_of_reach(robot.geometry, samples[:, :self._axes])
+        if wrong is not None:
+            bad, why = wrong
+            raise InputError(f'trajectory: at t = {times[bad]:g} s {why}')
         return samples
 
     def positions(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the desired n x 4 entries, in m, at any n ticks, reachable or not."""
-        return self._at(ticks)[1][:, :4]
+        """Return the desired n x axes entries, in m, at any n ticks, reachable or not."""
+        return self._at(ticks)[1][:, :self._axes]
 
     def _at(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return times (n) in s and samples (n, 12) of ticks (n)."""
+        """Return times (n) in s and samples (n, 3 axes) of ticks (n)."""
         times = ticks.astype(np.float64) * self._period
         samples = np.asarray(self._reference.sample(times), dtype=np.float64)
-        if samples.shape != (len(ticks), SAMPLE):
+        expected = len(ticks), 3 * self._axes
+        if samples.shape != expected:
             raise InputError(
                 f'trajectory: {type(self._reference).__name__}.sample gave shape '
-                f'{samples.shape}, expected {(len(ticks), SAMPLE)}'
+                f'{samples.shape}, expected {expected}'
             )
         return times, samples

@@ -46,7 +46,7 @@ _MOST = 1000
 
 @dataclass(frozen=True)
 class Window:
-    """Samples (n, 12) of x_d, xdot_d, xddot_d, `period_ns` apart, stamps `start` to `end`."""
+    """Samples (n, 3 axes) of x_d, xdot_d, xddot_d, `period_ns` apart, stamps `start` to `end`."""
 
     start: int
     end: int
@@ -54,13 +54,13 @@ class Window:
     samples: Array
 
     def at(self, stamp: int) -> Array:
-        """Return the sample (12) at a stamp between start and end."""
+        """Return the sample (3 axes) at a stamp between start and end."""
         place = (stamp - self.start) / self.period_ns
         nearest = round(place)
         if abs(stamp - self.start - nearest * self.period_ns) <= _ON_GRID_NS:
             return self.samples[nearest]
         before = min(int(place), len(self.samples) - 2)
-        out = np.empty(12)
+        out = np.empty(self.samples.shape[1])
         _between(
             self.samples[before],
             self.samples[before + 1],
@@ -77,38 +77,41 @@ class Window:
 
 @kernel
 def _between(first: Any, second: Any, period: float, part: float, out: Any) -> None:
-    for i in range(4):
+    n = len(out) // 3
+    for i in range(n):
         position, velocity, acceleration = quintic(
-            (first[i], first[4 + i], first[8 + i]),
-            (second[i], second[4 + i], second[8 + i]),
+            (first[i], first[n + i], first[2 * n + i]),
+            (second[i], second[n + i], second[2 * n + i]),
             period,
             part,
         )
         out[i] = position
-        out[4 + i] = velocity
-        out[8 + i] = acceleration
+        out[n + i] = velocity
+        out[2 * n + i] = acceleration
 
 
 class ReferenceWindows:
     """Windows received so far; newer ones replace older where they overlap."""
 
-    def __init__(self, told: Callable[[str], object] = lambda _: None) -> None:
-        """Start without a reference; `told` takes a line about who has lost it."""
-        self._told = told
+    def __init__(self, axes: int, told: Callable[[str], object] = lambda _: None) -> None:
+        """Start without a reference of so many axes; `told` is told who has lost it."""
+        self._size, self._told = 3 * axes, told
         self._windows: list[Window] = []
         self._recent: Window | None = None
         self._set_point: Array | None = None
 
     def add(self, start: int, period: float, samples: Array) -> None:
         """
-        Add samples (n, 12), `period` s apart from the stamp `start` in ns on.
+        Add samples (n, 3 axes), `period` s apart from the stamp `start` in ns on.
 
         Raises InputError for numbers that are not finite and for a period that is not > 0.
         """
         if not np.isfinite(samples).all():
             raise InputError('reference: a sample is not finite, expected numbers everywhere')
-        if len(samples) == 0 or samples.shape[1:] != (12,):
-            raise InputError(f'reference: samples of shape {samples.shape}, expected (n, 12)')
+        if len(samples) == 0 or samples.shape[1:] != (self._size,):
+            raise InputError(
+                f'reference: samples of shape {samples.shape}, expected (n, {self._size})'
+            )
         if not (np.isfinite(period) and period > 0.0):
             raise InputError(f'reference: sample period {period}, expected more than 0 s')
         self._recent = None
@@ -120,26 +123,29 @@ class ReferenceWindows:
 
     def set_point(self, numbers: Array, now: int | None = None) -> None:
         """
-        Hold a position (4 numbers), with its velocity (8) and acceleration (12) if given.
+        Hold a position (axes), with its velocity and acceleration after it if given.
 
         Raises InputError for another count, for numbers that are not finite, and while windows
         cover the stamp `now` in ns; None is any.
         """
-        if numbers.size not in (4, 8, 12) or not np.isfinite(numbers).all():
+        counts = self._size // 3, 2 * self._size // 3, self._size
+        if numbers.size not in counts or not np.isfinite(numbers).all():
             raise InputError(
-                f'reference: {numbers.tolist()}, expected 4, 8 or 12 finite numbers or a window'
+                'reference: {}, expected {}, {} or {} finite numbers or a window'.format(
+                    numbers.tolist(), *counts
+                )
             )
         if self._windows and (now is None or self._covering(now) is not None):
             raise InputError(
                 'a set-point beside a trajectory, which goes on; end it first, or wait until it '
                 'has ended'
             )
-        sample = np.zeros(12)
+        sample = np.zeros(self._size)
         sample[: numbers.size] = numbers
         self._set_point = sample
 
     def at(self, stamp: int) -> Array | None:
-        """Return the sample (12) at a stamp in ns; None where there is none."""
+        """Return the sample (3 axes) at a stamp in ns; None where there is none."""
         recent = self._recent
         if recent is not None and recent.start <= stamp <= recent.end:
             return recent.at(stamp)
@@ -176,13 +182,14 @@ class ReferenceWindows:
         return max((window.end for window in self._windows), default=None)
 
     def held_after(self, stamp: int) -> Array | None:
-        """Return the last position at rest (12) if a reference has ended by this stamp."""
+        """Return the last position at rest (3 axes) if a reference has ended by this stamp."""
         ended = [window for window in self._windows if window.end < stamp]
         if not ended:
             return None
         latest = max(ended, key=lambda window: window.end)
-        sample = np.zeros(12)
-        sample[:4] = latest.samples[-1, :4]
+        sample = np.zeros(self._size)
+        axes = self._size // 3
+        sample[:axes] = latest.samples[-1, :axes]
         return sample
 
     def _forget_before(self, stamp: int) -> None:

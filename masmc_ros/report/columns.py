@@ -20,25 +20,12 @@ from itertools import product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.messages.names import (
-    ARM_JOINTS,
-    BASE_JOINTS,
-    DERIVATIVES,
-    DRIVEN_JOINTS,
-    JOINTS,
-    TASK_AXES,
-)
-from masmc_ros.robot.two_link.dynamics import BaseParameters
+from masmc_ros.messages.names import DERIVATIVES
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _Part = tuple[Floats, NDArray[np.bool_]]
-
-_TASK = ('x_E', 'y_E', 'x_F', 'y_F')
-_LENGTHS = 2
-"""The first joints, which are lengths; the others are angles."""
-_ESTIMATE_UNITS = ('kg', 'kg_m2', 'kg_m', 'kg_m', 'kg_m', 'kg_m2', 'kg_m2')
 
 
 class Column(NamedTuple):
@@ -53,16 +40,24 @@ class Column(NamedTuple):
         return f'{self.quantity}_{self.unit}'
 
 
-_TWIST = (Column('command_forward_speed', 'm_per_s'), Column('command_yaw_rate', 'rad_per_s'))
+def _unit(text: str) -> str:
+    """Return a unit as names of columns have it: kg_m2 for kg·m²."""
+    return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
 def columns_of(run: Run) -> tuple[Column, ...]:
     """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
-    units = ['m' if number < _LENGTHS else 'rad' for number in range(len(JOINTS))]
+    mechanism = run.mechanism
+    units = [each.unit for each in mechanism.positions]
+    axes = [axis.name for axis in mechanism.axes]
     torques, rates = _sent(run)
     joints = run.joint_names
-    driven = joints[len(BASE_JOINTS):]
-    arm = driven[-len(ARM_JOINTS):]
+    driven = joints[len(mechanism.base):]
+    twist = [
+        Column(f'command_{each.name.replace(" ", "_")}', _unit(each.unit))
+        for each in mechanism.twist
+    ]
+    rated = driven[len(twist):]
     derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
     return (
         Column('time', 's'),
@@ -70,15 +65,12 @@ def columns_of(run: Run) -> tuple[Column, ...]:
         *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(joints, units, strict=True)),
         *(Column(f'applied_effort_{joint}', 'N_m') for joint in driven),
         *((Column(f'command_{joint}', 'N_m') for joint in driven) if torques else ()),
-        # What a base and an arm are told that take no torques.
-        *((*_TWIST, *(Column(f'command_{j}', 'rad_per_s') for j in arm)) if rates else ()),
-        *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, _TASK)),
-        *(Column(f'error_{axis}', 'm') for axis in _TASK),
-        *(Column(f'surface_{axis}', 'm_per_s') for axis in _TASK),
-        *(
-            Column(f'estimate_{name}', unit)
-            for name, unit in zip(BaseParameters._fields, _ESTIMATE_UNITS, strict=True)
-        ),
+        # What drives are told that take no torques.
+        *((*twist, *(Column(f'command_{j}', 'rad_per_s') for j in rated)) if rates else ()),
+        *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, axes)),
+        *(Column(f'error_{axis}', 'm') for axis in axes),
+        *(Column(f'surface_{axis}', 'm_per_s') for axis in axes),
+        *(Column(f'estimate_{each.name}', _unit(each.unit)) for each in mechanism.theta),
         # What a law asked for, before its torques were limited.
         *((Column(f'raw_torque_{joint}', 'N_m') for joint in driven) if torques else ()),
     )
@@ -98,8 +90,10 @@ def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
     """
     states = np.column_stack((run.times, run.position, run.velocity, run.applied_effort))
     reference = run.reference
+    mechanism = run.mechanism
+    axes, joints, twist = map(len, (mechanism.axes, mechanism.joints, mechanism.twist))
     if reference is None:
-        reference = np.full((len(run.times), DERIVATIVES * TASK_AXES), np.nan)
+        reference = np.full((len(run.times), DERIVATIVES * axes), np.nan)
 
     def at_states(times: Floats | None, sent: Floats | None, width: int) -> _Part:
         return _at_states(run.times, times, sent, width)
@@ -107,20 +101,20 @@ def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
     torques, rates = _sent(run)
     parts = [(states, ~np.isnan(states))]
     if torques:
-        parts.append(at_states(run.torque_times, run.torque, len(DRIVEN_JOINTS)))
+        parts.append(at_states(run.torque_times, run.torque, joints))
     if rates:
-        parts.append(at_states(run.cmd_vel_times, run.cmd_vel, 2))
-        parts.append(at_states(run.arm_rate_times, run.arm_rates, len(ARM_JOINTS)))
+        parts.append(at_states(run.cmd_vel_times, run.cmd_vel, twist))
+        parts.append(at_states(run.arm_rate_times, run.arm_rates, joints - twist))
     parts += (
         (reference, ~np.isnan(reference)),
-        at_states(run.tracking_error_times, run.tracking_error, TASK_AXES),
-        at_states(run.sliding_surface_times, run.sliding_surface, TASK_AXES),
+        at_states(run.tracking_error_times, run.tracking_error, axes),
+        at_states(run.sliding_surface_times, run.sliding_surface, axes),
         at_states(
-            run.parameter_estimate_times, run.parameter_estimate, len(BaseParameters._fields)
+            run.parameter_estimate_times, run.parameter_estimate, len(mechanism.theta)
         ),
     )
     if torques:
-        parts.append(at_states(run.raw_torque_times, run.raw_torque, len(DRIVEN_JOINTS)))
+        parts.append(at_states(run.raw_torque_times, run.raw_torque, joints))
     values, known = zip(*parts, strict=True)
     return np.hstack(values), np.hstack(known)
 

@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 import math
 from typing import Any, NamedTuple
 
@@ -24,6 +25,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.report.metrics import total_variation
 from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
 from masmc_ros.report.tracking import Tracking
+from masmc_ros.robot.declaration import Group, Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -51,54 +53,103 @@ class Compared(NamedTuple):
     tracked: Tracking
 
 
+class _Panel(NamedTuple):
+    """One plot: what it shows, and times and vectors (n, m) of a run, None where it has none."""
+
+    title: str
+    quantity: str
+    of: Callable[[Compared], tuple[Floats, Floats] | None]
+
+
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
     """
-    Draw |e_E| and |e_F| and the norms of the wheels' and of the arm's torques over time.
+    Draw the distances of all points from their references, and the norms of the torques.
 
-    Where no run has torques, platform and arm have the rates that were commanded.
+    The torques are those of each group of joints. Where no run has torques, there are the rates
+    that were commanded.
     """
     longest = max(len(each.label) for each in compared) + _LINE
     rows = math.ceil(len(compared) / max(1, _LEGEND_WIDTH // longest))
     columns = math.ceil(len(compared) / rows)
     above = _LEGEND_ROW * rows
-    figure = new_figure(PAGE, above + _PANELS)
-    layout = figure.add_gridspec(3, 2, height_ratios=(above, _PANELS / 2, _PANELS / 2))
-    panels = [figure.add_subplot(layout[row, column]) for row in (1, 2) for column in (0, 1)]
-    end_effector, platform, wheels, arm = panels
+    panels = _panels(compared)
+    count = math.ceil(len(panels) / 2)
+    height = _PANELS / 2
+    figure = new_figure(PAGE, above + count * height)
+    layout = figure.add_gridspec(1 + count, 2, height_ratios=(above, *([height] * count)))
+    drawn = [
+        figure.add_subplot(layout[1 + number // 2, number % 2]) for number in range(len(panels))
+    ]
     styles = dict(enumerate(line_styles(len(compared))))
     # What chatters covers everything, so that it goes to the back.
     order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque))
-    has_rates = all(each.run.commands_rates for each in compared)
     for depth, i in enumerate(order):
-        _, run, tracked = compared[i]
         style = {**styles[i], 'zorder': 2.0 + depth / len(order)}
-        error = tracked.error * _MILLIMETRES
-        _draw(end_effector, tracked.times, error[:, :2], style)
-        _draw(platform, tracked.times, error[:, 2:], style)
-        if has_rates:
-            _draw(wheels, run.cmd_vel_times - run.times[0], run.cmd_vel[:, 1:], style)
-            _draw(arm, run.arm_rate_times - run.times[0], run.arm_rates, style)
-        else:
-            _draw(wheels, run.torque_times - run.times[0], run.torque[:, :2], style)
-            _draw(arm, run.torque_times - run.times[0], run.torque[:, 2:], style)
-    sizes, unit = ('wheel torques', 'arm torques'), r'$|\tau|$ (N·m)'
-    if has_rates:
-        sizes, unit = ('commanded yaw rate', 'commanded arm rates'), r'$|\omega|$ (rad/s)'
-    titles = ('end effector', 'platform', *sizes)
-    quantities = ('$|e_E|$ (mm)', '$|e_F|$ (mm)', unit, unit)
-    for axes, title, quantity in zip(panels, titles, quantities, strict=True):
-        axes.set_title(title)
-        axes.set_ylabel(quantity)
+        for axes, panel in zip(drawn, panels, strict=True):
+            times, vectors = panel.of(compared[i]) or (np.zeros(0), np.zeros((0, 1)))
+            _draw(axes, times, vectors, style)
+    for axes, panel in zip(drawn, panels, strict=True):
+        axes.set_title(panel.title)
+        axes.set_ylabel(panel.quantity)
         _scale(axes)
         time_axis(axes)
-    lines = [end_effector.get_lines()[order.index(i)] for i in styles]
+    lines = [drawn[0].get_lines()[order.index(i)] for i in styles]
     _legend(figure.add_subplot(layout[0, :]), lines, [each.label for each in compared], columns)
     figure.align_ylabels()
     return figure
 
 
+def _panels(compared: Sequence[Compared]) -> list[_Panel]:
+    """Return what there is to compare of all kinds of robots, each once."""
+    kinds = tuple(dict.fromkeys(each.run.mechanism for each in compared))
+    points = dict.fromkeys(point for kind in kinds for point in kind.points)
+    panels = [
+        _Panel(point.name, f'$|e_{point.symbol}|$ (mm)', partial(_distance, point))
+        for point in points
+    ]
+    if not all(each.run.commands_rates for each in compared):
+        groups = dict.fromkeys(group for kind in kinds for group in kind.groups)
+        return panels + [
+            _Panel(f'{group.name} torques', r'$|\tau|$ (N·m)', partial(_torques, group))
+            for group in groups
+        ]
+    for kind in kinds:
+        turns = tuple(i for i, each in enumerate(kind.twist) if each.unit == 'rad/s')
+        chosen = turns or tuple(range(len(kind.twist)))
+        names = ' and '.join(kind.twist[i].name for i in chosen)
+        rates = r'$|\omega|$ (rad/s)'
+        of_base = rates if turns else '$|v|$ (m/s)'
+        panels += [
+            _Panel(f'commanded {names}', of_base, partial(_base, chosen)),
+            _Panel(f'commanded {kind.groups[-1].name} rates', rates, _own_rates),
+        ]
+    return panels
+
+
+def _distance(point: Point, each: Compared) -> tuple[Floats, Floats] | None:
+    if point not in each.run.mechanism.points:
+        return None
+    return each.tracked.times, each.tracked.error[:, point.axes] * _MILLIMETRES
+
+
+def _torques(group: Group, each: Compared) -> tuple[Floats, Floats] | None:
+    run = each.run
+    if group not in run.mechanism.groups:
+        return None
+    return run.torque_times - run.times[0], run.torque[:, group.joints]
+
+
+def _base(places: tuple[int, ...], each: Compared) -> tuple[Floats, Floats]:
+    run = each.run
+    return run.cmd_vel_times - run.times[0], run.cmd_vel[:, list(places)]
+
+
+def _own_rates(each: Compared) -> tuple[Floats, Floats]:
+    return each.run.arm_rate_times - each.run.times[0], each.run.arm_rates
+
+
 def _draw(axes: Axes, times: Floats, vectors: Floats, style: dict[str, Any]) -> None:
-    """Draw the Euclidean norm of vectors (n, 2) over time."""
+    """Draw the Euclidean norm of vectors (n, m) over time."""
     axes.plot(times, np.linalg.norm(vectors, axis=1), linewidth=0.8, **style)
 
 

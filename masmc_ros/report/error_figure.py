@@ -19,6 +19,7 @@ from __future__ import annotations
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.style import BLUE, caption, COLUMN, GREY, new_figure, time_axis, VERMILLION
 from masmc_ros.report.tracking import Tracking
+from masmc_ros.robot.declaration import Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -29,41 +30,31 @@ _HEADROOM = 1.15
 """Height of the lower panel over the largest error in the window."""
 
 
-def end_effector_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure | None:
-    """Draw the errors of x_E and y_E over the whole run and, enlarged, once settled."""
-    return _error_figure(tracked, reached, label, 'E', 0, reached.end_effector_rms)
-
-
-def platform_figure(tracked: Tracking, reached: Metrics, label: str) -> Figure | None:
-    """Draw the errors of x_F and y_F over the whole run and, enlarged, once settled."""
-    return _error_figure(tracked, reached, label, 'F', 2, reached.platform_rms)
-
-
-def _error_figure(
-    tracked: Tracking, reached: Metrics, label: str, point: str, first: int, rms: float | None
+def error_figure(
+    tracked: Tracking, reached: Metrics, label: str, point: Point
 ) -> Figure | None:
     """
-    Draw columns `first` and `first` + 1 of the errors, those of one point, in mm.
+    Draw the errors of a point over the whole run and, enlarged, once settled, in mm.
 
     Returns None where there are no errors in the window.
     """
+    rms = reached.points[point].rms
     if rms is None:
         return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    error = tracked.error[:, first:first + 2] * _MILLIMETRES
+    error = tracked.error[:, point.axes] * _MILLIMETRES
     for axes in (upper, lower):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         for values, axis, colour in zip(error.T, 'xy', (BLUE, VERMILLION), strict=True):
-            axes.plot(
-                tracked.times, values, color=colour, linewidth=0.9, label=f'$e_{{{axis}_{point}}}$'
-            )
+            name = f'$e_{{{axis}_{point.symbol}}}$'
+            axes.plot(tracked.times, values, color=colour, linewidth=0.9, label=name)
         axes.set_ylabel('error (mm)')
     _enlarge(lower, tracked, error, reached)
     lower.text(
         1.0,
         1.02,
-        rf'enlarged; RMS $|e_{point}|$ = {rms * _MILLIMETRES:.3g} mm over'
+        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * _MILLIMETRES:.3g} mm over'
         f' {reached.begin:g}–{reached.end:g} s',
         transform=lower.transAxes,
         fontsize=7.0,

@@ -20,26 +20,25 @@ from collections.abc import Iterator, Sequence
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.comparison_figure import Compared, comparison_figure
-from masmc_ros.report.error_figure import end_effector_figure, platform_figure
+from masmc_ros.report.error_figure import error_figure
 from masmc_ros.report.files import file_stem
 from masmc_ros.report.labels import law_of
 from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.path_figure import path_figure
 from masmc_ros.report.style import paper_style, png
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import DEFAULT
 from matplotlib.figure import Figure
 
-KINDS = ('path', 'end_effector', 'platform')
-"""The figures of one run, in the order of the paper's."""
-
 PAPER_FIGURES = {'smc': 3, 'rasmc': 6}
-"""Number of the first of the paper's three figures of each law."""
+"""Number of the first of the paper's three figures of each law, of the robot that it has."""
 
 
 def draw_figures(
     compared: Sequence[Compared], reached: Sequence[Metrics]
 ) -> Iterator[tuple[str, bytes]]:
     """
-    Yield file name and PNG of every figure: three a run, then all runs in one.
+    Yield file name and PNG of every figure: path and points of each run, then all runs in one.
 
     A run whose log does not tell the positions has no figure of its path, one whose log does
     not tell the errors none of these.
@@ -50,8 +49,7 @@ def draw_figures(
             label, run, tracked = each
             figures: tuple[Figure | None, ...] = (
                 path_figure(run, tracked, label),
-                end_effector_figure(tracked, metrics, label),
-                platform_figure(tracked, metrics, label),
+                *(error_figure(tracked, metrics, label, point) for point in metrics.points),
             )
             for name, figure in zip(names, figures, strict=True):
                 if figure is not None:
@@ -61,7 +59,7 @@ def draw_figures(
 
 def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     """
-    Return the file names of each run's figures, of which there is one of each of KINDS.
+    Return the file names of each run's figures, of its path and of each of its points.
 
     The first run under each law of the paper has the paper's: figure_3_smc_path.png. The
     others are named by their logs: RUN_path.png.
@@ -69,15 +67,24 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     numbers = dict(PAPER_FIGURES)
     # A log may be named like one of the paper's figures.
     taken = {
-        f'figure_{n + i}_{law}' for law, n in PAPER_FIGURES.items() for i in range(len(KINDS))
+        f'figure_{n + i}_{law}'
+        for law, n in PAPER_FIGURES.items()
+        for i in range(len(_kinds(DEFAULT)))
     }
     names = []
     for run in runs:
         law = law_of(run)
-        first = None if law is None else numbers.pop(law, None)
+        kinds = _kinds(run.mechanism)
+        is_paper = run.mechanism is DEFAULT
+        first = numbers.pop(law, None) if law is not None and is_paper else None
         if first is None:
             stem = file_stem(run.path.stem, taken)
-            names.append([f'{stem}_{kind}.png' for kind in KINDS])
+            names.append([f'{stem}_{kind}.png' for kind in kinds])
         else:
-            names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(KINDS)])
+            names.append([f'figure_{first + i}_{law}_{kind}.png' for i, kind in enumerate(kinds)])
     return names
+
+
+def _kinds(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return what the figures of a run show, in the order of the paper's."""
+    return ('path', *(point.key for point in mechanism.points))

@@ -27,6 +27,7 @@ from masmc_ros.report.parameters import Change, run_changes
 from masmc_ros.report.samples import packed_path
 from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, scatter, time_plot
 from masmc_ros.report.tracking import Tracking
+from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from numpy.typing import NDArray
 import plotly.graph_objects as go
@@ -34,18 +35,6 @@ import plotly.graph_objects as go
 Floats = NDArray[np.float64]
 
 _MILLIMETRES = 1.0e3
-_AXES = ('x<sub>E</sub>', 'y<sub>E</sub>', 'x<sub>F</sub>', 'y<sub>F</sub>')
-_RATES = ('forward speed', 'yaw rate', 'arm joint 1', 'arm joint 2')
-_DRIVES = ('right wheel', 'left wheel', 'arm joint 1', 'arm joint 2')
-_ESTIMATES = (
-    'M (kg)',
-    'J (kg·m²)',
-    'c (kg·m)',
-    'p<sub>1</sub> (kg·m)',
-    'p<sub>2</sub> (kg·m)',
-    'i<sub>1</sub> (kg·m²)',
-    'i<sub>2</sub> (kg·m²)',
-)
 _DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
@@ -78,23 +67,26 @@ def span_of(runs: Sequence[Run]) -> tuple[float, float]:
 
 
 def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) -> list[Plot]:
-    """Return |e_E| and |e_F| of all runs that have errors; none where no run has."""
+    """Return the points' distances in all runs that have errors; none where no run has."""
     told = [each for each in compared if len(each.tracked.error)]
     if not told:
         return []
     plots = []
-    for point, name, first in (('E', 'end effector', 0), ('F', 'platform point F', 2)):
+    for point in dict.fromkeys(p for each in told for p in each.run.mechanism.points):
         drawn = []
         styles = cycle(product(_DASHES, COLOURS))
         for each, (dash, colour) in zip(told, styles, strict=False):
-            errors = each.tracked.error[:, first:first + 2] * _MILLIMETRES
+            if point not in each.run.mechanism.points:
+                continue
+            errors = each.tracked.error[:, point.axes] * _MILLIMETRES
             size = np.linalg.norm(errors, axis=1)
             # A logarithm has no place for zero.
             size[size == 0.0] = np.nan
             drawn.append(Line(escape(each.label), each.tracked.times, size, colour, dash))
-        figure = time_plot(drawn, f'|e<sub>{point}</sub>| (mm)', span, is_logarithmic=True)
+        figure = time_plot(drawn, f'|e<sub>{point.symbol}</sub>| (mm)', span, is_logarithmic=True)
+        name = point.title.removeprefix('the ')
         title = f'Distance of the {name} from its reference, all runs'
-        plots.append(Plot(f'comparison_{point}', title, figure))
+        plots.append(Plot(f'comparison_{point.symbol}', title, figure))
     return plots
 
 
@@ -103,6 +95,9 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
     run, tracked = each.run, each.tracked
     changes = run_changes(run)
     begun = run.times[0]
+    axes = [axis.html for axis in run.mechanism.axes]
+    drives = [joint.label for joint in run.mechanism.joints]
+    estimates = [f'{each.html} ({each.unit})' for each in run.mechanism.theta]
     plots = [Plot('path', 'Paths in the plane', _path(run, tracked), is_over_time=False)]
 
     def add(
@@ -112,29 +107,29 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         plots.append(Plot(name, title, figure))
 
     if len(tracked.error):
-        for point, name, first in (('E', 'the end effector', 0), ('F', 'platform point F', 2)):
-            errors = tracked.error[:, first:first + 2] * _MILLIMETRES
-            names = [f'e of {axis}' for axis in _AXES[first:first + 2]]
-            title = f'Tracking error of {name}'
-            add(f'error_{point}', title, 'error (mm)', names, tracked.times, errors)
+        for point in run.mechanism.points:
+            errors = tracked.error[:, point.axes] * _MILLIMETRES
+            names = [f'e of {axis}' for axis in axes[point.axes]]
+            title = f'Tracking error of {point.title}'
+            add(f'error_{point.symbol}', title, 'error (mm)', names, tracked.times, errors)
     if run.sliding_surface is not None and run.sliding_surface_times is not None:
         times = run.sliding_surface_times - begun
-        names = [f's of {axis}' for axis in _AXES]
+        names = [f's of {axis}' for axis in axes]
         add('surface', 'Sliding surface', 's (m/s)', names, times, run.sliding_surface)
     if run.commands_rates:
         plots += _rates(run, span, changes)
     if len(run.torque):
         times = run.torque_times - begun
-        drawn = [*lines(_DRIVES, times, run.torque), *_raw_torques(run)]
+        drawn = [*lines(drives, times, run.torque), *_raw_torques(run)]
         figure = time_plot(drawn, 'torque (N·m)', span, changes)
         plots.append(Plot('torque', 'Torques commanded', figure))
     else:
         times = run.times - begun
-        add('torque', 'Torques applied', 'torque (N·m)', _DRIVES, times, run.applied_effort)
+        add('torque', 'Torques applied', 'torque (N·m)', drives, times, run.applied_effort)
     if run.parameter_estimate is not None and run.parameter_estimate_times is not None:
         times = run.parameter_estimate_times - begun
         title = 'Estimates of the base inertial parameters'
-        add('estimate', title, 'estimate', _ESTIMATES, times, run.parameter_estimate)
+        add('estimate', title, 'estimate', estimates, times, run.parameter_estimate)
     return plots
 
 
@@ -145,7 +140,7 @@ def _raw_torques(run: Run) -> list[Line]:
     _, sent, asked = np.intersect1d(run.torque_times, run.raw_torque_times, return_indices=True)
     is_cut = (run.torque[sent] != run.raw_torque[asked]).any(axis=0)
     times = run.raw_torque_times - run.times[0]
-    names = [f'{drive}, asked for' for drive in _DRIVES]
+    names = [f'{joint.label}, asked for' for joint in run.mechanism.joints]
     return [
         line._replace(dash='dot')
         for line, cut in zip(lines(names, times, run.raw_torque), is_cut, strict=True)
@@ -156,37 +151,42 @@ def _raw_torques(run: Run) -> list[Line]:
 def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:
     """Return what was commanded where no torques were: a speed, and rates, each of its times."""
     begun = run.times[0]
-    platform, arm = run.cmd_vel_times - begun, run.arm_rate_times - begun
-    (speed,) = lines(_RATES[:1], platform, run.cmd_vel[:, :1])
-    rates = [
-        Line(name, times, values, colour)
-        for name, times, values, colour in zip(
-            _RATES[1:],
-            (platform, arm, arm),
-            (run.cmd_vel[:, 1], *run.arm_rates.T),
-            COLOURS[1:],
-            strict=False,
-        )
+    base, own = run.cmd_vel_times - begun, run.arm_rate_times - begun
+    twist = run.mechanism.twist
+    drawn = [
+        *zip(twist, [base] * len(twist), run.cmd_vel.T, strict=True),
+        *(
+            (Velocity(joint.label, 'rad/s', 0), own, values)
+            for joint, values in zip(run.mechanism.own_rates, run.arm_rates.T, strict=True)
+        ),
     ]
+    speeds: list[Line] = []
+    rates: list[Line] = []
+    for number, (velocity, times, values) in enumerate(drawn):
+        line = Line(velocity.name, times, values, COLOURS[number % len(COLOURS)])
+        (speeds if velocity.unit == 'm/s' else rates).append(line)
     return [
-        Plot('speed', 'Speed commanded', time_plot([speed], 'speed (m/s)', span, changes)),
+        Plot('speed', 'Speed commanded', time_plot(speeds, 'speed (m/s)', span, changes)),
         Plot('rates', 'Rates commanded', time_plot(rates, 'rate (rad/s)', span, changes)),
     ]
 
 
 def _path(run: Run, tracked: Tracking) -> go.Figure:
-    """Draw the paths of E and F, or where these are not known, of the middle of the axle."""
+    """Draw the paths of the robot's points, or where these are not known, of its base."""
     figure = go.Figure(layout=page_layout())
     if tracked.actual is None:
-        _add_path(figure, 'middle of the axle', run.position[:, :2], 'green', 'solid')
-    for name, colour, first in (('E', 'blue', 0), ('F', 'vermillion', 2)):
+        pose, _ = run.mechanism.formulas.base_motion(run.position, run.velocity)
+        _add_path(figure, run.mechanism.origin, pose[:, :2], 'green', 'solid')
+    for number, (point, colour) in enumerate(
+        zip(run.mechanism.points, ('blue', 'vermillion', 'green', 'purple'), strict=False)
+    ):
         for kind, values, tone, dash in (
             ('actual', tracked.actual, colour, 'solid'),
-            ('desired', tracked.desired, INK, 'dash' if name == 'E' else 'dot'),
+            ('desired', tracked.desired, INK, 'dot' if number else 'dash'),
         ):
             if values is not None:
-                points = values[:, first:first + 2]
-                _add_path(figure, f'{name} {kind}', points, tone, dash)
+                points = values[:, point.axes]
+                _add_path(figure, f'{point.symbol} {kind}', points, tone, dash)
     figure.update_xaxes(title='x (m)')
     figure.update_yaxes(title='y (m)', scaleanchor='x')
     return figure

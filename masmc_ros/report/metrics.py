@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
@@ -23,11 +24,35 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_changes
 from masmc_ros.report.settling import settling_time
 from masmc_ros.report.tracking import Tracking, tracking
+from masmc_ros.robot.declaration import Point
+from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Window = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """
+    How near a point came to where it should be; None is what the log does not tell.
+
+    Attributes
+    ----------
+    rms
+        root mean square of the distance, m.
+    largest
+        largest distance, m.
+    settling
+        s from the first error until the distance stays small for good, see `settling_time`;
+        infinity where it does not.
+
+    """
+
+    rms: float | None
+    largest: float | None
+    settling: float | None
 
 
 @dataclass(frozen=True)
@@ -43,21 +68,12 @@ class Metrics:
         s from the first state.
     end
         s from the first state.
-    end_effector_rms
-        root mean square of |e_E|, the distance to the desired point, m.
-    end_effector_max
-        largest |e_E|, m.
-    platform_rms
-        root mean square of |e_F|, m.
-    platform_max
-        largest |e_F|, m.
-    end_effector_settling
-        s from the first error until |e_E| stays small for good, see
-        `settling_time`; infinity where it does not.
-    platform_settling
-        likewise of |e_F|.
+    points
+        of each of the robot's points.
+    joints
+        number of commanded torques.
     torque_rms
-        root mean square of the Euclidean norm of the four commanded torques, N m.
+        root mean square of the Euclidean norm of the commanded torques, N m.
     torque_variation
         total variation of the commands per time, summed over the joints,
         sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
@@ -70,15 +86,15 @@ class Metrics:
 
     begin: float
     end: float
-    end_effector_rms: float | None
-    end_effector_max: float | None
-    platform_rms: float | None
-    platform_max: float | None
-    end_effector_settling: float | None
-    platform_settling: float | None
+    points: Mapping[Point, Reached]
+    joints: int
     torque_rms: float | None
     torque_variation: float | None
     estimate_norm: float | None
+
+    def of(self, key: str) -> Reached:
+        """Return what a point reached, by its key."""
+        return next(reached for point, reached in self.points.items() if point.key == key)
 
 
 def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None = None) -> Metrics:
@@ -105,6 +121,7 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         run.parameter_estimate,
         window or second_half(run.times - begun),
         max((change.time for change in run_changes(run)), default=-math.inf),
+        run.mechanism.points,
     )
 
 
@@ -122,6 +139,7 @@ def measure(
     estimate: Floats | None,
     window: Window,
     changed: float = -math.inf,
+    points: Sequence[Point] = DEFAULT.points,
 ) -> Metrics:
     """
     Compute the metrics of signals.
@@ -131,34 +149,39 @@ def measure(
     times
         (K) of the errors, s.
     error
-        (K, 4) of x_E, y_E, x_F, y_F in m.
+        (K, axes) in m.
     torque_times
         (M) of the commands, s.
     torque
-        (M, 4) in N m.
+        (M, joints) in N m.
     estimate
-        (L, 7) base inertial parameters over time, or None.
+        (L, parameters) base inertial parameters over time, or None.
     window
         begin <= t < end, s.
     changed
         time of the last change of parameters, s.
+    points
+        the robot's.
 
     """
     begin, end = window
-    settling = [settling_time(times, part, changed) for part in (error[:, :2], error[:, 2:])]
-    error = error[_within(times, begin, end)]
+    within = error[_within(times, begin, end)]
+    found = {
+        point: Reached(
+            rms_norm(within[:, point.axes]) if len(within) else None,
+            largest_norm(within[:, point.axes]) if len(within) else None,
+            settling_time(times, error[:, point.axes], changed),
+        )
+        for point in points
+    }
     torque = torque[_within(torque_times, begin, end)]
     if estimate is not None and not len(estimate):
         estimate = None
     return Metrics(
         begin=begin,
         end=end,
-        end_effector_rms=rms_norm(error[:, :2]) if len(error) else None,
-        end_effector_max=largest_norm(error[:, :2]) if len(error) else None,
-        platform_rms=rms_norm(error[:, 2:]) if len(error) else None,
-        platform_max=largest_norm(error[:, 2:]) if len(error) else None,
-        end_effector_settling=settling[0],
-        platform_settling=settling[1],
+        points=found,
+        joints=torque.shape[1],
         torque_rms=rms_norm(torque) if len(torque) else None,
         torque_variation=total_variation(torque) / (end - begin) if len(torque) else None,
         estimate_norm=None if estimate is None else float(np.linalg.norm(estimate[-1])),

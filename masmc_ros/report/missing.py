@@ -70,11 +70,12 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     gaps = gaps_in(np.rint(run.times * NANOSECONDS))
     if gaps.count:
         yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
+    points = ' and '.join(point.symbol for point in run.mechanism.points)
     has_own_error = run.tracking_error is not None
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'
     elif run_robot(run) is None:
-        yield 'No parameters of the robot: E and F cannot be computed from the joints.'
+        yield f'No parameters of the robot: {points} cannot be computed from the joints.'
     if run.reference is None:
         yield f'No {REFERENCE_TOPIC}: where the robot should be, only its errors can tell.'
     if not has_own_error and len(tracked.error):
@@ -88,7 +89,7 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
             ' the parameters of the robot.'
         )
     if tracked.actual is None:
-        yield 'No positions of E and F: the path is that of the middle of the axle.'
+        yield f'No positions of {points}: the path is that of the {run.mechanism.origin}.'
     if run.commands_rates:
         for topic, rates in ((CMD_VEL_TOPIC, run.cmd_vel), (ARM_VELOCITY_TOPIC, run.arm_rates)):
             if not len(rates):

@@ -29,7 +29,7 @@ from masmc_ros.report.metrics import Metrics
 from masmc_ros.report.missing import missing
 from masmc_ros.report.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.settling import BAND, FLOOR
-from masmc_ros.report.table import cells, heads
+from masmc_ros.report.table import cells, heads, points_of
 from plotly.offline import get_plotlyjs
 
 _SOURCES = Path(__file__).with_name('page')
@@ -51,11 +51,14 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    points = points_of(reached)
     span = span_of([each.run for each in compared])
     return environment.get_template('page.html').render(
         version=__version__,
-        heads=heads(),
-        rows=[cells(each.label, row) for each, row in zip(compared, reached, strict=True)],
+        heads=heads(points),
+        rows=[
+            cells(each.label, row, points) for each, row in zip(compared, reached, strict=True)
+        ],
         band=f'{BAND:.0%}',
         floor=f'{FLOOR * 1e3:g} mm',
         comparison=_plots('all', comparison_plots(compared, span)),

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.layout import NANOSECONDS
-from masmc_ros.robot.two_link.parameters import ROBOT, Robot
+from masmc_ros.robot.robot import Robot, robot_of
 
 
 class Change(NamedTuple):
@@ -66,8 +66,8 @@ def run_robot(run: Run) -> Robot | None:
     """
     for node in ('plant', 'controller', 'trajectory'):
         values = run.parameters.get(node, {})
-        if all(_is_number(values.get(p.name)) for p in ROBOT):
-            return Robot.from_values({p.name: values[p.name] for p in ROBOT})
+        if all(_is_number(values.get(p.name)) for p in run.mechanism.parameters):
+            return robot_of(values)
     return None
 
 

@@ -19,9 +19,19 @@ from __future__ import annotations
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
 from masmc_ros.report.robot_drawing import draw_robot
-from masmc_ros.report.style import BLACK, BLUE, caption, GREY, new_figure, PAGE, VERMILLION
+from masmc_ros.report.style import (
+    BLACK,
+    BLUE,
+    caption,
+    GREEN,
+    GREY,
+    new_figure,
+    PAGE,
+    PURPLE,
+    VERMILLION,
+)
 from masmc_ros.report.tracking import Tracking
-from masmc_ros.robot.two_link.geometry import Geometry
+from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -29,6 +39,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
 _INSTANTS = 6
 _FLATTEST, _STEEPEST = 0.2, 0.8
 """Height of the drawing over its width."""
@@ -42,7 +53,7 @@ _SURROUND = 17.0
 
 def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     """
-    Draw the paths of end effector and platform point F, and the robot now and then.
+    Draw the paths of the robot's points, and the robot now and then.
 
     Returns None where the log does not tell the positions.
     """
@@ -52,13 +63,14 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     axes = figure.subplots()
     robot = run_robot(run)
     if robot is not None:
-        _draw_instants(axes, Geometry(*robot.geometry), run)
+        _draw_instants(axes, robot, run)
     lines = []
-    for name, colour, first in (('E', BLUE, 0), ('F', VERMILLION, 2)):
-        x, y = tracked.actual[:, first:first + 2].T
+    for point, colour in zip(run.mechanism.points, _COLOURS, strict=False):
+        name = point.symbol
+        x, y = tracked.actual[:, point.axes].T
         lines += axes.plot(x, y, color=colour, linewidth=1.2, label=f'{name} actual', zorder=2.5)
         axes.plot(x[:1], y[:1], 'o', color=colour, markersize=3.5, zorder=2.5)
-        x, y = tracked.desired[:, first:first + 2].T
+        x, y = tracked.desired[:, point.axes].T
         lines += axes.plot(
             x, y, color=BLACK, linewidth=0.8, dashes=(4, 3), label=f'{name} desired', zorder=2.6
         )
@@ -70,15 +82,15 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     return figure
 
 
-def _draw_instants(axes: Axes, geometry: Geometry, run: Run) -> None:
+def _draw_instants(axes: Axes, robot: Robot, run: Run) -> None:
     """Draw the robot at instants evenly spread over the run, each with its time."""
-    side = geometry.half_track + 2.0 * geometry.wheel_radius
     for k in np.linspace(0, len(run.position) - 1, _INSTANTS).round().astype(int):
-        draw_robot(axes, geometry, run.position[k], opacity=0.45)
-        x, y = run.position[k, :2]
+        outline = robot.mechanism.formulas.outline(robot.geometry, run.position[k])
+        draw_robot(axes, outline, opacity=0.45)
+        x, y = outline.origin
         axes.text(
             x,
-            y - side,
+            y - outline.below,
             f'{run.times[k] - run.times[0]:.3g} s',
             color=GREY,
             fontsize=6.5,
@@ -87,7 +99,7 @@ def _draw_instants(axes: Axes, geometry: Geometry, run: Run) -> None:
             clip_on=True,
         )
         # By itself a text does not count as drawn.
-        axes.update_datalim([(x, y - side - 2.0 * geometry.wheel_radius)])
+        axes.update_datalim([(x, y - outline.below - outline.text)])
 
 
 def _fit(axes: Axes) -> tuple[float, float]:

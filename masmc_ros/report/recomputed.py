@@ -47,9 +47,9 @@ class Recomputed:
         computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
         self._compare('states', self._states, logged, stamps, computed)
         if len(stretch.rates):
-            platform, arm = stretch.rates[:, :2], stretch.rates[:, 2:]
-            self._compare('commands', self._twists, run.cmd_vel, stamps, platform)
-            self._compare('commands', self._arm_rates, run.arm_rates, stamps, arm)
+            base, own = np.hsplit(stretch.rates, [len(run.mechanism.twist)])
+            self._compare('commands', self._twists, run.cmd_vel, stamps, base)
+            self._compare('commands', self._arm_rates, run.arm_rates, stamps, own)
         else:
             self._compare('commands', self._torques, run.torque, stamps, stretch.torque)
 

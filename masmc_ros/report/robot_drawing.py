@@ -12,72 +12,36 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The robot seen from above: platform, wheels and arm to scale."""
+"""The robot seen from above, to scale."""
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 from masmc_ros.report.style import BLACK, GREY
-from masmc_ros.robot.two_link.geometry import Geometry
+from masmc_ros.robot.declaration import Outline
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
-import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-
-_WHEEL_WIDTH = 0.35
-"""Of a wheel's radius; the parameters do not tell it."""
+_AREAS = {'body': (GREY, 0.35), 'part': (BLACK, 1.0)}
+"""Colour and opacity of areas by their kind."""
 
 
-def draw_robot(axes: Axes, geometry: Geometry, position: Floats, opacity: float) -> None:
-    """Draw the robot at one position (7) in the order of joint_states, faintly."""
-    x, y, yaw = (float(value) for value in position[:3])
-    b, r = geometry.half_track, geometry.wheel_radius
-    half = max(abs(geometry.arm_base), r)
-    shapes = [
-        (_rectangle(0.0, half, b), GREY, 0.35),
-        (_rectangle(b, r, _WHEEL_WIDTH * r), BLACK, 1.0),
-        (_rectangle(-b, r, _WHEEL_WIDTH * r), BLACK, 1.0),
-    ]
-    for corners, colour, strength in shapes:
-        axes.add_patch(
-            Polygon(
-                _place(corners, x, y, yaw),
-                facecolor=colour,
-                edgecolor='none',
-                alpha=strength * opacity,
-                zorder=1.5,
+def draw_robot(axes: Axes, outline: Outline, opacity: float) -> None:
+    """Draw the robot at one position, faintly."""
+    for shape in outline.shapes:
+        if shape.kind in _AREAS:
+            colour, strength = _AREAS[shape.kind]
+            axes.add_patch(
+                Polygon(
+                    shape.points,
+                    facecolor=colour,
+                    edgecolor='none',
+                    alpha=strength * opacity,
+                    zorder=1.5,
+                )
             )
-        )
-    arm = arm_points(geometry, position)
-    axes.plot(*arm.T, color=BLACK, linewidth=1.2, alpha=opacity, zorder=1.6)
-    axes.plot(*arm[:2].T, 'o', color=BLACK, markersize=2.0, alpha=opacity, zorder=1.6)
-
-
-def arm_points(geometry: Geometry, position: Floats) -> Floats:
-    """Return (3, 2) world positions in m of the arm's base, its elbow and its end."""
-    x, y, yaw, _, _, arm_1, arm_2 = (float(value) for value in position)
-    lengths = (geometry.arm_base, geometry.link_1, geometry.link_2)
-    headings = (yaw, yaw + arm_1, yaw + arm_1 + arm_2)
-    steps = [
-        (length * math.cos(heading), length * math.sin(heading))
-        for length, heading in zip(lengths, headings, strict=True)
-    ]
-    points: Floats = np.array([x, y]) + np.cumsum(steps, axis=0)
-    return points
-
-
-def _rectangle(left: float, half_length: float, half_width: float) -> Floats:
-    """Return the corners (4, 2) of a rectangle, `left` of the axle's middle by so many m."""
-    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
-    corners: Floats = np.array([0.0, left]) + signs * (half_length, half_width)
-    return corners
-
-
-def _place(points: Floats, x: float, y: float, yaw: float) -> Floats:
-    """Move points (n, 2) from the platform's frame into the world."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    placed: Floats = points @ np.array([[c, s], [-s, c]]) + (x, y)
-    return placed
+        else:
+            style: dict[str, Any] = {'color': BLACK, 'alpha': opacity, 'zorder': 1.6}
+            axes.plot(*shape.points.T, linewidth=1.2, **style)
+            axes.plot(*shape.points[:-1].T, 'o', markersize=2.0, **style)

@@ -16,50 +16,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 import csv
-from dataclasses import asdict
 import io
 import math
 
-from masmc_ros.report.metrics import Metrics
+from masmc_ros.report.metrics import Metrics, Reached
 from masmc_ros.report.settling import BAND, FLOOR
+from masmc_ros.robot.declaration import Point
 import numpy as np
 
-_HEADS = (
-    ('run', ''),
-    ('window', '(s)'),
-    ('E RMS', '(mm)'),
-    ('E max', '(mm)'),
-    ('F RMS', '(mm)'),
-    ('F max', '(mm)'),
-    ('E settles', '(s)'),
-    ('F settles', '(s)'),
-    ('torque RMS', '(N·m)'),
-    ('torque variation', '(N·m/s)'),
-    ('estimate norm', '(mixed)'),
-)
-_UNITS = {
-    'begin': 's',
-    'end': 's',
-    'end_effector_rms': 'm',
-    'end_effector_max': 'm',
-    'platform_rms': 'm',
-    'platform_max': 'm',
-    'end_effector_settling': 's',
-    'platform_settling': 's',
-    'torque_rms': 'N·m',
-    'torque_variation': 'N·m/s',
-    'estimate_norm': 'mixed',
-}
+_COUNTS = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight')
+_OTHERS = {'torque_rms': 'N·m', 'torque_variation': 'N·m/s', 'estimate_norm': 'mixed'}
+"""Metrics of a whole run, with their units."""
+_UNKNOWN = Reached(None, None, None)
 _DIGITS = 5
 _MILLIMETRES = 1.0e3
 
 
 def text_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as an aligned table, errors in mm, and what they mean."""
-    top = [[name for name, _ in _HEADS], [unit for _, unit in _HEADS]]
-    body = [cells(label, each) for label, each in rows.items()]
+    points = points_of(rows.values())
+    columns = _heads(points)
+    top = [[name for name, _ in columns], [unit for _, unit in columns]]
+    body = [cells(label, each, points) for label, each in rows.items()]
+    symbols = ' and '.join(point.symbol for point in points)
+    titles = ' and of '.join(f'the {point.title.removeprefix("the ")}' for point in points)
+    count = max(each.joints for each in rows.values())
+    commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
     widths = [max(map(len, column)) for column in zip(*top, *body, strict=True)]
     rule = ['-' * width for width in widths]
     lines = [
@@ -69,20 +53,22 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
     ]
     return '\n'.join(lines) + (
         '\n\n'
-        'E and F: distance of the end effector and of the platform point F from where they'
+        f'{symbols}: distance of {titles} from where {"they" if len(points) > 1 else "it"}'
         ' should be.\n'
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
         f' {FLOOR * _MILLIMETRES:g} mm if that is more.\n'
-        'Torque variation: sum of the changes of all four commands, per second.\n'
+        f'Torque variation: sum of the changes of all {commands} commands, per second.\n'
     )
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as a Markdown table, errors in mm."""
+    points = points_of(rows.values())
+    top = heads(points)
     lines = [
-        heads(),
-        ['---'] + ['---:'] * (len(_HEADS) - 1),
-        *(cells(label.replace('|', r'\|'), each) for label, each in rows.items()),
+        top,
+        ['---'] + ['---:'] * (len(top) - 1),
+        *(cells(label.replace('|', r'\|'), each, points) for label, each in rows.items()),
     ]
     return ''.join(f'| {" | ".join(line)} |\n' for line in lines)
 
@@ -93,13 +79,42 @@ def csv_table(rows: Mapping[str, Metrics]) -> str:
 
     The settling time of what does not settle is `inf`.
     """
+    points = points_of(rows.values())
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['run', *(f'{name} ({unit})' for name, unit in _UNITS.items())])
+    names = (
+        ('begin', 's'),
+        ('end', 's'),
+        *((f'{point.key}_{what}', 'm') for point in points for what in ('rms', 'max')),
+        *((f'{point.key}_settling', 's') for point in points),
+        *_OTHERS.items(),
+    )
+    writer.writerow(['run', *(f'{name} ({unit})' for name, unit in names)])
     for label, each in rows.items():
-        values = asdict(each)
-        writer.writerow([label, *(values[name] for name in _UNITS)])
+        reached = [each.points.get(point, _UNKNOWN) for point in points]
+        errors = [error for one in reached for error in (one.rms, one.largest)]
+        settling = [one.settling for one in reached]
+        others = [getattr(each, name) for name in _OTHERS]
+        writer.writerow([label, each.begin, each.end, *errors, *settling, *others])
     return out.getvalue()
+
+
+def points_of(rows: Iterable[Metrics]) -> tuple[Point, ...]:
+    """Return the points of all robots, each once."""
+    return tuple(dict.fromkeys(point for row in rows for point in row.points))
+
+
+def _heads(points: Sequence[Point]) -> tuple[tuple[str, str], ...]:
+    errors = (f'{point.symbol} {what}' for point in points for what in ('RMS', 'max'))
+    return (
+        ('run', ''),
+        ('window', '(s)'),
+        *((error, '(mm)') for error in errors),
+        *((f'{point.symbol} settles', '(s)') for point in points),
+        ('torque RMS', '(N·m)'),
+        ('torque variation', '(N·m/s)'),
+        ('estimate norm', '(mixed)'),
+    )
 
 
 def number(value: float) -> str:
@@ -110,15 +125,16 @@ def number(value: float) -> str:
     return text.rstrip('.')
 
 
-def heads() -> list[str]:
+def heads(points: Sequence[Point]) -> list[str]:
     """Return what the columns of a table show, with units."""
-    return [f'{name} {unit}'.rstrip() for name, unit in _HEADS]
+    return [f'{name} {unit}'.rstrip() for name, unit in _heads(points)]
 
 
-def cells(label: str, row: Metrics) -> list[str]:
+def cells(label: str, row: Metrics, points: Sequence[Point]) -> list[str]:
     """Return one run's line of a table, a text a column."""
-    errors = (row.end_effector_rms, row.end_effector_max, row.platform_rms, row.platform_max)
-    settling = (row.end_effector_settling, row.platform_settling)
+    reached = [row.points.get(point, _UNKNOWN) for point in points]
+    errors = [error for one in reached for error in (one.rms, one.largest)]
+    settling = [one.settling for one in reached]
     others = (row.torque_rms, row.torque_variation, row.estimate_norm)
     return [
         label,

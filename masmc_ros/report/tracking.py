@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.report.parameters import run_robot
-from masmc_ros.robot.two_link.forward_kinematics import task_positions
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,18 +29,18 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class Tracking:
     """
-    Task coordinates are x_E, y_E, x_F, y_F in the world, m; times in s from the first state.
+    Task coordinates are those of the robot's axes, m; times in s from the first state.
 
     Attributes
     ----------
     times
         (K) of the errors.
     error
-        (K, 4) e = x - x_d; K = 0 where the log does not tell it.
+        (K, axes) e = x - x_d; K = 0 where the log does not tell it.
     actual
-        (N, 4) x at every state; None where the log does not tell it.
+        (N, axes) x at every state; None where the log does not tell it.
     desired
-        (N, 4) x_d at every state, NaN where there is none; None likewise.
+        (N, axes) x_d at every state, NaN where there is none; None likewise.
 
     """
 
@@ -60,15 +59,16 @@ def tracking(run: Run) -> Tracking:
     desired positions, one that is missing follows from the other and the error.
     """
     robot = run_robot(run)
-    actual = None if robot is None else task_positions(robot.geometry, run.position)
-    desired = None if run.reference is None else run.reference[:, :4]
+    actual = None if robot is None else robot.task_positions(run.position)
+    axes = len(run.mechanism.axes)
+    desired = None if run.reference is None else run.reference[:, :axes]
     if run.tracking_error is not None and run.tracking_error_times is not None:
         times, error = run.tracking_error_times, run.tracking_error
     elif actual is not None and desired is not None:
         known = np.isfinite(desired).all(axis=1)
         times, error = run.times[known], (actual - desired)[known]
     else:
-        return Tracking(np.zeros(0), np.zeros((0, 4)), actual, desired)
+        return Tracking(np.zeros(0), np.zeros((0, axes)), actual, desired)
     if actual is None and desired is not None:
         actual = desired + _at(run.times, times, error)
     elif desired is None and actual is not None:

@@ -13,60 +13,49 @@
 # limitations under the License.
 
 """
-The contract of a mechanism: what the laws and the plant ask of a robot.
+The contract of a mechanism: what the laws and the plant ask of a kind of robot.
 
 A mechanism has *joints* that take a torque, *positions* of which the first few are the base's
 pose and the others the joints' angles, *axes* of its task, as many as joints, and *parameters*
 theta in which its dynamics are linear. Its equations are written in velocities of its own
 choice, `motion`, a constant linear map of the joints' rates, with the forces conjugate to them.
 
-The formulas below are chosen by the type of `model`, the named tuple of the mechanism's
-constant lengths; each robot's file has formulas of these names. All are pure; vectors are
-tuples, SI units, radians; world frame and REP-103 where a formula speaks of a task.
+What it is called and has, without formulas, is a `Mechanism` (`declaration.py`), which names the
+module with the formulas: all of this file, under these names. They are chosen by the type of
+`model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
+units, radians; world frame and REP-103 where a formula speaks of a task. Built-in mechanisms
+stand beside this file, others come by entry points (`registry.py`).
+
+Beside the formulas the module has, in plain Python or as kernels over arrays:
+
+    MODEL                             the class of the named tuple of lengths
+    constants(values)                 lengths and theta, two tuples, of values by the names of the
+                                      mechanism's parameters without `robot.`; InputError for what
+                                      is no robot
+    start(values, pose, angles)       positions where `initial_pose` and the joints' angles are so
+    out_of_reach(lengths, task)       first row of the task's positions (n, axes) that cannot be,
+                                      and what is wrong with it; None where all can be
+    base_motion(position, velocity)   poses (n, 7) of `base_link` in `odom`: m and a quaternion
+                                      x, y, z, w; twists (n, 6) in `base_link`: m/s, rad/s
+    frame_origins(lengths)            where each frame is in its parent, (frames, 3) in m
+    frame_transforms(origins, position)   transforms (n, frames, 7) of positions (n, positions)
+    description(values, driven, frame_prefix)   URDF, of all values by their whole names, with
+                                      these names of the driven joints, a prefix before all links
+    outline(lengths, position)        an `Outline`: what it looks like from above
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from masmc_ros.numerics.dispatch import by_class, by_tag, contract
+from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 
 Numbers = tuple[float, ...]
 """A vector; its length is the mechanism's number of what it has an entry for."""
 
-
-@dataclass(frozen=True)
-class Mechanism:
-    """One kind of robot: its sizes, and its formulas by their names in this file."""
-
-    name: str
-    sizes: Mapping[str, int]
-    """Numbers of `axes`, `joints`, `base` positions, `positions`, `parameters`, `lengths`."""
-    model: type
-    """Class of the named tuple of its lengths."""
-    formulas: Any
-    """Module with the formulas."""
-    entries: Mapping[str, str] = field(default_factory=dict)
-    """What parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
-    drives: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Limits of drives that fit it: `torque_limit` (N m), `torque_rate_limit` (N m/s)."""
-
-
-_BY_NAME: dict[str, Mechanism] = {}
-_BY_CLASS: dict[type, Any] = {}
-
-
-def register(mechanism: Mechanism) -> Mechanism:
-    """Make a mechanism known to compiled code."""
-    _BY_NAME[mechanism.name] = mechanism
-    _BY_CLASS[mechanism.model] = mechanism.formulas
-    return mechanism
-
-
-_of_record = contract(by_tag('mechanism', lambda name: _BY_NAME[name].formulas))
-_of_model = contract(by_class(lambda model: _BY_CLASS[model]))
+_of_record = contract(by_tag('mechanism', formulas_of_tag))
+_of_model = contract(by_class(formulas_of_model))
 
 
 @_of_record

@@ -23,14 +23,13 @@ from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
-from masmc_ros.loop.simulated_robot import PLANT
+from masmc_ros.loop import simulated_robot
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
-from masmc_ros.robot.two_link.frames import PREFIX
-from masmc_ros.robot.two_link.names import NAMES
-from masmc_ros.robot.two_link.parameters import ROBOT
-from masmc_ros.robot.two_link.two_link import TWO_LINK
+from masmc_ros.robot import registry as mechanisms
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.names import joint_names_parameter, PREFIX
 
 PACING = ('lockstep', 'realtime')
 
@@ -42,14 +41,18 @@ _PACING = Parameter(
     choices=PACING,
 )
 
-SHARED = (
-    *TIMING,
-    *PREFIX,
-    _PACING,
-    *ROBOT,
-    *NAMES,
-)
-"""Parameters that a file may give to all nodes at once, needed there or not."""
+
+def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
+    """Return what a file may give to all nodes at once, needed there or not."""
+    return (
+        *TIMING,
+        *PREFIX,
+        _PACING,
+        mechanisms.parameter(),
+        *mechanism.parameters,
+        joint_names_parameter(mechanism),
+    )
+
 
 _PLANT_NODE = (
     Parameter(
@@ -120,53 +123,56 @@ _TRAJECTORY_NODE = (
     ),
 )
 
-_CONTROLLER_NODE = (
-    Parameter(
-        'telemetry_decimation',
-        1,
-        'Ticks between two messages on each controller/... topic; 0 is none',
-        minimum=0,
-    ),
-    Parameter(
-        'active_on_start',
-        True,
-        'Whether the controller moves the robot from the start; otherwise ~/enable does it',
-    ),
-    Parameter(
-        'pose_source',
-        'joint_states',
-        "Where the platform's pose comes from: the joints base_..._joint, or odom",
-        choices=('joint_states', 'odom'),
-    ),
-    Parameter(
-        'state_timeout',
-        0.1,
-        'In real time, a fault when no usable state has come for so long, or for five control '
-        'periods if that is longer',
-        unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
-        maximum=1e6,
-        read_only=False,
-    ),
-    Parameter(
-        'reference_timeout',
-        0.0,
-        'In real time, a fault when the reference has ended for so long; 0 holds for ever',
-        unit='s',
-        minimum=0.0,
-        maximum=1e6,
-        read_only=False,
-    ),
-    Parameter(
-        'approach_speed',
-        0.25,
-        'Speed per task axis at which the controller goes to a reference that it is away from, '
-        'in real time and when it is enabled; 0 jumps',
-        unit='m/s',
-        minimum=0.0,
-    ),
-)
+
+def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return (
+        Parameter(
+            'telemetry_decimation',
+            1,
+            'Ticks between two messages on each controller/... topic; 0 is none',
+            minimum=0,
+        ),
+        Parameter(
+            'active_on_start',
+            True,
+            'Whether the controller moves the robot from the start; otherwise ~/enable does it',
+        ),
+        Parameter(
+            'pose_source',
+            'joint_states',
+            "Where the platform's pose comes from: the joints base_..._joint, or odom",
+            choices=('joint_states', 'odom') if mechanism.is_planar else ('joint_states',),
+        ),
+        Parameter(
+            'state_timeout',
+            0.1,
+            'In real time, a fault when no usable state has come for so long, or for five control '
+            'periods if that is longer',
+            unit='s',
+            minimum=0.0,
+            exclusive_minimum=True,
+            maximum=1e6,
+            read_only=False,
+        ),
+        Parameter(
+            'reference_timeout',
+            0.0,
+            'In real time, a fault when the reference has ended for so long; 0 holds for ever',
+            unit='s',
+            minimum=0.0,
+            maximum=1e6,
+            read_only=False,
+        ),
+        Parameter(
+            'approach_speed',
+            0.25,
+            'Speed per task axis at which the controller goes to a reference that it is away '
+            'from, in real time and when it is enabled; 0 jumps',
+            unit='m/s',
+            minimum=0.0,
+        ),
+    )
+
 
 _RECORDER_NODE = (
     Parameter(
@@ -232,26 +238,24 @@ _SLIP = 0.85
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
 
-def declared(node: str) -> tuple[Parameter, ...]:
-    """Return the declarations of a node by its name."""
+def declared(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
+    """Return the declarations of a node by its name, for a mechanism."""
+    common = shared(mechanism)
     if node == 'plant':
-        return (*SHARED, *PLANT, *_PLANT_NODE)
+        return (*common, *simulated_robot.parameters(mechanism), *_PLANT_NODE)
     if node == 'trajectory':
-        return (*SHARED, *trajectory.parameters(), *_TRAJECTORY_NODE)
+        return (*common, *trajectory.parameters(mechanism), *_TRAJECTORY_NODE)
     if node == 'controller':
-        return (
-            *SHARED,
-            *registry.parameters(TWO_LINK),
-            *_CONTROLLER_NODE,
-        )
+        return (*common, *registry.parameters(mechanism), *_controller_node(mechanism))
     if node == 'live':
         return _LIVE_NODE
     return (*TIMING, *PREFIX, *_RECORDER_NODE)
 
 
-def accepted(node: str) -> frozenset[str]:
+def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[str]:
     """Names that a node accepts without declaring them: shared ones that it does not need."""
-    return frozenset(p.name for p in SHARED) - {p.name for p in declared(node)}
+    names = frozenset(p.name for p in shared(mechanism))
+    return names - {p.name for p in declared(node, mechanism)}
 
 
 def drop_foreign(
@@ -270,15 +274,17 @@ def drop_foreign(
         quality of service, which cannot be overridden.
 
     """
-    own = {parameter.name for parameter in declared(node)}
+    mechanism = mechanisms.chosen(given)
+    own = {parameter.name for parameter in declared(node, mechanism)}
+    known = _known(mechanism)
     foreign = []
     for name in [name for name in given if name not in own]:
         place = where if isinstance(where, str) else where.get(name, '')
-        if name in _FROM_RCL or (name in shared and name in _known()):
+        if name in _FROM_RCL or (name in shared and name in known):
             del given[name]
         elif name in shared:
-            if get_close_matches(name, _known(), n=1, cutoff=_SLIP):
-                hint = suggestion(name, _known())
+            if get_close_matches(name, known, n=1, cutoff=_SLIP):
+                hint = suggestion(name, known)
                 raise InputError(f"{place}unknown parameter '{name}'; {hint}")
             del given[name]
             foreign.append(name)
@@ -296,6 +302,6 @@ def foreign_text(names: Collection[str]) -> str:
 
 
 @cache
-def _known() -> tuple[str, ...]:
+def _known(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the names of the parameters of all nodes."""
-    return tuple(dict.fromkeys(p.name for node in NODES for p in declared(node)))
+    return tuple(dict.fromkeys(p.name for node in NODES for p in declared(node, mechanism)))

@@ -29,13 +29,16 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import NAME as MECHANISM
 from masmc_ros.scenario.node_parameters import (
     accepted,
     declared,
     drop_foreign,
     foreign_text,
     NODES,
-    SHARED,
+    shared,
 )
 import numpy as np
 
@@ -60,16 +63,20 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     InputError for what a node would refuse.
     """
     file = read(path)
-    extra = _settings(settings)
+    extra = _settings(settings, file.for_node('plant'))
     scenario = {}
     for node in NODES:
         given, places = file.for_node(node), file.places(node)
-        for name in accepted(node) & given.keys():
+        if MECHANISM in extra[node]:
+            given[MECHANISM], places[MECHANISM] = extra[node][MECHANISM], f'--set {MECHANISM}: '
+        mechanism = chosen(given)
+        for name in accepted(node, mechanism) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.
-            _check_shared(name, given.pop(name), places[name])
+            _check_shared(mechanism, name, given.pop(name), places[name])
         drop_foreign(node, given, file.shared(node), places)
-        values = check_all(declared(node), given, places)
-        names = {parameter.name: parameter for parameter in declared(node)}
+        declarations = declared(node, mechanism)
+        values = check_all(declarations, given, places)
+        names = {parameter.name: parameter for parameter in declarations}
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
         if 'duration' in names and not {'duration'} & (given.keys() | extra[node].keys()):
@@ -112,16 +119,17 @@ def logged_scenario(
             f'{run.path}: {" and ".join(run.restarted)} ended and began again while the robot'
             ' moved; only a run without a restart can be computed again'
         )
-    extra = _settings(settings)
+    extra = _settings(settings, run.parameters['plant'])
     scenario = {}
     for node in NODES:
         given = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
+        declarations = declared(node, chosen({**given, **extra[node]}))
         if 'duration' in given and 'duration' not in extra[node]:
             given['duration'] = _length(run)
-        names = {parameter.name: parameter for parameter in declared(node)}
+        names = {parameter.name: parameter for parameter in declarations}
         for name, value in extra[node].items():
             given[name] = names[name].check(value, integers_for_doubles=True)
-        scenario[node] = check_all(declared(node), given, f'{run.path}: {node}: ')
+        scenario[node] = check_all(declarations, given, f'{run.path}: {node}: ')
     _check_beginning(scenario, run.path)
     _check_length(run, Timing.from_values(scenario['plant']))
     if run.reference is not None and np.isnan(run.reference[0]).any():
@@ -154,7 +162,8 @@ def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
 
 def _controller_changes(run: Run, without: Values) -> list[Change]:
     """Return what changed of the controller, checked, some parameters left out."""
-    known = {parameter.name: parameter for parameter in declared('controller')}
+    mechanism = chosen(run.parameters['controller'])
+    known = {parameter.name: parameter for parameter in declared('controller', mechanism)}
     changes = []
     for change in run.changes:
         if change.node.rpartition('/')[2] != 'controller':
@@ -201,27 +210,31 @@ def strays(path: str) -> list[str]:
     return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 
-def _check_shared(name: str, value: Any, place: str) -> None:
-    parameter = next(p for p in SHARED if p.name == name)
+def _check_shared(mechanism: Mechanism, name: str, value: Any, place: str) -> None:
+    parameter = next(p for p in shared(mechanism) if p.name == name)
     check_all([parameter], {name: value}, place)
 
 
-def _settings(settings: Iterable[str]) -> dict[str, Values]:
-    """Sort NAME=VALUE settings by node."""
+def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
+    """Sort NAME=VALUE settings by node; `plant` is what else that node is given."""
     sorted_: dict[str, Values] = {node: {} for node in NODES}
-    shared = {parameter.name for parameter in SHARED}
+    settings = tuple(settings)
+    pairs = (each.partition('=') for each in settings)
+    told = {name: value for name, _, value in pairs if name == MECHANISM}
+    mechanism = chosen({**plant, **told})
+    common = {parameter.name for parameter in shared(mechanism)}
     for setting in settings:
         name, equals, text = setting.partition('=')
         if not equals:
             raise InputError(f'--set {setting}: expected NAME=VALUE, as in controller.k_s1=150')
         value = parse_value(text, f'--set {setting}')
         node, _, parameter = name.partition('.')
-        if name in shared:
+        if name in common:
             for each in NODES:
-                if name not in accepted(each):
+                if name not in accepted(each, mechanism):
                     sorted_[each][name] = value
         elif node in NODES:
-            known = [p.name for p in declared(node)]
+            known = [p.name for p in declared(node, mechanism)]
             if parameter not in known:
                 raise InputError(
                     f"--set {setting}: {node} has no parameter '{parameter}'; "
@@ -229,21 +242,23 @@ def _settings(settings: Iterable[str]) -> dict[str, Values]:
                 )
             sorted_[node][parameter] = value
         else:
-            raise InputError(f"--set {setting}: unknown parameter '{name}'; {_meant(name)}")
+            raise InputError(
+                f"--set {setting}: unknown parameter '{name}'; {_meant(mechanism, name)}"
+            )
     return sorted_
 
 
-def _meant(name: str) -> str:
+def _meant(mechanism: Mechanism, name: str) -> str:
     """Tell which parameter an unknown name may mean: one without its node above all."""
-    shared = {parameter.name for parameter in SHARED}
+    common = {parameter.name for parameter in shared(mechanism)}
     full: dict[str, list[str]] = {}
     for node in NODES:
-        for parameter in declared(node):
-            if parameter.name not in shared:
+        for parameter in declared(node, mechanism):
+            if parameter.name not in common:
                 full.setdefault(parameter.name, []).append(f'{node}.{parameter.name}')
     if name in full:
         return f'write NODE.parameter, here {" or ".join(full[name])}'
-    near = get_close_matches(name, [*shared, *(each for names in full.values() for each in names)])
+    near = get_close_matches(name, [*common, *(each for names in full.values() for each in names)])
     for short in get_close_matches(name, full):
         near += full[short]
     if near:

@@ -237,7 +237,7 @@ def _minimise_on_sides(
         work[i, i] = 1.0 if stays else inertia[i, i] + period * k_s1[i]
         work[i, n] = 0.0 if stays else right
     # Elimination without pivoting: the matrix is symmetric positive definite. A pivot is
-    # zero only where a singular arm and no gain leave an axis without inertia: it stays.
+    # zero only where a singular task and no gain leave an axis without inertia: it stays.
     for i in range(n):
         pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
         work[i, i] = pivot

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands of a log for a platform that takes no torques: twists, stamped or plain."""
+"""The commands of a log for a base that takes no torques: twists, stamped or plain."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -27,20 +28,22 @@ from masmc_ros.messages.topics import TWIST_STAMPED
 import numpy as np
 
 
-def twists(topic: Topic, arm: Series | None) -> Series:
+def twists(topic: Topic, beside: Series | None, places: Sequence[int]) -> Series:
     """
-    Read twists: forward speed in m/s and yaw rate in rad/s, 2.
+    Read twists: as many of their six numbers as there are places, in m/s and rad/s.
 
     A plain one has no stamp, and in a recording the time at which it came may be a tick off.
-    The controller sends one before every command for the arm, so that those of the same number
-    go together. Where there are more of either, the times of the log have to do.
+    The controller sends one before every command for the other joints, so that those of the
+    same number go together. Where there are more of either, the times of the log have to do.
 
     Parameters
     ----------
     topic
         of messages of either type, in the order of the log.
-    arm
-        all commands for the arm in the same order; None where the log has none.
+    beside
+        all commands for the other joints in the same order; None where the log has none.
+    places
+        which numbers are read: linear x, y, z, then angular.
 
     Returns
     -------
@@ -48,16 +51,16 @@ def twists(topic: Topic, arm: Series | None) -> Series:
 
     """
     if topic.schema is not None and topic.schema.name == TWIST_STAMPED:
-        return _decode(topic, is_stamped=True)
-    found = _decode(topic, is_stamped=False)
-    if arm is None or len(arm.stamps) != len(found.stamps):
+        return _decode(topic, places, is_stamped=True)
+    found = _decode(topic, places, is_stamped=False)
+    if beside is None or len(beside.stamps) != len(found.stamps):
         return found
-    return Series(arm.stamps, found.values)
+    return Series(beside.stamps, found.values)
 
 
-def _decode(topic: Topic, *, is_stamped: bool) -> Series:
+def _decode(topic: Topic, places: Sequence[int], *, is_stamped: bool) -> Series:
     """
-    Read twists: forward speed and yaw rate, 2; those that nobody takes are left out.
+    Read numbers of twists; those that nobody takes are left out.
 
     Stamps are the messages' own, or of plain twists the times of the log.
     """
@@ -78,5 +81,5 @@ def _decode(topic: Topic, *, is_stamped: bool) -> Series:
             continue  # not InputError where the log's own definition of the type is another
         if np.isfinite(six).all():
             stamps.append(stamp)
-            values.append((six[0], six[5]))
-    return Series(np.array(stamps, np.int64), np.array(values).reshape(-1, 2))
+            values.append([six[place] for place in places])
+    return Series(np.array(stamps, np.int64), np.array(values).reshape(-1, len(places)))

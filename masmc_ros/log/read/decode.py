@@ -288,16 +288,16 @@ def telemetry(label: str, count: int) -> Topical:
     return Topical(count, lambda _: layout, bulk, single)
 
 
-def decode_references(topic: Topic) -> list[tuple[int, ReferenceWindow]]:
+def decode_references(topic: Topic, axes: int) -> list[tuple[int, ReferenceWindow]]:
     """Read windows and set-points, each with its log time in ns, leaving out refused ones."""
     windows = []
     make = None
     for log_time, raw in zip(topic.log_times, topic.messages, strict=True):
         try:
-            window = ReferenceWindow.from_bytes(raw)
+            window = ReferenceWindow.from_bytes(raw, axes)
             if window is None:
                 make = make or message_decoder(topic)
-                window = ReferenceWindow.from_message(make(raw))
+                window = ReferenceWindow.from_message(make(raw), axes)
         except (InputError, AttributeError, TypeError, ValueError, OverflowError):
             continue  # the latter where the log's own definition of the type is another
         windows.append((log_time, window))

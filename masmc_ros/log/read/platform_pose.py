@@ -22,10 +22,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.log.read.decode import message_decoder, Series
 from masmc_ros.log.read.timeline import last_pass
-from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.messages.layout import checked_stamp
-from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import odometry_numbers
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 import numpy as np
 
 
@@ -36,7 +35,7 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
     Parameters
     ----------
     states
-        (N, 21) positions, velocities and efforts; stamps ascend.
+        (N, 3 n) positions, velocities and efforts; stamps ascend.
     odometry
         messages of nav_msgs/Odometry; those that a controller refuses are left out.
 
@@ -67,7 +66,7 @@ def with_platform_pose(states: Series, odometry: Topic) -> Series:
                 base.update(*waiting.pop())
         if base.stamp_ns is not None:
             posed[index] = abs(stamp - base.stamp_ns) <= OLDEST_POSE_NS
-            base.write(stamp, values[index], values[index, len(JOINTS):])
+            base.write(stamp, values[index], values[index, values.shape[1] // 3:])
     if not posed.any():
         raise InputError(
             f'{odometry.name}: nothing within {OLDEST_POSE_NS * 1e-9:g} s of a joint state, and'

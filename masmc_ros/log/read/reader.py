@@ -41,28 +41,25 @@ from masmc_ros.messages.arm_velocity import ARM_VELOCITY
 from masmc_ros.messages.effort import EFFORT
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import (
-    ARM_JOINTS,
     ARM_VELOCITY_TOPIC,
-    BASE_JOINTS,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
-    DRIVEN_JOINTS,
     JOINTS,
     REFERENCE_TOPIC,
     STATE_TOPIC,
-    TELEMETRY,
+    TELEMETRY_SIZES,
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.robot.two_link.names import joint_names, JOINT_NAMES_PARAMETER, NAMES
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
+from masmc_ros.robot.registry import DEFAULT, load
+from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-
-_TWIST = 2
-"""Forward speed and yaw rate."""
 
 _STATE_TYPE = 'sensor_msgs/msg/JointState'
 
@@ -84,42 +81,42 @@ class Run:
     times
         (N) stamps of the states.
     position
-        (N, 7) x_O, y_O (m), yaw, right and left wheel, arm joints 1 and 2 (rad).
+        (N, positions) of the base, then of the joints, m and rad.
     velocity
-        (N, 7) their rates in m/s and rad/s, NaN where they were not measured.
+        (N, positions) their rates in m/s and rad/s, NaN where they were not measured.
     applied_effort
-        (N, 4) torques applied over the interval that ends with the state, N m.
+        (N, joints) torques applied over the interval that ends with the state, N m.
     torque
-        (M, 4) commanded torques in N m; M = 0 where rates were commanded.
+        (M, joints) commanded torques in N m; M = 0 where rates were commanded.
     torque_times
         (M) stamps of the states that they answer.
     cmd_vel
-        (P, 2) commanded forward speed in m/s and yaw rate in rad/s of the platform;
+        (P, twist) commanded velocities of the base in m/s and rad/s;
         P = 0 where torques were commanded.
     cmd_vel_times
         (P) stamps of the states that they answer, or else of the log.
     arm_rates
-        (Q, 2) commanded rates of the arm's joints in rad/s; Q = 0 likewise.
+        (Q, own_rates) commanded rates of the other joints in rad/s; Q = 0 likewise.
     arm_rate_times
         (Q) stamps of the states that they answer.
     reference
-        (N, 12) position (m), velocity (m/s) and acceleration (m/s^2) of x_E, y_E,
-        x_F, y_F at the time of each state; None where the log has none, NaN before it
+        (N, 3 axes) position (m), velocity (m/s) and acceleration (m/s^2) of the
+        task axes at the time of each state; None where the log has none, NaN before it
         begins.
     tracking_error
-        (K, 4) e in m; None where the log has none.
+        (K, axes) e in m; None where the log has none.
     tracking_error_times
         (K) of these; None likewise.
     sliding_surface
-        (K, 4) s in m/s; None where the log has none.
+        (K, axes) s in m/s; None where the log has none.
     sliding_surface_times
         (K) of these; None likewise.
     parameter_estimate
-        (K, 7) base inertial parameters used; None where the log has none.
+        (K, parameters) base inertial parameters used; None where the log has none.
     parameter_estimate_times
         (K) of these; None likewise.
     raw_torque
-        (K, 4) torque in N m that the law asked for before its limits; None where
+        (K, joints) torque in N m that the law asked for before its limits; None where
         the log has none.
     raw_torque_times
         (K) of these; None likewise.
@@ -129,8 +126,10 @@ class Run:
         of parameters while the robot ran, and events, in the order of the log.
     restarted
         nodes that were started again while the robot ran.
+    mechanism
+        what kind of robot it was.
     joint_names
-        (7) by which the states are read, in the order of `position`.
+        (positions) by which the states are read, in the order of `position`.
     topics
         number of messages of every topic of the log.
     elsewhere
@@ -168,6 +167,7 @@ class Run:
     topics: dict[str, int]
     metadata: dict[str, list[dict[str, str]]]
     attachments: dict[str, bytes]
+    mechanism: Mechanism = DEFAULT
     joint_names: tuple[str, ...] = JOINTS
     elsewhere: tuple[str, ...] = ()
 
@@ -223,23 +223,30 @@ def _run(path: Path, records: Records) -> Run:
             return None if topic is None else decode(topic, how)
         return None
 
-    names = _joint_names(records, namespace)
-    every_state, odometry = _states(records, namespace, states_topic, names)
-    states = _last_pass(every_state, 3 * len(JOINTS))
+    mechanism, names = _robot(records, namespace)
+    base = len(mechanism.base)
+    rated = names[base + len(mechanism.twist):]
+    every_state, odometry = _states(records, namespace, states_topic, mechanism, names)
+    states = _last_pass(every_state, 3 * len(names))
     if odometry is not None:
         states = with_platform_pose(states, odometry)
     history = parameter_history(records, namespace, _begun(states_topic, every_state))
     position, velocity, effort = np.hsplit(states.values, 3)
-    torques = _last_pass(series(COMMAND_TOPIC, commands(EFFORT)), len(DRIVEN_JOINTS))
-    every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY))
-    arm_rates = _last_pass(every_arm_rate, len(ARM_JOINTS))
+    efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
+    torques = _last_pass(efforts, len(names) - base)
+    every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY.named(rated)))
+    arm_rates = _last_pass(every_arm_rate, len(rated))
     cmd_vel_topic = _topic(records, namespace + CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
-    every_twist = None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate)
-    cmd_vel = _last_pass(every_twist, _TWIST)
+    places = [each.place for each in mechanism.twist]
+    every_twist = (
+        None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate, places)
+    )
+    cmd_vel = _last_pass(every_twist, len(places))
     references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
     told = {
         label: None if each is None else _last_pass(each, count)
-        for label, count in TELEMETRY.items()
+        for label, size in TELEMETRY_SIZES.items()
+        for count in (mechanism.sizes[size],)
         for each in (series(telemetry_topic(label), telemetry(label, count)),)
     }
     values = {label: None if each is None else each.values for label, each in told.items()}
@@ -249,7 +256,7 @@ def _run(path: Path, records: Records) -> Run:
         times=_seconds(states),
         position=position,
         velocity=velocity,
-        applied_effort=effort[:, len(BASE_JOINTS):],
+        applied_effort=effort[:, base:],
         torque=torques.values,
         torque_times=_seconds(torques),
         cmd_vel=cmd_vel.values,
@@ -259,7 +266,11 @@ def _run(path: Path, records: Records) -> Run:
         reference=(
             None
             if references is None
-            else sample_reference(decode_references(references), states.stamps)
+            else sample_reference(
+                decode_references(references, len(mechanism.axes)),
+                states.stamps,
+                len(mechanism.axes),
+            )
         ),
         tracking_error=values['tracking_error'],
         tracking_error_times=times['tracking_error'],
@@ -275,19 +286,24 @@ def _run(path: Path, records: Records) -> Run:
         topics={topic.name: len(topic.messages) for topic in records.topics.values()},
         metadata=records.metadata,
         attachments=records.attachments,
+        mechanism=mechanism,
         joint_names=names,
         elsewhere=tuple(_elsewhere(records, namespace, *_TYPES)),
     )
 
 
-def _joint_names(records: Records, namespace: str) -> tuple[str, ...]:
-    """Return the names of the joints, as the plant or else the controller was told them."""
+def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]]:
+    """Return the kind of robot and its joints, as the plant or else the controller was told."""
     start = parameter_history(records, namespace, 0).start
-    for node in ('plant', 'controller'):
-        told = start.get(node, {}).get(JOINT_NAMES_PARAMETER)
-        if told is not None:
-            return joint_names({JOINT_NAMES_PARAMETER: NAMES[0].check(told)})
-    return JOINTS
+    told = [start.get(node, {}) for node in ('plant', 'controller')]
+    kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
+    mechanism = load(next(kinds, DEFAULT.name))
+    for values in told:
+        names = values.get(JOINT_NAMES_PARAMETER)
+        if names is not None:
+            checked: Any = joint_names_parameter(mechanism).check(names)
+            return mechanism, joint_names_of(mechanism, checked)
+    return mechanism, joint_names_of(mechanism)
 
 
 def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:
@@ -331,17 +347,23 @@ def _only_states(records: Records) -> Topic:
 
 
 def _states(
-    records: Records, namespace: str, topic: Topic, names: tuple[str, ...]
+    records: Records,
+    namespace: str,
+    topic: Topic,
+    mechanism: Mechanism,
+    names: tuple[str, ...],
 ) -> tuple[Series, Topic | None]:
     """Read the states, and return odometry too where the base's joints are not among theirs."""
     try:
         return decode(topic, joint_states(names)), None
     except InputError as error:
+        if not mechanism.is_planar:
+            raise
         odometry = _topic(records, namespace + 'odom', ODOMETRY)
         if odometry is None:
             hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
-        driven = names[len(BASE_JOINTS):]
+        driven = names[len(mechanism.base):]
         return decode(topic, joint_states(names, driven)), odometry
 
 

@@ -91,7 +91,9 @@ def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
     return stretches
 
 
-def sample_reference(windows: Iterable[tuple[int, ReferenceWindow]], stamps: Stamps) -> Floats:
+def sample_reference(
+    windows: Iterable[tuple[int, ReferenceWindow]], stamps: Stamps, axes: int = TASK_AXES
+) -> Floats:
     """
     Return the reference at each of `stamps`.
 
@@ -105,15 +107,17 @@ def sample_reference(windows: Iterable[tuple[int, ReferenceWindow]], stamps: Sta
         each with its time of arrival in ns, in the order of arrival.
     stamps
         (N) in ns.
+    axes
+        number of task axes.
 
     Returns
     -------
-        (N, 12) position, velocity and acceleration of the task axes, in m, m/s and m/s^2;
+        (N, 3 axes) position, velocity and acceleration of the task axes, in m, m/s and m/s^2;
         NaN before the first sample.
 
     """
     stretches = _lay(windows)
-    reference = np.full((len(stamps), DERIVATIVES, TASK_AXES), np.nan)
+    reference = np.full((len(stamps), DERIVATIVES, axes), np.nan)
     if not stretches:
         return reference.reshape(len(stamps), -1)
     times = np.concatenate([each.stamps for each in stretches])
@@ -143,7 +147,7 @@ def sample_reference(windows: Iterable[tuple[int, ReferenceWindow]], stamps: Sta
 
 
 def _between(first: Floats, second: Floats, period: Floats, part: Floats) -> Floats:
-    """Interpolate between samples (n, 3, 4), `period` (n) s apart, at `part` (n) of the way."""
+    """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
     # The controller's own formula, on arrays. Imported when needed: logs of lock-step runs
     # are on the grid, and its compiler takes longer to import than such a log to read.
     from masmc_ros.reference.hermite import quintic

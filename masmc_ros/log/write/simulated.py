@@ -26,7 +26,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.loop.simulation import robot_of, Simulation
+from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY
 from masmc_ros.messages.effort import EFFORT
@@ -63,10 +63,8 @@ from masmc_ros.messages.topics import (
     TWIST_STAMPED,
 )
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.robot.two_link.description import robot_description
-from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
-from masmc_ros.robot.two_link.names import joint_names
-from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.robot.names import check_frame_prefix, joint_names
+from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,7 +96,7 @@ class SimulationLog:
         self._files = {
             **files, 'robot.urdf': robot_description(plant, self._prefix).encode()
         }
-        self._origins = frame_origins(robot.geometry)
+        self._robot, self._mechanism = robot, robot.mechanism
         self._actual = ActualPath(simulation.timing, robot, self._prefix)
         self._desired = self._desired_path()
         self._writer = LogWriter(path, compression=recorder['compression'])
@@ -197,9 +195,8 @@ class SimulationLog:
         return ChannelRows(self._channels[topic], stamps, data)
 
     def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
-        joints = len(self._joints)
-        effort = np.zeros((len(stamps), joints))
-        effort[:, joints - stretch.applied.shape[1]:] = stretch.applied
+        effort = np.zeros_like(stretch.position)
+        effort[:, len(self._mechanism.base):] = stretch.applied
         states = joint_state_layout(self._joints).messages(
             stamp=stamps, position=stretch.position, velocity=stretch.velocity, effort=effort
         )
@@ -207,18 +204,23 @@ class SimulationLog:
 
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
-            for group in EFFORT.messages(stamps, stretch.torque, ~stretch.active):
+            kind = EFFORT.named(self._joints[len(self._mechanism.base):])
+            for group in kind.messages(stamps, stretch.torque, ~stretch.active):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.messages)
             return
-        linear, angular = np.zeros((len(stamps), 3)), np.zeros((len(stamps), 3))
-        linear[:, 0], angular[:, 2] = stretch.rates[:, 0], stretch.rates[:, 1]
+        rates = np.zeros((len(stamps), 6))
+        own = len(self._mechanism.twist)
+        for number, velocity in enumerate(self._mechanism.twist):
+            rates[:, velocity.place] = stretch.rates[:, number]
+        linear, angular = rates[:, :3], rates[:, 3:]
         if self._is_stamped:
             layout = twist_stamped_layout(self._command_prefix)
             twists = layout.messages(stamp=stamps, linear=linear, angular=angular)
         else:
             twists = twist_layout().messages(linear=linear, angular=angular)
         yield self._rows(CMD_VEL_TOPIC, stamps, twists)
-        for group in ARM_VELOCITY.messages(stamps, stretch.rates[:, 2:]):
+        kind = ARM_VELOCITY.named(self._joints[len(self._mechanism.base) + own:])
+        for group in kind.messages(stamps, stretch.rates[:, own:]):
             yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages)
 
     def _telemetry(
@@ -239,7 +241,9 @@ class SimulationLog:
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
     ) -> Iterator[ChannelRows]:
         chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
-        pose, twist = platform_motion(stretch.position[chosen], stretch.velocity[chosen])
+        pose, twist = self._mechanism.formulas.base_motion(
+            stretch.position[chosen], stretch.velocity[chosen]
+        )
         linear, angular = twist[:, :3], twist[:, 3:]
         odometry = odometry_layout(self._prefix).messages(
             stamp=stamps[chosen],
@@ -267,8 +271,10 @@ class SimulationLog:
         decimation = self._values['plant']['tf_decimation']
         if decimation:
             chosen = self._decimated(ticks, decimation)
-            transforms = frame_transforms(self._origins, stretch.position[chosen])
-            data = transforms_messages(stamps[chosen], transforms, self._prefix)
+            transforms = self._robot.frame_transforms(stretch.position[chosen])
+            data = transforms_messages(
+                stamps[chosen], transforms, self._prefix, self._mechanism.frames
+            )
             yield self._rows(TRANSFORMS.name, stamps[chosen], data)
 
     def _path(

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controller sends: torques on one topic, or rates on one for base and one for arm."""
+"""What the controller sends: torques on one topic, or rates on one for the base and one more."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, Protocol
 
@@ -26,7 +26,7 @@ from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
-from masmc_ros.robot.two_link.frames import check_frame_prefix
+from masmc_ros.robot.names import check_frame_prefix
 import numpy as np
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
@@ -68,13 +68,13 @@ class CommandOutput(Protocol):
 
 
 class TorqueOutput:
-    """Torques (4, N m) on effort_commands."""
+    """Torques (N m) on effort_commands."""
 
-    def __init__(self, controller: Controller) -> None:
-        """Take the controller, whose torque is sent."""
+    def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
+        """Take the controller, whose torque is sent, and the joints' names."""
         self.publishers: list[Publisher] = []
         self._torque = controller.torque
-        self._effort, self._none = EffortCdr(), EffortCdr()
+        self._effort, self._none = EffortCdr(joints), EffortCdr(joints)
         self._none.is_void = True
         self._answered = b''
 
@@ -110,7 +110,7 @@ class TorqueOutput:
 
 
 class RateOutput:
-    """Forward speed and yaw rate on cmd_vel, then the arm's rates on a topic of their own."""
+    """The base's velocities on cmd_vel, then the other joints' rates on a topic of their own."""
 
     def __init__(self, controller: Controller, values: Mapping[str, Any]) -> None:
         """Take the controller and its parameter values; InputError for a bad frame prefix."""
@@ -120,7 +120,9 @@ class RateOutput:
         self._type: Any = Twist
         if values['enable_stamped_cmd_vel']:
             self._twist, self._type = TwistStampedCdr(prefix), TwistStamped
-        self._arm = ArmVelocityCdr()
+        self._mechanism = controller.mechanism
+        own = [joint.name for joint in self._mechanism.own_rates]
+        self._own = ArmVelocityCdr(own)
         self._command = controller.velocity_command
         self._none = np.zeros(len(self._command))
         self._answered = b'', b''
@@ -151,19 +153,27 @@ class RateOutput:
 
     def figures(self) -> dict[str, str]:
         """Return speed and rates."""
-        forward, turn, *arm = self._command.tolist()
+        twist, rates = self._mechanism.twist, self._command.tolist()
+        others = rates[len(twist):]
         return {
-            'forward speed (m/s)': f'{forward:.6g}',
-            'yaw rate (rad/s)': f'{turn:.6g}',
-            "arm's rates (rad/s)": ', '.join(f'{rate:.6g}' for rate in arm),
+            **{
+                f'{each.name} ({each.unit})': f'{rate:.6g}'
+                for each, rate in zip(twist, rates, strict=False)
+            },
+            f"{self._mechanism.groups[-1].name}'s rates (rad/s)": ', '.join(
+                f'{rate:.6g}' for rate in others
+            ),
         }
 
     def _send(self, command: Any, stamp: int) -> None:
-        twist, arm = self._twist, self._arm
+        twist, own = self._twist, self._own
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)
-        arm.set_stamp(stamp)
-        twist.linear[0], twist.angular[2] = command[0], command[1]
-        arm.data[:] = command[2:]
-        self._answered = twist.to_bytes(), arm.to_bytes()
+        own.set_stamp(stamp)
+        places = self._mechanism.twist
+        for velocity, number in zip(places, command, strict=False):
+            part, axis = divmod(velocity.place, 3)
+            (twist.linear, twist.angular)[part][axis] = number
+        own.data[:] = command[len(places):]
+        self._answered = twist.to_bytes(), own.to_bytes()
         self.repeat()

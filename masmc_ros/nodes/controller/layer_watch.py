@@ -37,7 +37,11 @@ class LayerWatch:
         self._due = Throttle(period=5.0)
         self._most = 0
         # To no consequence: what it takes is compiled here.
-        least_task_inertia(controller.nominal, controller.geometry, np.ones(7))
+        self._least_inertia(controller.nominal, np.ones(len(controller.mechanism.positions)))
+
+    def _least_inertia(self, theta: Any, position: Any) -> float:
+        robot = self._controller.robot
+        return least_task_inertia(robot.mechanism, theta, robot.geometry, position)
 
     def begin(self) -> None:
         """Look anew: the law has changed."""
@@ -47,7 +51,7 @@ class LayerWatch:
         """
         Note that the last torque was held for so many periods; warn if that is too long.
 
-        `position` (7) is where the robot is now. Only the longest so far costs any time.
+        `position` is where the robot is now. Only the longest so far costs any time.
         """
         if periods <= self._most:
             return
@@ -63,7 +67,7 @@ class LayerWatch:
         if values['switching'] not in _LAYERED or controller.commands_rates:
             return None
         theta = controller.nominal / values['model_scale']
-        inertia = least_task_inertia(theta, controller.geometry, position)
+        inertia = self._least_inertia(theta, position)
         k_s1, k_s2, layer = max(values['k_s1']), max(values['k_s2']), values['boundary_layer']
         longest = longest_hold(inertia, k_s1, k_s2, layer)
         if hold <= longest:

@@ -29,7 +29,6 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.loop.preparation import prepare
 from masmc_ros.loop.simulated_robot import diverged
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.stamp_order import Order, StampOrder
 from masmc_ros.loop.supervisor import NO_REFERENCE, Supervisor
 from masmc_ros.loop.timing import Timing
@@ -49,7 +48,8 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
-from masmc_ros.robot.two_link.names import BASE_JOINTS, joint_names
+from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
 from std_msgs.msg import String
@@ -74,7 +74,9 @@ class ControllerNode(SuiteNode):
         super().__init__(context=context, command_line=command_line, check=_check_law)
         values = self.values
         self._timing = Timing.from_values(values)
-        self._controller = Controller(robot_of(values), self._timing.period, values)
+        robot = robot_of(values)
+        self._mechanism = robot.mechanism
+        self._controller = Controller(robot, self._timing.period, values)
         last = self._timing.last
         self._last_stamp = None if last is None else self._timing.stamp(last)
         self._order = StampOrder()
@@ -83,9 +85,9 @@ class ControllerNode(SuiteNode):
         self._computes: bool | None = self._supervisor.is_active
         self._computed: int | None = None
         self._layer = LayerWatch(self._controller, self.log)
-        self._approach = Approach(self._controller.geometry, values['approach_speed'])
+        self._approach = Approach(robot, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        joints = joint_names(values)[len(BASE_JOINTS):]
+        joints = joint_names(values)[len(robot.mechanism.base):]
         self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True
@@ -96,7 +98,7 @@ class ControllerNode(SuiteNode):
         self._output: CommandOutput = (
             RateOutput(self._controller, values)
             if self._controller.commands_rates
-            else TorqueOutput(self._controller)
+            else TorqueOutput(self._controller, joints)
         )
         self._compile()
         self._preparation = prepare(self._controller.mechanism)
@@ -130,7 +132,11 @@ class ControllerNode(SuiteNode):
             self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
         self._reference = ReferenceInput(
-            self.node, self._refusals, lambda: self._order.last, self._on_reference
+            self.node,
+            len(self._mechanism.axes),
+            self._refusals,
+            lambda: self._order.last,
+            self._on_reference,
         )
         self._input = StateInput(
             self.node, self.values, self._refusals, self._accepts, self._on_state
@@ -146,14 +152,16 @@ class ControllerNode(SuiteNode):
 
     def _compile(self) -> None:
         """Compute a tick of no consequence, so that the first real one is not late."""
-        position, velocity, reference = np.ones(7), np.zeros(7), np.zeros(12)
+        sizes = self._mechanism.sizes
+        position, velocity = np.ones(sizes['positions']), np.zeros(sizes['positions'])
+        reference = np.zeros(sizes['desired'])
         self._controller.tick(position, velocity, reference)
         self._controller.reset()
-        approach = Approach(self._controller.geometry, 1.0)
+        approach = Approach(self._controller.robot, 1.0)
         for stamp in range(2):
             approach.begin()
             approach.watch(stamp, reference.copy())
-            approach.follow(stamp, position, np.zeros(4), reference)
+            approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
 
     def _change(self, values: dict[str, Any]) -> None:
         self._controller.change(values)
@@ -309,7 +317,7 @@ class ControllerNode(SuiteNode):
 
     def _look_up(self, stamp: int) -> Any:
         """
-        Return the reference (12) to follow at a stamp; None where there is none yet.
+        Return the reference to follow at a stamp; None where there is none yet.
 
         In lock-step the plant waits for the command, and the reference is on its way. In real
         time, and where a newer state while one is unanswered tells that the plant does not
@@ -387,11 +395,12 @@ class ControllerNode(SuiteNode):
     def _say_singular(self, stamp: int, singular: bool) -> None:
         if singular:
             self.log.warning(
-                f'at t = {stamp * 1e-9:.3f} s the arm is close to singular (|sin theta_2| < '
-                '0.02); motion along the lost direction is damped'
+                f'at t = {stamp * 1e-9:.3f} s {self._mechanism.lost} is close to singular '
+                f'({self._mechanism.singular}); motion along the lost direction is damped'
             )
         else:
-            self.log.info(f'at t = {stamp * 1e-9:.3f} s the arm has left the singularity')
+            lost = self._mechanism.lost
+            self.log.info(f'at t = {stamp * 1e-9:.3f} s {lost} has left the singularity')
 
 
 def _check_law(values: Mapping[str, Any]) -> None:

@@ -43,16 +43,18 @@ class ReferenceInput:
     def __init__(
         self,
         node: Node,
+        axes: int,
         refusals: Refusals,
         now: Callable[[], int | None],
         on_more: Callable[[], None],
     ) -> None:
         """
-        Take every message that is right; `on_more` is called after each.
+        Take every message that is right, of so many task axes; `on_more` is called after each.
 
         `now` is the stamp of the latest state in ns, None before the first.
         """
-        self.windows = ReferenceWindows(node.get_logger().warning)
+        self.windows = ReferenceWindows(axes, node.get_logger().warning)
+        self._axes = axes
         self._now = now
         self._refusals = refusals
         self._on_more = on_more
@@ -60,10 +62,11 @@ class ReferenceInput:
 
     def _take(self, raw: bytes) -> None:
         try:
-            window = ReferenceWindow.from_bytes(raw)
+            window = ReferenceWindow.from_bytes(raw, self._axes)
             if window is None:
-                window = ReferenceWindow.from_message(deserialized(raw, Float64MultiArray))
-            samples = window.samples.reshape(-1, 12)
+                message = deserialized(raw, Float64MultiArray)
+                window = ReferenceWindow.from_message(message, self._axes)
+            samples = window.samples.reshape(len(window.samples), -1)
             if window.stamp_ns is None:
                 self.windows.set_point(samples[0], self._now())
             else:

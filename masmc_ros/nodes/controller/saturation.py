@@ -19,19 +19,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from masmc_ros.loop.controller import Controller
-from masmc_ros.robot.two_link import AXES
-from masmc_ros.robot.two_link.names import DRIVEN_JOINTS
 import numpy as np
 
 
 class Saturation:
     """Counts ticks from report to report."""
 
-    def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
-        """Start with none, of joints (4) of these names."""
+    def __init__(self, joints: Sequence[str]) -> None:
+        """Start with none, of joints of these names."""
         self._joints = joints
         self._ticks = self._cut = 0
-        self._of_joints = np.zeros(AXES, np.int64)
+        self._of_joints = np.zeros(len(joints), np.int64)
 
     def add(self, controller: Controller) -> None:
         """Note a tick that was computed."""

@@ -21,15 +21,15 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
-from masmc_ros.loop.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.layout import checked_stamp
-from masmc_ros.messages.names import BASE_JOINTS
 from masmc_ros.messages.platform_motion import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.robot.two_link.names import joint_names
+from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
+from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.registry import chosen
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -64,7 +64,7 @@ class StateInput:
         self._accepts = accepts
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
-        self._joints = names if self._base is None else names[len(BASE_JOINTS):]
+        self._joints = names if self._base is None else names[len(chosen(values).base):]
         self._is_waiting = False
         self._lacking: str | None = None
         if self._base is not None:

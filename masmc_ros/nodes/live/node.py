@@ -51,6 +51,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
+from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import declared
 from rclpy.context import Context
 
@@ -172,7 +173,7 @@ class LiveNode(SuiteNode):
     def _on_parameters(self, name: str, raw: bytes) -> None:
         values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
         if name == 'plant' and 'tf_decimation' in values:
-            known = declared(name)
+            known = declared(name, chosen(values))
             told = {p.name: values[p.name] for p in known if p.name in values}
             checked = check_all(known, told, integers_for_doubles=True)
             # All that is there at its start; every state that is shown is to move the frames.

@@ -19,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
-from masmc_ros.robot.two_link.names import joint_names
+from masmc_ros.robot.names import check_frame_prefix, joint_names
+from masmc_ros.robot.robot import robot_of
 
 
 class StateTransforms:
@@ -38,9 +37,10 @@ class StateTransforms:
         """
         self._decimation: int = values['tf_decimation']
         self._timing = Timing.from_values(values)
-        self._origins = frame_origins(robot_of(values).geometry)
+        self._robot = robot_of(values)
         self._state = JointStateCdr(joint_names(values))
-        self._message = TransformsCdr(check_frame_prefix(values['frame_prefix']))
+        prefix = check_frame_prefix(values['frame_prefix'])
+        self._message = TransformsCdr(prefix, self._robot.mechanism.frames)
 
     def of_state(self, raw: bytes) -> bytes | None:
         """
@@ -63,5 +63,5 @@ class StateTransforms:
         if tick % self._decimation and tick != self._timing.last:
             return None
         return self._message.fill(
-            state.stamp_ns, frame_transforms(self._origins, state.position[None])[0]
+            state.stamp_ns, self._robot.frame_transforms(state.position[None])[0]
         )

@@ -25,6 +25,8 @@ from masmc_ros.nodes.middleware.exchange import ExchangeNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.file import read
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -99,25 +101,27 @@ class RosParameters:
     def __init__(
         self,
         node: Node,
-        declarations: Sequence[Parameter],
+        declare: Callable[[Mechanism], Sequence[Parameter]],
         *,
         command_line: CommandLine,
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
         """
-        Declare everything on the node.
+        Declare everything on the node, for the mechanism that it is given.
 
         `check` refuses by InputError combinations that no single declaration can.
         Raises InputError for unknown names and values that are not right.
         """
         self._node = node
-        self._declarations = {p.name: p for p in declarations}
         self._check = check
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
         name = node.get_name()
         settings = command_line.for_node(name)
         given = {**_given(node), **settings}
-        for shared in accepted(name) & given.keys():
+        mechanism = chosen(given)
+        declarations = declare(mechanism)
+        self._declarations = {p.name: p for p in declarations}
+        for shared in accepted(name, mechanism) & given.keys():
             del given[shared]
         # What a file gives to all nodes may be for others; the command line is for this one.
         shared_names = _shared(node, command_line) - settings.keys()

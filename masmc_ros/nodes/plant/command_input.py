@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the plant takes: torques on one topic, or rates on one for base and one for arm."""
+"""What the plant takes: torques on one topic, or rates on two: the base's and other joints'."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.plant.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.robot.two_link.names import ARM_JOINTS, DRIVEN_JOINTS, joint_names
+from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.registry import chosen
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -52,13 +53,14 @@ class CommandInput:
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
         self._refusals = refusals
-        names = joint_names(values)
+        mechanism = chosen(values)
+        joints = joint_names(values)[len(mechanism.base):]
         self.parts = (
             rate_parts(
-                names[-len(ARM_JOINTS):], values['frame_prefix'], is_stamped=self._is_stamped
+                joints, mechanism.twist, values['frame_prefix'], is_stamped=self._is_stamped
             )
             if self.interface == 'velocity'
-            else torque_parts(names[-len(DRIVEN_JOINTS):])
+            else torque_parts(joints)
         )
 
     def subscribe(
@@ -110,7 +112,7 @@ class CommandInput:
 
     def held(self) -> Array | None:
         """
-        Return the command in force (4), None where nothing is commanded.
+        Return the command in force, None where nothing is commanded.
 
         Of rates, a part that is missing is zero.
         """

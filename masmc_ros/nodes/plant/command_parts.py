@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 from typing import Any, NamedTuple
 
@@ -31,6 +31,7 @@ from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistSta
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray
@@ -106,22 +107,27 @@ class Part:
 def torque_parts(joints: tuple[str, ...]) -> list[Part]:
     """Return the one part of a command of torques on the driven joints, which is all of it."""
     read = _labelled(EffortCdr(joints))
-    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, 4, read)]
+    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, len(joints), read)]
 
 
-def rate_parts(arm_joints: tuple[str, ...], frame_prefix: str, *, is_stamped: bool) -> list[Part]:
+def rate_parts(
+    joints: tuple[str, ...], twist: Sequence[Velocity], frame_prefix: str, *, is_stamped: bool
+) -> list[Part]:
     """
-    Return the parts of commanded rates: the platform's twist, then the arm's joints.
+    Return the parts of commanded rates: the base's twist, then the rates of the last joints.
 
     With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
     """
-    arm = _labelled(ArmVelocityCdr(arm_joints))
+    places = [each.place for each in twist]
+    own = joints[len(places):]
+    others = _labelled(ArmVelocityCdr(own))
     if is_stamped:
-        read = _stamped_twist(frame_prefix)
-        platform = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, 2, read)
+        read = _stamped_twist(frame_prefix, places)
+        base = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, len(places), read)
     else:
-        platform = Part(CMD_VEL_TOPIC, TWIST, Twist, 2, _twist(), names_state=False)
-    return [platform, Part(ARM_VELOCITY_TOPIC, FLOAT_ARRAY, Float64MultiArray, 2, arm)]
+        read = _twist(places)
+        base = Part(CMD_VEL_TOPIC, TWIST, Twist, len(places), read, names_state=False)
+    return [base, Part(ARM_VELOCITY_TOPIC, FLOAT_ARRAY, Float64MultiArray, len(own), others)]
 
 
 def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
@@ -136,32 +142,32 @@ def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
     return read
 
 
-def _twist() -> Callable[[bytes], Taken]:
+def _twist(places: Sequence[int]) -> Callable[[bytes], Taken]:
     ours = TwistCdr()
 
     def read(raw: bytes) -> Taken:
         twist = ours if ours.load(raw) else deserialized(raw, Twist)
-        return Taken(_motion(twist), None)
+        return Taken(_motion(twist, places), None)
 
     return read
 
 
-def _stamped_twist(frame_prefix: str) -> Callable[[bytes], Taken]:
+def _stamped_twist(frame_prefix: str, places: Sequence[int]) -> Callable[[bytes], Taken]:
     ours = TwistStampedCdr(frame_prefix)
 
     def read(raw: bytes) -> Taken:
         if ours.load(raw):
-            return Taken(_motion(ours), checked_stamp(ours.stamp_ns))
+            return Taken(_motion(ours, places), checked_stamp(ours.stamp_ns))
         message = deserialized(raw, TwistStamped)
-        return Taken(_motion(message.twist), header_stamp(raw))
+        return Taken(_motion(message.twist, places), header_stamp(raw))
 
     return read
 
 
-def _motion(twist: Any) -> Array:
-    """Return forward speed and yaw rate, all that this base can do, of a twist."""
+def _motion(twist: Any, places: Sequence[int]) -> Array:
+    """Return the numbers of a twist that this base can follow."""
     numbers = twist_numbers(twist)
     for name, number in zip(_COMPONENTS, numbers, strict=True):
         if not math.isfinite(number):
             raise InputError(f'{name} = {number}, expected a finite number')
-    return np.array([numbers[0], numbers[5]])
+    return np.array([numbers[place] for place in places])

@@ -24,7 +24,6 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
@@ -41,6 +40,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
 from std_srvs.srv import SetBool, Trigger
@@ -58,7 +58,7 @@ class PlantNode(SuiteNode):
         self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
-        for command in (np.zeros(4), None):
+        for command in (np.zeros(len(self._robot.mechanism.joints)), None):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)

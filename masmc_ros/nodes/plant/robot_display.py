@@ -20,7 +20,6 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import ActualPath
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message
@@ -29,8 +28,8 @@ from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.robot.two_link.description import robot_description
-from masmc_ros.robot.two_link.frames import check_frame_prefix, frame_origins, frame_transforms
+from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Path
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +51,13 @@ class RobotDisplay:
         self._decimation: int = values['tf_decimation']
         self._description = string_message(robot_description(values, prefix))
         self._prefix = prefix
-        self._origins = frame_origins(robot.geometry)
-        self._message = TransformsCdr(prefix)
+        self._message = TransformsCdr(prefix, robot.mechanism.frames)
         self._path = ActualPath(self._timing, robot, prefix)
-        self._path.add(0, np.zeros(7))
-        self._position = np.zeros((1, 7))
-        self._frames = bound(frame_transforms, self._origins, self._position)
+        self._position = np.zeros((1, len(robot.mechanism.positions)))
+        self._path.add(0, self._position[0])
+        self._origins = robot.frame_origins
+        transforms = robot.mechanism.formulas.frame_transforms
+        self._frames = bound(transforms, self._origins, self._position)
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics and publish the description."""

@@ -27,8 +27,7 @@ from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.plant.robot_display import RobotDisplay
 from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.robot.two_link.names import joint_names
-from masmc_ros.robot.two_link.platform_motion import platform_motion
+from masmc_ros.robot.names import joint_names
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -56,7 +55,10 @@ class StateOutput:
         self._twist = TwistCdr()
         self._time = TimeCdr()
         self.stamp = -1
-        platform_motion(robot.position[None], robot.velocity[None])  # compiled before it counts
+        self._base = len(robot.mechanism.base)
+        self._base_motion = robot.mechanism.formulas.base_motion
+        # Compiled before it counts.
+        self._base_motion(robot.position[None], robot.velocity[None])
 
     def connect(self, node: SuiteNode) -> None:
         """Create the topics."""
@@ -80,7 +82,7 @@ class StateOutput:
         self.stamp = stamp = self._timing.stamp(tick)
         state.set_stamp(stamp)
         state.position[:], state.velocity[:] = robot.position, robot.velocity
-        state.effort[3:] = robot.applied
+        state.effort[self._base:] = robot.applied
         # First of all the state: the controller computes while the rest is sent.
         self._states.publish(state.to_bytes())
         last = tick == self._timing.last
@@ -96,7 +98,7 @@ class StateOutput:
         self._states.publish(self._state.to_bytes())
 
     def _publish_motion(self, stamp: int) -> None:
-        pose, twist = platform_motion(self._robot.position[None], self._robot.velocity[None])
+        pose, twist = self._base_motion(self._robot.position[None], self._robot.velocity[None])
         odometry, velocity = self._odometry, self._twist
         odometry.set_stamp(stamp)
         odometry.position[:], odometry.orientation[:] = pose[0, :3], pose[0, 3:]

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 import signal
 import time
 from typing import Any, NamedTuple
@@ -76,7 +77,10 @@ class SuiteNode:
             )
         self.finished = False
         self.parameters = RosParameters(
-            self.node, declared(self.name), command_line=command_line, check=check
+            self.node,
+            partial(declared, self.name),
+            command_line=command_line,
+            check=check,
         )
         self.values = self.parameters.values
         self.log = self.node.get_logger()

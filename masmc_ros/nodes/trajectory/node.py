@@ -21,7 +21,6 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import DesiredPath
-from masmc_ros.loop.simulation import robot_of
 from masmc_ros.loop.supervisor import would_follow
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.layout import checked_stamp
@@ -35,7 +34,8 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.two_link.frames import check_frame_prefix
+from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.robot import robot_of
 from nav_msgs.msg import Odometry, Path
 from rclpy.context import Context
 from sensor_msgs.msg import JointState
@@ -54,7 +54,7 @@ class TrajectoryNode(SuiteNode):
     name = 'trajectory'
 
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
-        """Make the trajectory; InputError where the arm cannot reach it."""
+        """Make the trajectory; InputError where the robot cannot reach it."""
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
         period = self._timing.period

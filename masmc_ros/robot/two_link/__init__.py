@@ -28,9 +28,3 @@ four *quasi-velocities*, in which the equations are short:
 They are a constant linear map of the reduced velocity v of (8); forces conjugate to them are
 written f = (f_u, f_w, f_A, f_B), with tau' v = f' (u, w, A, B).
 """
-
-AXES = 4
-"""Task axes, reduced velocities and torques."""
-
-BASE_PARAMETERS = 7
-"""Base inertial parameters theta."""

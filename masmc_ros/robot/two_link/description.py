@@ -22,14 +22,15 @@ in so that it is physically possible: heights, shapes, and the inertias about th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree as Xml
 
+from masmc_ros.robot.two_link.constants import constants
 from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.names import BASE_JOINTS, FIXED_JOINT, FRAMES, joint_names
-from masmc_ros.robot.two_link.parameters import ROBOT, Robot
+from masmc_ros.robot.two_link.names import FIXED_JOINT, FRAMES
+from masmc_ros.robot.two_link.parameters import ROBOT
 
 _COLOURS = {
     'platform': '0.16 0.20 0.27 1.0',
@@ -62,27 +63,27 @@ class _Shape(NamedTuple):
     roll: float = 0.0
 
 
-def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
+def description(values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str) -> str:
     """
     Return the URDF of a robot.
 
     Parameters
     ----------
     values
-        checked values of ROBOT and NAMES, by names as declared there; others are left
-        aside.
+        checked values of ROBOT, by names as declared there; others are left aside.
+    driven
+        names of the joints that take a torque, in v's order.
     frame_prefix
         put before the name of every link, so that links and frames are the same.
 
     Raises
     ------
     InputError
-        as `Robot.from_values`.
+        as `constants`.
 
     """
-    robot = Robot.from_values({each.name: values[each.name] for each in ROBOT})
     p = {each.name.removeprefix('robot.'): values[each.name] for each in ROBOT}
-    geometry = Geometry(*robot.geometry.tolist())
+    geometry, _ = constants(p)
     root = Xml.Element('robot', name='mobile_manipulator')
     for name, colour in _COLOURS.items():
         material = Xml.SubElement(root, 'material', name=name)
@@ -90,8 +91,8 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     shapes, inertias = _shapes(geometry, p['com_offset']), _inertias(p, geometry)
     for _, link in FRAMES:
         _add_link(root, frame_prefix + link, inertias.get(link), shapes[link])
-    joints = (*joint_names(values)[len(BASE_JOINTS):], FIXED_JOINT)
-    origins = frame_origins(robot.geometry)[1:].tolist()
+    joints = (*driven, FIXED_JOINT)
+    origins = frame_origins(geometry)[1:].tolist()
     for name, (parent, child), origin in zip(joints, FRAMES[1:], origins, strict=True):
         axis = _AXES.get(child)
         joint = Xml.SubElement(root, 'joint', name=name, type='continuous' if axis else 'fixed')

@@ -25,39 +25,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.two_link.geometry import Geometry
 from masmc_ros.robot.two_link.names import FRAMES
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-PREFIX = (
-    Parameter(
-        'frame_prefix',
-        '',
-        'Put before the name of every frame, such as left/, where several robots are shown',
-    ),
-)
-"""Parameter of every node that names frames."""
 
 PLATFORM_TOP = 3.0
 """Height of the platform's upper side as a multiple of the wheels' radius."""
 
 _THICKNESS = 0.1
 """Thickness of the links as a part of the shorter one's length."""
-
-
-def check_frame_prefix(prefix: str) -> str:
-    """Return a prefix of frame names; InputError for one that tf2 or URDF would not take."""
-    if prefix.startswith('/') or any(c.isspace() for c in prefix) or not prefix.isprintable():
-        raise InputError(
-            f"frame_prefix = '{prefix}': expected printable characters without spaces, the "
-            'first one no slash, such as left/'
-        )
-    return prefix
 
 
 def link_thickness(geometry: Geometry) -> float:
@@ -80,11 +59,6 @@ def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
     origins[4] = geometry.link_1, 0.0, thickness
     origins[5] = geometry.link_2, 0.0, 0.0
     return origins
-
-
-def end_effector_height(lengths: ArrayLike) -> float:
-    """Return the height of E above the ground in m, from lengths (5)."""
-    return float(frame_origins(lengths)[3:, 2].sum())
 
 
 @kernel

@@ -12,67 +12,68 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The robot's joints and frames by name."""
+"""The paper's robot without its formulas: joints, frames and quantities by name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import math
 
-from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.declaration import (
+    BASE_FRAME,
+    Coordinate,
+    Group,
+    Mechanism,
+    ODOM_FRAME,
+    Point,
+    Quantity,
+    register,
+    Velocity,
+)
+from masmc_ros.robot.two_link.parameters import ROBOT
 
-BASE_JOINTS = ('base_x_joint', 'base_y_joint', 'base_yaw_joint')
+BASE = (
+    Coordinate('base_x_joint', 'x', 'x', 'm'),
+    Coordinate('base_y_joint', 'y', 'y', 'm'),
+    Coordinate('base_yaw_joint', 'yaw', 'yaw'),
+)
 """Pose of the axle midpoint in the world: m, m, rad; velocities m/s, m/s, rad/s."""
 
-DRIVEN_JOINTS = ('wheel_right_joint', 'wheel_left_joint', 'arm_joint_1', 'arm_joint_2')
+DRIVEN = (
+    Coordinate('wheel_right_joint', 'wheel_right', 'right wheel'),
+    Coordinate('wheel_left_joint', 'wheel_left', 'left wheel'),
+    Coordinate('arm_joint_1', 'arm_1', 'arm joint 1'),
+    Coordinate('arm_joint_2', 'arm_2', 'arm joint 2'),
+)
 """The joints that take a torque, in the order of the reduced velocity v; rad, rad/s, N m."""
-
-ARM_JOINTS = DRIVEN_JOINTS[2:]
-"""The arm's joints alone."""
-
-JOINTS = BASE_JOINTS + DRIVEN_JOINTS
-"""The joints in the order of a joint state."""
 
 FIXED_JOINT = 'end_effector_joint'
 """The joint between the last link and its end."""
 
+AXES = tuple(Quantity(name, 'm') for name in ('x_E', 'y_E', 'x_F', 'y_F'))
+"""Task axes, in the world."""
 
-def are_joint_names(names: Sequence[str]) -> bool:
-    """Tell whether a robot may have joints of these names: all of them, or the driven ones."""
-    whole = joint_names({JOINT_NAMES_PARAMETER: names})
-    return (
-        len(names) in (len(JOINTS), len(DRIVEN_JOINTS))
-        and len({*whole, FIXED_JOINT}) == len(JOINTS) + 1
-        and all(name and name.isprintable() and name == name.strip() for name in whole)
-    )
-
-
-def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """
-    Return the names of the joints in the order of a joint state, by checked values.
-
-    Where the driven joints alone are named, the base's keep their names; where none are, all do.
-    """
-    names = tuple(values.get(JOINT_NAMES_PARAMETER, JOINTS))
-    return names if len(names) == len(JOINTS) else BASE_JOINTS + names
-
-
-JOINT_NAMES_PARAMETER = 'robot.joint_names'
-
-NAMES = (
-    Parameter(
-        JOINT_NAMES_PARAMETER,
-        JOINTS,
-        'Names of the joints: pose of the base (x, y, yaw), wheel_right, wheel_left, arm_1, arm_2',
-        rule=are_joint_names,
-        rule_text='7 different names, or 4 of the driven joints alone',
-    ),
+THETA = (
+    Quantity('mass', 'kg', 'M'),
+    Quantity('yaw_inertia', 'kg·m²', 'J'),
+    Quantity('offset', 'kg·m', 'c'),
+    Quantity('moment_1', 'kg·m', 'p_1'),
+    Quantity('moment_2', 'kg·m', 'p_2'),
+    Quantity('inertia_1', 'kg·m²', 'i_1'),
+    Quantity('inertia_2', 'kg·m²', 'i_2'),
 )
-"""Parameter of every node that knows joints by name."""
+"""Base inertial parameters."""
 
-ODOM_FRAME = 'odom'
-BASE_FRAME = 'base_link'
-END_EFFECTOR_FRAME = 'end_effector'
+TWIST = (Velocity('forward speed', 'm/s', 0), Velocity('yaw rate', 'rad/s', 5))
+"""Velocities of the platform."""
+
+POINTS = (
+    Point('E', 'end_effector', 'end effector', 'the end effector', 0),
+    Point('F', 'platform', 'platform', 'platform point F', 2),
+)
+"""Points that follow a path."""
+
+GROUPS = (Group('wheel', 0, 2), Group('arm', 2, 4))
+"""Joints that figures show together."""
 
 FRAMES = (
     (ODOM_FRAME, BASE_FRAME),
@@ -80,6 +81,49 @@ FRAMES = (
     (BASE_FRAME, 'wheel_left'),
     (BASE_FRAME, 'link_1'),
     ('link_1', 'link_2'),
-    ('link_2', END_EFFECTOR_FRAME),
+    ('link_2', 'end_effector'),
 )
 """Parent and child of every transform, parents first."""
+
+TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
+"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
+
+TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
+"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
+
+TWO_LINK = register(
+    Mechanism(
+        name='two_link',
+        base=BASE,
+        joints=DRIVEN,
+        axes=AXES,
+        theta=THETA,
+        twist=TWIST,
+        points=POINTS,
+        groups=GROUPS,
+        frames=FRAMES,
+        parameters=ROBOT,
+        lengths=('wheel_radius', 'half_track', 'arm_base', 'link_1', 'link_2'),
+        module='masmc_ros.robot.two_link.two_link',
+        defaults={
+            'initial_pose': (0.0, 0.0, math.pi / 2),
+            'initial_joints': (0.0, 0.0, math.pi / 4, -math.pi / 2),
+            'disturbance.amplitude': (1.5, 1.5, 3.0, 3.0),
+            'disturbance.frequency': (3.0, 3.0, 1.5, 1.5),
+            'disturbance.phase': (0.0, math.pi / 2, 0.0, math.pi / 2),
+            'torque_limit': TORQUE_LIMIT,
+            'torque_rate_limit': TORQUE_RATE_LIMIT,
+            'line_sine.offset': (0.3, 0.5, 0.0, 0.0),
+            'line_sine.slope': (0.2, 0.0, 0.2, 0.0),
+            'line_sine.amplitude': (0.0, 0.25, 0.0, 0.0),
+            'line_sine.frequency': (0.0, 0.2 * math.pi, 0.0, 0.0),
+        },
+        start_names=('x_C', 'y_C', 'yaw'),
+        fixed_joints=(FIXED_JOINT,),
+        origin='middle of the axle',
+        lost='the arm',
+        singular='|sin theta_2| < 0.02',
+        is_planar=True,
+    )
+)
+"""The paper's robot."""

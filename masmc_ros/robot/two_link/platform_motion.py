@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 
 @kernel
-def platform_motion(
+def base_motion(
     position: Any, velocity: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """

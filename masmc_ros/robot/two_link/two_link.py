@@ -21,35 +21,36 @@ both arm joints; `motion` are the quasi-velocities (u, w, A, B) of this folder's
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
-from masmc_ros.robot.mechanism import Mechanism, register
-from masmc_ros.robot.two_link import (
-    AXES,
-    BASE_PARAMETERS,
-    consistency,
-    dynamics,
-    geometry,
-    kinematics,
-)
+from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
+from masmc_ros.robot.two_link.constants import constants, out_of_reach, start
+from masmc_ros.robot.two_link.description import description
+from masmc_ros.robot.two_link.drawing import outline
 from masmc_ros.robot.two_link.dynamics import BaseParameters, Inertia, Quad, Regressor
+from masmc_ros.robot.two_link.frames import frame_origins, frame_transforms
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
-from masmc_ros.robot.two_link.names import BASE_JOINTS, DRIVEN_JOINTS, JOINTS
+from masmc_ros.robot.two_link.platform_motion import base_motion
+
+__all__ = [
+    'base_motion',
+    'constants',
+    'description',
+    'frame_origins',
+    'frame_transforms',
+    'out_of_reach',
+    'outline',
+    'start',
+]
 
 Pose = tuple[float, float, float]
 Positions = tuple[float, float, float, float, float, float, float]
 Theta = tuple[float, float, float, float, float, float, float]
 
-TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
-"""Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
-
-TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
-"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
-
+MODEL = Geometry
 
 @formula
 def model_of(record: Any, lane: int) -> Geometry:
@@ -242,28 +243,3 @@ def dead_reckoned(model: Geometry, pose: Pose, turned: Quad) -> Pose:
 def counts_turns(model: Geometry, resolution: Quad) -> bool:
     """Tell whether the wheels' encoders have a finite resolution."""
     return (resolution[0] > 0.0) | (resolution[1] > 0.0)
-
-
-TWO_LINK = register(
-    Mechanism(
-        'two_link',
-        {
-            'axes': AXES,
-            'joints': len(DRIVEN_JOINTS),
-            'base': len(BASE_JOINTS),
-            'positions': len(JOINTS),
-            'parameters': BASE_PARAMETERS,
-            'lengths': len(Geometry._fields),
-            'desired': 3 * AXES,
-        },
-        Geometry,
-        sys.modules[__name__],
-        {
-            'axes': 'per task axis x_E, y_E, x_F, y_F',
-            'joints': 'on wheel_right, wheel_left, arm_1, arm_2',
-            'parameters': 'per base inertial parameter',
-        },
-        {'torque_limit': TORQUE_LIMIT, 'torque_rate_limit': TORQUE_RATE_LIMIT},
-    )
-)
-"""Sizes and formulas of the paper's robot."""

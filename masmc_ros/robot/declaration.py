@@ -1,0 +1,283 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a mechanism is called and has: everything but its formulas, for whoever needs no compiler.
+
+The contract as a whole is told in `mechanism.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+import hashlib
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from masmc_ros.params.declaration import Parameter
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Numbers = tuple[float, ...]
+"""A vector; its length is the mechanism's number of what it has an entry for."""
+
+ODOM_FRAME = 'odom'
+"""The world, as far as odometry knows it."""
+BASE_FRAME = 'base_link'
+"""Moves in the world as `Mechanism.base_motion` says."""
+
+
+class Coordinate(NamedTuple):
+    """A position, by the name of its joint in a joint state."""
+
+    name: str
+    short: str
+    """In descriptions of parameters."""
+    label: str
+    """In legends."""
+    unit: str = 'rad'
+    """m or rad."""
+
+
+class Quantity(NamedTuple):
+    """What a number is: a task axis, a base inertial parameter, a commanded velocity."""
+
+    name: str
+    """Such as x_E or yaw_inertia; words are joined by underscores."""
+    unit: str
+    symbol: str = ''
+    """In legends, what follows _ being a subscript; the name where there is none."""
+
+    @property
+    def html(self) -> str:
+        """Return the symbol with its subscript, as pages show it."""
+        base, _, index = (self.symbol or self.name).partition('_')
+        return f'{base}<sub>{index}</sub>' if index else base
+
+
+class Velocity(NamedTuple):
+    """A velocity of the base that is commanded on cmd_vel."""
+
+    name: str
+    unit: str
+    place: int
+    """Among the six numbers of a twist: linear x, y, z, then angular."""
+
+
+class Point(NamedTuple):
+    """A point that has to follow a path in the plane: two task axes, x and then y."""
+
+    symbol: str
+    key: str
+    """In names of files, figures and metrics."""
+    name: str
+    title: str
+    """As titles call it."""
+    first: int
+    """Which task axis is its x."""
+
+    @property
+    def axes(self) -> slice:
+        """Return which task axes are its x and y."""
+        return slice(self.first, self.first + 2)
+
+
+class Group(NamedTuple):
+    """Neighbouring joints that are looked at together."""
+
+    name: str
+    first: int
+    end: int
+
+    @property
+    def joints(self) -> slice:
+        """Return which joints they are."""
+        return slice(self.first, self.end)
+
+
+class Shape(NamedTuple):
+    """A part of a drawing seen from above."""
+
+    kind: Literal['body', 'part', 'links']
+    """A pale area, a dark area, or lines from joint to joint that end in the last one."""
+    points: Array
+    """Corners or joints (n, 2) in the world, m."""
+
+
+class Outline(NamedTuple):
+    """A robot seen from above, to scale."""
+
+    origin: tuple[float, float]
+    """Of `base_link`, m."""
+    shapes: tuple[Shape, ...]
+    below: float
+    """How far below the origin nothing is drawn any more, m."""
+    text: float
+    """Height to leave for a text there, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """
+    One kind of robot.
+
+    Attributes
+    ----------
+    name
+        as `robot.mechanism` has it.
+    base
+        coordinates of the base's pose; x, y and yaw where `is_planar`.
+    joints
+        those that take a torque; the last ones are commanded rates of their own where rates
+        are, the others by the velocities of `twist`.
+    axes
+        of the task, as many as joints.
+    theta
+        base inertial parameters.
+    twist
+        velocities of the base that are commanded where rates are.
+    points
+        pairs of axes; paths are drawn of the first one.
+    groups
+        of joints, for figures.
+    frames
+        parent and child of every transform, parents first: from ODOM_FRAME to BASE_FRAME, and
+        at last to the frame of the first point.
+    parameters
+        of the robot, lengths and masses, named `robot.`.
+    lengths
+        names of its constant lengths, the fields of `MODEL`.
+    module
+        full name of the module with the formulas.
+    defaults
+        of parameters by name, where they are not zero: `initial_pose`, `torque_limit`, ...
+    start_names
+        of what `initial_pose` has; those of the base where they are not given.
+    fixed_joints
+        names of joints that do not move, which no other joint may have.
+    origin
+        what `base_link` is, as texts call it.
+    lost
+        what may come close to singular.
+    singular
+        when it does.
+    is_planar
+        whether odometry can stand for the base's positions.
+
+    """
+
+    name: str
+    base: tuple[Coordinate, ...]
+    joints: tuple[Coordinate, ...]
+    axes: tuple[Quantity, ...]
+    theta: tuple[Quantity, ...]
+    twist: tuple[Velocity, ...]
+    points: tuple[Point, ...]
+    groups: tuple[Group, ...]
+    frames: tuple[tuple[str, str], ...]
+    parameters: tuple[Parameter, ...]
+    lengths: tuple[str, ...]
+    module: str
+    defaults: Mapping[str, Numbers] = field(default_factory=dict)
+    start_names: tuple[str, ...] = ()
+    fixed_joints: tuple[str, ...] = ()
+    origin: str = 'base'
+    lost: str = 'the robot'
+    singular: str = 'its task cannot be inverted'
+    is_planar: bool = False
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of components, by the names of sizes that records have."""
+        return {
+            'axes': len(self.axes),
+            'joints': len(self.joints),
+            'base': len(self.base),
+            'positions': len(self.base) + len(self.joints),
+            'parameters': len(self.theta),
+            'lengths': len(self.lengths),
+            'desired': 3 * len(self.axes),
+        }
+
+    @property
+    def positions(self) -> tuple[Coordinate, ...]:
+        """Coordinates in the order of a joint state."""
+        return self.base + self.joints
+
+    @property
+    def own_rates(self) -> tuple[Coordinate, ...]:
+        """Return the joints that are commanded rates of their own where rates are."""
+        return self.joints[len(self.twist):]
+
+    @property
+    def entries(self) -> dict[str, str]:
+        """What parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
+        return {
+            'axes': f'per task axis {", ".join(axis.name for axis in self.axes)}',
+            'joints': f'on {self.joint_list}',
+            'parameters': 'per base inertial parameter',
+        }
+
+    @property
+    def joint_list(self) -> str:
+        """Return the joints as descriptions of parameters name them."""
+        return ', '.join(joint.short for joint in self.joints)
+
+    @cached_property
+    def tag(self) -> str:
+        """Return what keeps machine code apart: the name, and of whom else's which version."""
+        spec = find_spec(self.module)
+        if spec is None or spec.origin is None:
+            raise ImportError(f'{self.module}: no such module')
+        path = Path(spec.origin)
+        if path.is_relative_to(Path(__file__).parent):
+            return self.name
+        sources = sorted(path.parent.glob('*.py')) if spec.parent else [path]
+        digest = hashlib.sha256(b''.join(source.read_bytes() for source in sources))
+        return f'{self.name} {digest.hexdigest()[:12]}'
+
+    @cached_property
+    def formulas(self) -> Any:
+        """Return the module with the formulas; it is imported when it is asked for."""
+        return import_module(self.module)
+
+    def default(self, parameter: str, size: str, otherwise: float = 0.0) -> Numbers:
+        """Return the default of a parameter with an entry for each of a size."""
+        return self.defaults.get(parameter, (otherwise,) * self.sizes[size])
+
+
+_KNOWN: dict[str, Mechanism] = {}
+
+
+def register(mechanism: Mechanism) -> Mechanism:
+    """Make a mechanism known to compiled code."""
+    _KNOWN[mechanism.name] = mechanism
+    return mechanism
+
+
+def formulas_of_tag(tag: str) -> Any:
+    """Return the formulas that a record's tag means."""
+    return _KNOWN[tag.partition(' ')[0]].formulas
+
+
+def formulas_of_model(model: type) -> Any:
+    """Return the formulas of the class of a mechanism's lengths."""
+    return next(
+        each.formulas for each in _KNOWN.values() if each.formulas.MODEL is model
+    )

@@ -1,0 +1,94 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A robot's joints and frames by name, whatever kind it is of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import chosen
+
+JOINT_NAMES_PARAMETER = 'robot.joint_names'
+
+
+def all_joints(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the joints' own names in the order of a joint state."""
+    return tuple(each.name for each in mechanism.positions)
+
+
+def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """
+    Return the names of the joints in the order of a joint state, by checked values.
+
+    Where the driven joints alone are named, the base's keep their names; where none are, all do.
+    """
+    return joint_names_of(chosen(values), values.get(JOINT_NAMES_PARAMETER, ()))
+
+
+def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return given names of a mechanism's last joints, after the others' own."""
+    own = all_joints(mechanism)
+    return (*own[:len(own) - len(names)], *names)
+
+
+def _are_joint_names(mechanism: Mechanism, names: Sequence[str]) -> bool:
+    """Tell whether a robot may have joints of these names: all of them, or the driven ones."""
+    whole = joint_names_of(mechanism, names)
+    taken = {*whole, *mechanism.fixed_joints}
+    return (
+        len(names) in (len(mechanism.positions), len(mechanism.joints))
+        and len(taken) == len(mechanism.positions) + len(mechanism.fixed_joints)
+        and all(name and name.isprintable() and name == name.strip() for name in whole)
+    )
+
+
+def joint_names_parameter(mechanism: Mechanism) -> Parameter:
+    """Return the declaration of every node that knows joints by name."""
+    base = ', '.join(each.short for each in mechanism.base)
+    driven = len(mechanism.joints)
+    return Parameter(
+        JOINT_NAMES_PARAMETER,
+        all_joints(mechanism),
+        f'Names of the joints: pose of the base ({base}), {mechanism.joint_list}',
+        rule=partial(_are_joint_names, mechanism),
+        rule_text=(
+            f'{len(mechanism.positions)} different names, or {driven} of the driven joints alone'
+        ),
+    )
+
+
+PREFIX = (
+    Parameter(
+        'frame_prefix',
+        '',
+        'Put before the name of every frame, such as left/, where several robots are shown',
+    ),
+)
+"""Parameter of every node that names frames."""
+
+
+def check_frame_prefix(prefix: str) -> str:
+    """Return a prefix of frame names; InputError for one that tf2 or URDF would not take."""
+    if prefix.startswith('/') or any(c.isspace() for c in prefix) or not prefix.isprintable():
+        raise InputError(
+            f"frame_prefix = '{prefix}': expected printable characters without spaces, the "
+            'first one no slash, such as left/'
+        )
+    return prefix

@@ -1,0 +1,73 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+All mechanisms by name: those of this folder, and users' own.
+
+A new one is a file or folder beside the others and one line here, or in a package of its own
+an entry point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.plug_ins import load_plug_in, plugged_in
+from masmc_ros.robot.declaration import Mechanism, register
+from masmc_ros.robot.two_link.names import TWO_LINK
+
+DEFAULT = TWO_LINK
+"""The paper's robot."""
+
+BUILT_IN = {mechanism.name: mechanism for mechanism in (TWO_LINK,)}
+
+ENTRY_POINTS = 'masmc_ros.mechanisms'
+"""Group of entry points through which a user's own mechanism plugs in."""
+
+NAME = 'robot.mechanism'
+"""Parameter of every node that needs the robot."""
+
+
+def names() -> tuple[str, ...]:
+    """Names of all mechanisms, built in and plugged in."""
+    return (*BUILT_IN, *plugged_in(ENTRY_POINTS))
+
+
+@cache
+def load(name: str) -> Mechanism:
+    """Return a mechanism; InputError where a plugged-in one cannot be loaded."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    mechanism = load_plug_in(ENTRY_POINTS, NAME, name)
+    if not isinstance(mechanism, Mechanism) or mechanism.name != name:
+        found = getattr(mechanism, 'name', mechanism)
+        raise InputError(f'{NAME} = {name}: found {found}, expected a Mechanism of this name')
+    return register(mechanism)
+
+
+def chosen(values: Mapping[str, Any]) -> Mechanism:
+    """Return the mechanism that values name, checked or not; the default one for no known name."""
+    name = values.get(NAME)
+    return load(name) if isinstance(name, str) and name in names() else DEFAULT
+
+
+def parameter() -> Parameter:
+    """Return the declaration of what chooses among them."""
+    return Parameter(
+        NAME, DEFAULT.name, 'Kind of robot, which has its own robot parameters', choices=names()
+    )

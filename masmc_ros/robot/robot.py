@@ -1,0 +1,127 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One robot: a mechanism with its lengths and base inertial parameters, and where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.record import Field, fill, get, new_record
+from masmc_ros.robot import mechanism as formulas
+from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
+from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.registry import chosen
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_BODY = (
+    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
+    Field('position', 'positions', 'Positions', 'm, rad'),
+    Field('rates', 'joints', "The joints' rates", 'rad/s'),
+    Field('error', 'axes', 'Coordinates of the task', 'm'),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot as the formulas take it."""
+
+    mechanism: Mechanism
+    """What kind it is of."""
+    values: Mapping[str, Any]
+    """Its own parameters by name, without `robot.`."""
+    geometry: Array
+    """Lengths in m, in the order of the mechanism's model."""
+    theta: Array
+    """Base inertial parameters in the mechanism's order."""
+
+    @cached_property
+    def body(self) -> NDArray[np.void]:
+        """Array of one record by which kernels know mechanism and lengths."""
+        record = new_record(_BODY, self.mechanism.sizes, 1, {'mechanism': self.mechanism.tag})
+        fill(record, 'geometry', self.geometry)
+        return record
+
+    def task_positions(self, position: Array) -> Array:
+        """Return x (n, axes) in m of positions (n, positions) in the order of joint_states."""
+        found: Array = _task_positions(self.body, position)
+        return found
+
+    def start(self, pose: tuple[float, ...], angles: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the positions of `initial_pose` and of the joints' angles."""
+        found: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
+        return found
+
+    @cached_property
+    def frame_origins(self) -> Array:
+        """Where each frame is in its parent, (frames, 3) in m; zero what moves in the world."""
+        found: Array = self.mechanism.formulas.frame_origins(self.geometry)
+        return found
+
+    def frame_transforms(self, position: Array) -> Array:
+        """Return the transforms (n, frames, 7) of positions (n, positions), m and quaternions."""
+        found: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
+        return found
+
+    @property
+    def height(self) -> float:
+        """Height of the first point above the ground in m: that of the last frame."""
+        heights = {ODOM_FRAME: 0.0}
+        origins = self.frame_origins[:, 2].tolist()
+        for (parent, child), height in zip(self.mechanism.frames, origins, strict=True):
+            heights[child] = heights[parent] + height
+        return heights[child]
+
+
+def robot_of(values: Mapping[str, Any]) -> Robot:
+    """Return the robot that a node's checked values describe; InputError where none can be so."""
+    mechanism = chosen(values)
+    own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
+    lengths, theta = mechanism.formulas.constants(own)
+    return Robot(mechanism, own, np.array(lengths), np.array(theta))
+
+
+def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
+    """
+    Return the URDF of the robot that a node's checked values describe.
+
+    `frame_prefix` is put before the name of every link, so that links and frames are the same.
+    Raises InputError as `robot_of`.
+    """
+    mechanism = chosen(values)
+    driven = joint_names(values)[len(mechanism.base):]
+    urdf: str = mechanism.formulas.description(values, driven, frame_prefix)
+    return urdf
+
+
+@kernel
+def _task_positions(body: Any, position: Any) -> Array:
+    record = body[0]
+    like = get(record, 'position', 0)
+    model = formulas.model_of(record, 0)
+    out = np.empty((len(position), len(get(record, 'error', 0))))
+    for k in range(len(position)):
+        at = taken(position[k], like)
+        x = formulas.task_position(model, formulas.posture(model, at), at)
+        for i in range(len(x)):
+            out[k, i] = x[i]
+    return out

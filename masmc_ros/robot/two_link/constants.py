@@ -1,0 +1,121 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The lengths and base parameters made of physical parameters, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.two_link.dynamics import BaseParameters
+from masmc_ros.robot.two_link.geometry import Geometry
+import numpy as np
+from numpy.typing import NDArray
+
+_SHORTEST_ARM_BASE = 1.0e-3
+
+
+def constants(values: Mapping[str, Any]) -> tuple[Geometry, BaseParameters]:
+    """
+    Return the lengths and base parameters of checked values, named as in ROBOT without `robot.`.
+
+    Raises InputError where the arm's base lies on the axle: its sideways motion would
+    then not depend on the platform's rotation, and (3) could not be inverted.
+    """
+    arm_base = values['com_offset'] + values['arm_offset']
+    if abs(arm_base) < _SHORTEST_ARM_BASE:
+        raise InputError(
+            f'robot.com_offset + robot.arm_offset = {arm_base:g}: expected at least '
+            f'{_SHORTEST_ARM_BASE:g} m between the axle and the base of the arm'
+        )
+    geometry = Geometry(
+        values['wheel_radius'],
+        values['half_track'],
+        arm_base,
+        values['link_1_length'],
+        values['link_2_length'],
+    )
+    return geometry, base_parameters(**values)
+
+
+def start(
+    values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return the positions where C is at a pose (x, y, yaw), and the joints' angles are these."""
+    x, y, yaw = pose
+    s, c = sin_cos(yaw)
+    d = values['com_offset']
+    return x - d * c, y - d * s, yaw, *angles
+
+
+def out_of_reach(
+    lengths: NDArray[np.float64], task: NDArray[np.float64]
+) -> tuple[int, str] | None:
+    """Return the first row (x_E, y_E, x_F, y_F) whose E the arm cannot reach, and a line on it."""
+    robot = Geometry(*lengths)
+    distance = np.hypot(task[:, 0] - task[:, 2], task[:, 1] - task[:, 3])
+    least, most = abs(robot.link_1 - robot.link_2), robot.link_1 + robot.link_2
+    outside = (distance < least) | (distance > most)
+    if not outside.any():
+        return None
+    bad = int(np.argmax(outside))
+    return bad, (
+        f'the end effector is to be {distance[bad]:.3f} m from the base of the arm, outside its '
+        f'reach; expected {least:.3f} to {most:.3f} m'
+    )
+
+
+def base_parameters(
+    *,
+    wheel_radius: float,
+    half_track: float,
+    com_offset: float,
+    arm_offset: float,
+    link_1_length: float,
+    link_2_length: float,
+    link_1_com: float,
+    link_2_com: float,
+    platform_mass: float,
+    wheel_mass: float,
+    link_1_mass: float,
+    link_2_mass: float,
+    platform_inertia: float,
+    wheel_spin_inertia: float,
+    wheel_yaw_inertia: float,
+    link_1_inertia: float,
+    link_2_inertia: float,
+) -> BaseParameters:
+    """Return theta (7) of a robot given by its physical parameters (m, kg, kg m2)."""
+    arm_mass = link_1_mass + link_2_mass
+    arm_base = com_offset + arm_offset
+    spin = 2.0 * wheel_spin_inertia / (wheel_radius * wheel_radius)
+    return BaseParameters(
+        mass=platform_mass + 2.0 * wheel_mass + spin + arm_mass,
+        yaw_inertia=platform_inertia
+        + platform_mass * com_offset * com_offset
+        + 2.0 * wheel_yaw_inertia
+        + 2.0 * wheel_mass * half_track * half_track
+        + spin * half_track * half_track
+        + arm_mass * arm_base * arm_base,
+        offset=platform_mass * com_offset + arm_mass * arm_base,
+        moment_1=link_1_mass * link_1_com + link_2_mass * link_1_length,
+        moment_2=link_2_mass * link_2_com,
+        inertia_1=link_1_inertia
+        + link_1_mass * link_1_com * link_1_com
+        + link_2_mass * link_1_length * link_1_length,
+        inertia_2=link_2_inertia + link_2_mass * link_2_com * link_2_com,
+    )
