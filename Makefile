@@ -52,8 +52,9 @@ test-all: $(VENV)/.installed-all
 
 # An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.
 OLDEST := .venv-oldest
-OLDEST_TESTS := $(addprefix test/test_,portable_math.py kinematics.py dynamics.py implicit.py \
-	params_declaration.py same_bits.py)
+OLDEST_TESTS := $(addprefix test/,numerics/test_portable_math.py robot/test_kinematics.py \
+	robot/test_dynamics.py law/test_implicit.py params/test_params_declaration.py \
+	loop/test_same_bits.py)
 test-oldest:
 	@$${PYTHON:-python3.12} -m venv $(OLDEST)
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check setuptools wheel
@@ -61,7 +62,7 @@ test-oldest:
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
 		-c constraints-oldest.txt --no-build-isolation -e . hypothesis mpmath pytest sympy
 	@$(OLDEST)/bin/python -m pytest -m 'not slow' $(OLDEST_TESTS) \
-		test/test_lockstep.py::test_separate_processes
+		test/nodes/test_lockstep.py::test_separate_processes
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

@@ -1,0 +1,406 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Bad input ends with one line that says what, where and what is right, and leaves nothing.
+
+The same files are given to the simulation and to the node that they are for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+import subprocess
+import sys
+
+from forked import completed, PATIENCE
+from masmc_ros.cli.main import main
+import pytest
+from surroundings import domain, domain_variables, surroundings
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = str(ROOT / 'config' / 'paper.yaml')
+Masmc = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@dataclass(frozen=True)
+class BadFile:
+    """
+    A parameter file that is not right.
+
+    Attributes
+    ----------
+    node
+        the node that refuses it.
+    block
+        what stands in the node's own block, or the whole file where `is_whole`.
+    words
+        what the message names.
+    line
+        the line of the file that is to blame; None where no line is.
+
+    """
+
+    node: str
+    block: str
+    words: tuple[str, ...]
+    line: int | None = 3
+    is_whole: bool = False
+
+    def text(self) -> str:
+        return self.block if self.is_whole else f'/**/{self.node}:\n{_block(self.block)}'
+
+
+def _block(values: str) -> str:
+    lines = ''.join(f'    {line}\n' for line in values.splitlines())
+    return f'  ros__parameters:\n{lines}'
+
+
+def _shared(values: str) -> str:
+    return f'/**:\n{_block(values)}'
+
+
+BAD_FILES = {
+    'unknown name': BadFile('controller', 'k_s3: 1.0', ('k_s3', 'k_s1')),
+    'unknown shared name': BadFile(
+        'plant', _shared('robot.weel_radius: 0.1'), ('weel_radius', 'wheel_radius'), is_whole=True
+    ),
+    'slip of a name of another node under a wildcard': BadFile(
+        'plant', _shared('boundary_layr: 0.1'), ('boundary_layr', 'boundary_layer'), is_whole=True
+    ),
+    'quality of service': BadFile(
+        'plant',
+        'qos_overrides./joint_states.publisher.depth: 1',
+        ('qos_overrides', 'quality of service'),
+    ),
+    'mixed array in quotes': BadFile(
+        'controller', "gamma: '[1.0, 1, 1]'", ('gamma', '7 numbers', 'it has 3', 'point')
+    ),
+    'name of another node': BadFile('plant', 'law: smc', ('law',)),
+    'wrong type': BadFile('controller', 'law: 3', ('law', '3', 'smc, rasmc')),
+    'string for a number': BadFile('controller', 'k_s1: much', ('k_s1', 'much', '4 numbers')),
+    'boolean for a number': BadFile('plant', 'integrator_step: true', ('integrator_step', 'true')),
+    'double for an integer': BadFile(
+        'plant', 'odom_decimation: 20.0', ('odom_decimation', '20.0', 'integer')
+    ),
+    'integer for a double': BadFile(
+        'trajectory', _shared('duration: 2'), ('duration', '2', '2.0'), is_whole=True
+    ),
+    'integers for doubles': BadFile(
+        'plant', 'initial_pose: [0, 0, 1]', ('initial_pose', '[0, 0, 1]', '[0.0, 0.0, 1.0]')
+    ),
+    'wrong length': BadFile(
+        'plant', 'initial_velocity: [0.0, 0.0, 0.0]', ('initial_velocity', '4 numbers')
+    ),
+    'wrong length of gains': BadFile('controller', 'gamma: [1.0, 2.0]', ('gamma', '7 numbers')),
+    'number for an array': BadFile('plant', 'torque_limit: 5.0', ('torque_limit', '4 numbers')),
+    'negative mass': BadFile(
+        'plant',
+        _shared('robot:\n  link_2_mass: -1.0'),
+        ('robot.link_2_mass', '-1.0', '> 0'),
+        line=4,
+        is_whole=True,
+    ),
+    'negative gain': BadFile(
+        'controller', 'k_s2: [1.0, 1.0, -1.0, 1.0]', ('k_s2', '-1.0', '>= 0')
+    ),
+    'zero period': BadFile(
+        'controller', _shared('control_period: 0.0'), ('control_period', '(0, 1]'), is_whole=True
+    ),
+    'not a number': BadFile('controller', 'k_s1: .nan', ('k_s1', '.nan')),
+    'infinity': BadFile('plant', 'initial_pose: [0.0, .inf, 0.0]', ('initial_pose', '.inf')),
+    'unknown law': BadFile('controller', 'law: pid', ('law', 'pid', 'smc, rasmc')),
+    'unknown switching': BadFile('controller', 'switching: tan', ('switching', 'tan', 'tanh')),
+    'unknown pacing': BadFile('plant', 'pacing: fast', ('pacing', 'lockstep, realtime')),
+    'unknown trajectory': BadFile('trajectory', 'type: circle', ('type', 'circle', 'line_sine')),
+    'out of reach': BadFile(
+        'trajectory',
+        'line_sine.offset: [3.0, 0.5, 0.0, 0.0]',
+        ('t = 0 s', '3.041 m', '0.152 to 0.876 m'),
+        line=None,
+    ),
+    'out of reach later': BadFile(
+        'trajectory', 'line_sine.slope: [0.3, 0.0, 0.2, 0.0]', ('t = ', '0.876 m'), line=None
+    ),
+    'arm on the axle': BadFile(
+        'plant', _shared('robot.arm_offset: 0.0'), ('arm_offset', '0:'), line=None, is_whole=True
+    ),
+    'unknown compression': BadFile('recorder', 'compression: gzip', ('compression', 'zstd')),
+    'mixed array': BadFile(
+        'controller', 'k_s1: [1, 2.0, 3.0, 4.0]', ('2.0', 'as one type'), line=3
+    ),
+    'broken YAML': BadFile('plant', '/**: {plant: ', ('not YAML',), line=None, is_whole=True),
+    'tabs': BadFile('plant', '/**:\n\tros__parameters:\n', ('not YAML',), line=2, is_whole=True),
+    'no node': BadFile(
+        'controller', 'law: smc\n', ('smc', 'ros__parameters'), line=1, is_whole=True
+    ),
+    'alias': BadFile('controller', 'k_s1: &gain 1.0\nk_s2: *gain', ('*gain',), line=4),
+}
+
+each_bad_file = pytest.mark.parametrize('bad', BAD_FILES.values(), ids=BAD_FILES.keys())
+
+
+@pytest.fixture(scope='module', autouse=True)
+def ros_domain() -> Iterator[dict[str, str]]:
+    """Variables of a domain of their own, for all processes of this file."""
+    with domain() as number:
+        yield domain_variables(number)
+
+
+@pytest.fixture
+def masmc(ros_domain: dict[str, str], tmp_path: Path) -> Masmc:
+    """Run the command in a process of its own, in the folder of the test."""
+    return partial(completed, folder=tmp_path, environment={**surroundings(), **ros_domain})
+
+
+def the_line(status: int, out: str, err: str) -> str:
+    """Return the one line in which bad input was refused."""
+    # Shared memory that killed processes left behind makes the middleware complain.
+    lines = [line for line in err.splitlines() if 'RTPS' not in line]
+    assert status == 2, (status, out, err)
+    assert len(lines) == 1, err
+    assert 'Traceback' not in err
+    assert out == ''
+    return lines[0]
+
+
+def check_message(message: str, bad: BadFile, path: Path) -> None:
+    for word in bad.words:
+        assert word in message, f'{word!r} is not in: {message}'
+    if bad.line is not None:
+        assert f'{path}:{bad.line}: ' in message
+
+
+@each_bad_file
+def test_simulate_refuses_a_bad_file(
+    bad: BadFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, log = tmp_path / 'bad.yaml', tmp_path / 'run.mcap'
+    path.write_text(bad.text(), encoding='utf-8')
+    status = main(['simulate', str(path), '--output', str(log)])
+    captured = capsys.readouterr()
+    check_message(the_line(status, captured.out, captured.err), bad, path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@each_bad_file
+def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path, masmc: Masmc) -> None:
+    pytest.importorskip('rclpy')
+    path = tmp_path / 'bad.yaml'
+    path.write_text(bad.text(), encoding='utf-8')
+    result = masmc('run', bad.node, '--ros-args', '--params-file', str(path))
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    for word in bad.words:
+        assert word in message, f'{word!r} is not in: {message}'
+    # A recorder that refuses its parameters has not begun a file either.
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
+)
+def test_a_process_from_nothing_refuses_as_a_fork_does(
+    command: tuple[str, ...], masmc: Masmc, ros_domain: dict[str, str], tmp_path: Path
+) -> None:
+    if command[0] == 'run':
+        pytest.importorskip('rclpy')
+    path = tmp_path / 'bad.yaml'
+    path.write_text(BAD_FILES['negative mass'].text(), encoding='utf-8')
+    fork = masmc(*command, str(path))
+    result = subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', *command, str(path)],
+        cwd=tmp_path,
+        env={**surroundings(), **ros_domain},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert message == the_line(fork.returncode, fork.stdout, fork.stderr)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
+)
+@pytest.mark.parametrize('name', ['missing.yaml', 'missing/bad.yaml', '.'])
+def test_a_file_that_is_none(command: tuple[str, ...], name: str, masmc: Masmc) -> None:
+    if command[0] == 'run':
+        pytest.importorskip('rclpy')
+    result = masmc(*command, name)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert f'{name}: ' in message
+    assert 'give the path of a parameter file' in message
+
+
+SIMULATE = {
+    'no value': (('--set', 'controller.k_s1'), 'NAME=VALUE'),
+    'empty value': (('--set', 'controller.k_s1='), 'no value'),
+    'unknown name': (('--set', 'controller.k_s3=1'), 'k_s1'),
+    'unknown node': (('--set', 'controler.k_s1=1'), 'controller.k_s1'),
+    'no node': (('--set', 'k_s1=1'), 'NODE.parameter'),
+    'nothing like it': (('--set', 'xyzzy=1'), 'NODE.parameter'),
+    'unknown shared name': (('--set', 'robot.weel_radius=0.1'), 'robot.wheel_radius'),
+    'wrong type': (('--set', 'controller.law=3'), 'smc, rasmc'),
+    'not YAML': (('--set', 'controller.k_s1=[1.0,'), 'not YAML'),
+    'wrong length': (('--set', 'controller.k_s1=[1.0, 2.0]'), '4 numbers'),
+    'negative mass': (('--set', 'robot.link_2_mass=-1'), '> 0'),
+    'not a number': (('--set', 'plant.integrator_step=.nan'), 'integrator_step'),
+    'endless': (('--set', 'duration=0'), 'duration'),
+    'out of reach at the end': (
+        ('--set', 'trajectory.line_sine.slope=[0.25, 0.0, 0.2, 0.0]'),
+        '0.876',
+    ),
+    'diverges': (
+        ('--set', 'control_period=0.01', '--set', 'controller.k_s1=100000', '--set', 'duration=5'),
+        'diverged at t = ',
+    ),
+    'missing folder': (('--output', 'missing/run.mcap'), 'missing'),
+    'folder as output': (('--output', '.'), 'folder'),
+    'output that is none': (('--output', '/proc/run.mcap'), 'cannot be written'),
+    'unknown option': (('--outptu', 'run.mcap'), '--help'),
+}
+
+
+@pytest.mark.parametrize(('options', 'word'), SIMULATE.values(), ids=SIMULATE.keys())
+def test_bad_options_of_simulate(
+    options: tuple[str, ...],
+    word: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = () if '--output' in options else ('--output', 'run.mcap')
+    try:
+        status = main(['simulate', PAPER, *log, *options])
+    except SystemExit as exit_:  # argparse's way
+        status = int(exit_.code or 0)
+    captured = capsys.readouterr()
+    message = the_line(status, captured.out, captured.err)
+    assert word in message
+    assert message.startswith('masmc')
+    assert list(tmp_path.iterdir()) == []
+
+
+NODE_ARGUMENTS = {
+    'no value': ('controller', ('-p', 'k_s1'), 'NAME:=VALUE'),
+    'empty value': ('controller', ('-p', 'k_s1:='), 'no value'),
+    'unknown name': ('controller', ('-p', 'k_s3:=1.0'), 'k_s1'),
+    'with its node': ('controller', ('-p', 'controller.k_s1:=5'), 'did you mean k_s1?'),
+    'wrong type': ('controller', ('-p', 'law:=3'), 'smc, rasmc'),
+    'not YAML': ('controller', ('-p', 'k_s1:=[1.0,'), 'not YAML'),
+    'wrong length': ('controller', ('-p', 'k_s1:=[1.0, 2.0]'), '4 numbers'),
+    'negative mass': ('plant', ('-p', 'robot.link_2_mass:=-1.0'), '> 0'),
+    'integer for a double': ('plant', ('-p', 'duration:=2'), '2.0'),
+    'not a number': ('plant', ('-p', 'integrator_step:=.nan'), 'integrator_step'),
+    'of a node': ('composed', ('-p', 'plant:pacing:=fast'), 'lockstep, realtime'),
+    'second file': ('plant', ('--params-file', PAPER, '--params-file', 'no.yaml'), 'no.yaml'),
+    'missing folder': ('recorder', ('-p', 'output:=missing/run.mcap'), 'missing'),
+    'missing folder for a folder': ('recorder', ('-p', 'output:=missing'), 'missing'),
+    'output that is none': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
+    'unknown ROS argument': ('plant', ('--bogus',), '--bogus'),
+    'another name': ('controller', ('-r', '__node:=ctl'), '__ns:=/ctl'),
+    'another name in one process': ('composed', ('-r', 'plant:__node:=p'), '__ns:=/p'),
+    'quality of service': ('plant', ('-p', 'qos_overrides./tf.publisher.depth:=1'), 'fixed'),
+    'bad namespace': ('plant', ('-r', '__ns:=/left//arm'), '/left//arm'),
+}
+
+
+@pytest.mark.parametrize(
+    ('node', 'arguments', 'word'), NODE_ARGUMENTS.values(), ids=NODE_ARGUMENTS.keys()
+)
+def test_bad_arguments_of_nodes(
+    node: str, arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
+) -> None:
+    pytest.importorskip('rclpy')
+    result = masmc('run', node, '--ros-args', *arguments)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert word in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_is_there_is_kept(tmp_path: Path, masmc: Masmc) -> None:
+    pytest.importorskip('rclpy')
+    log = tmp_path / 'run.mcap'
+    log.write_bytes(b'precious')
+    result = masmc('run', 'recorder', '--ros-args', '-p', f'output:={log}')
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert 'run.mcap' in message
+    assert 'overwrite' in message
+    assert log.read_bytes() == b'precious'
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'word'),
+    [
+        (('run', 'plantt'), 'did you mean plant?'),
+        (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, composed'),
+        (('simulat', PAPER), 'simulate'),
+        ((), '--help'),
+        (('simulate',), '--help'),
+        (('run',), '--help'),
+        (('report', 'missing.mcap'), 'missing.mcap'),
+    ],
+)
+def test_commands_that_are_none(
+    arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
+) -> None:
+    result = masmc(*arguments)
+    assert word in the_line(result.returncode, result.stdout, result.stderr)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ('composed', '--recrod'),
+        ('plant', 'k_s1:=150.0'),
+        ('plant', '-p', 'duration:=1.0'),
+        ('plant', '--ros-args', '-p', 'duration:=1.0', '--', '--recrod'),
+    ],
+)
+def test_what_a_node_does_not_understand(arguments: tuple[str, ...], masmc: Masmc) -> None:
+    """Else a run goes by its defaults, or unrecorded, and nobody is told."""
+    pytest.importorskip('rclpy')
+    result = masmc('run', *arguments)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    assert next(a for a in reversed(arguments) if a.strip('-')) in message or '-p' in message
+    assert '--ros-args' in message
+
+
+def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nodes accept what rcl declares by itself; so does the simulation."""
+    path = tmp_path / 'good.yaml'
+    path.write_text(_shared('use_sim_time: false\nduration: 0.01'), encoding='utf-8')
+    assert main(['simulate', str(path)]) == 0
+    assert capsys.readouterr().err == ''
+
+
+@pytest.mark.parametrize(
+    'setting', ['plant:command_interface:=velocity', 'controller:enable_stamped_cmd_vel:=true']
+)
+def test_plant_and_controller_that_disagree_in_one_process(setting: str, masmc: Masmc) -> None:
+    pytest.importorskip('rclpy')
+    result = masmc('run', 'composed', '--ros-args', '-p', setting)
+    message = the_line(result.returncode, result.stdout, result.stderr)
+    name = setting.split(':')[1]
+    assert f'controller.{name} = ' in message
+    assert f'which plant.{name} is' in message

@@ -1,0 +1,158 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whoever is ended while still importing ends at once, without a traceback."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+from masmc_ros.cli import executables
+from masmc_ros.cli.run import NODES
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 60.0
+LIBRARIES = ('_multiarray_umath', 'libllvmlite')
+"""Libraries of numpy and of numba, which come early and late among the imports."""
+
+
+def interrupted(command: list[str], library: str, number: signal.Signals) -> tuple[int, str]:
+    """Send a signal once a library is being imported; return exit status and standard error."""
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        env={
+            **os.environ,
+            'PYTHONPATH': path,
+            'ROS_DOMAIN_ID': '98',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        maps = Path(f'/proc/{process.pid}/maps')
+        limit = time.monotonic() + PATIENCE
+        while library not in maps.read_text():
+            assert time.monotonic() < limit, f'{library} is not imported'
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.001)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    return process.returncode, err
+
+
+@pytest.mark.parametrize('library', LIBRARIES)
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    'command',
+    [
+        ['-m', 'masmc_ros.cli.main', 'run', 'controller'],
+        ['-c', 'import sys, masmc_ros.cli.executables as e; sys.exit(e.controller())'],
+    ],
+    ids=['masmc run', 'ros2 run'],
+)
+def test_a_node_ends_with_status_0(
+    command: list[str], number: signal.Signals, library: str
+) -> None:
+    pytest.importorskip('rclpy')
+    assert interrupted(command, library, number) == (0, '')
+
+
+def test_a_node_ends_at_once_while_machine_code_is_made(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'controller'],
+        env={
+            **os.environ,
+            'PYTHONPATH': os.pathsep.join(entry or os.getcwd() for entry in sys.path),
+            'XDG_CACHE_HOME': str(tmp_path),
+            'ROS_DOMAIN_ID': '98',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        },
+        stderr=subprocess.PIPE,
+    )
+    try:
+        limit = time.monotonic() + 10 * PATIENCE
+        while not list(tmp_path.rglob('*.nbc')):
+            assert time.monotonic() < limit, 'nothing is compiled'
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    assert (process.returncode, err) == (0, b'')
+    # It did not go on to the last of them: there are some hundred.
+    assert len(list(tmp_path.rglob('*.nbc'))) < 50
+
+
+@pytest.mark.parametrize('library', LIBRARIES)
+def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
+    log = tmp_path / 'run.mcap'
+    command = ['-m', 'masmc_ros.cli.main', 'simulate', 'config/paper.yaml', '--output', str(log)]
+    # So long that it is not over, should the signal come late.
+    command += ['--set', 'duration=1000.0']
+    ended = interrupted(command, library, signal.SIGINT)
+    assert ended == (130, 'masmc simulate: interrupted\n')
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert "shims = [('bin', ['scripts/masmc'])]" in setup
+    script, installed = tmp_path / 'bin' / 'masmc', tmp_path / 'lib' / 'masmc_ros' / 'masmc'
+    for folder in (script.parent, installed.parent):
+        folder.mkdir(parents=True)
+    shutil.copy(ROOT / 'scripts' / 'masmc', script)
+    installed.write_text(
+        f'#!{sys.executable}\nfrom masmc_ros.cli.main import main\nraise SystemExit(main())\n'
+    )
+    installed.chmod(0o755)
+    command = [str(script), 'simulate', '--list']
+    path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
+    found = subprocess.run(
+        command,
+        env={**os.environ, 'PYTHONPATH': path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert 'paper.yaml' in found.stdout
+
+
+def test_every_executable_of_colcon_is_there() -> None:
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert "f'{node} = masmc_ros.cli.executables:{node}'" in setup
+    named = re.search(r'^NODES = \((.*)\)$', setup, re.MULTILINE)
+    assert named is not None
+    assert re.findall(r"'(\w+)'", named[1]) == list(NODES)
+    for node in NODES:
+        assert callable(getattr(executables, node))

@@ -1,0 +1,365 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Real nodes in processes of their own, and a node of the test beside them.
+
+Every test has a ROS domain of its own on this machine. Nothing here waits without a bound,
+and no process outlives its test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+from forked import Forked, PATIENCE
+from masmc_ros.messages.stamps import header_stamp
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from surroundings import domain, domain_variables, surroundings
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ROOT / 'config' / 'paper.yaml'
+NODES = ('trajectory', 'controller', 'plant', 'recorder')
+
+BOUNDED = dict.fromkeys(
+    ('plant__torque_limit', 'controller__torque_limit'), '[6.0, 6.0, 20.0, 10.0]'
+)
+"""Settings with which a run by the wall clock cannot diverge, however late commands come.
+
+On a busy machine a node can be held up for many ticks, again and again.
+"""
+
+_RESPONSE = 5.0
+"""Time in s after which a service is called again."""
+
+_LAST_WORDS = 5.0
+"""Time in s that a process takes at most to tell where it stands."""
+
+_MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file|the middleware does not let go')
+"""Lines about shared memory that killed processes left behind, and about Fast DDS hanging."""
+
+
+class NodeProcess:
+    """A process and what it printed; its standard output and error are files."""
+
+    def __init__(
+        self, name: str, process: subprocess.Popen[bytes] | Forked, out: Path, err: Path
+    ) -> None:
+        self.name = name
+        self.process = process
+        self._out, self._err = out, err
+
+    def stdout(self) -> str:
+        """Return what it printed so far."""
+        return self._out.read_text(encoding='utf-8', errors='replace')
+
+    def stderr(self) -> list[str]:
+        """Return the complete lines of its standard error so far, without the middleware's."""
+        text = self._err.read_text(encoding='utf-8', errors='replace')
+        complete = text[: text.rfind('\n') + 1]
+        return [line for line in complete.splitlines() if line and not _MIDDLEWARE.search(line)]
+
+    def logged(self, severity: str, part: str = '') -> list[str]:
+        """Return lines that its logger wrote with a severity and with `part` in them."""
+        return [
+            line for line in self.stderr() if line.startswith(f'[{severity}]') and part in line
+        ]
+
+    def complaints(self) -> list[str]:
+        """Return the lines of its standard error that no logger wrote."""
+        return [line for line in self.stderr() if not line.startswith('[')]
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self.process.send_signal(number)
+
+    def abort(self) -> None:
+        """End it where it stands; its standard error tells where that was."""
+        if self.process.poll() is None:
+            self.signal(signal.SIGCONT)
+            self.signal(signal.SIGABRT)
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(_LAST_WORDS)
+
+    def wait(self, limit: float | None = None) -> int:
+        """Wait for its end, until a time of the monotonic clock; return its exit status."""
+        left = PATIENCE if limit is None else max(0.1, limit - time.monotonic())
+        return self.process.wait(left)
+
+
+class Processes:
+    """
+    All processes of a domain.
+
+    They are forks, or, where `fresh`, started from nothing as by a command line.
+    """
+
+    def __init__(self, domain: int, folder: Path, *, fresh: bool = False) -> None:
+        self.domain = domain
+        self._folder = folder
+        self._fresh = fresh
+        self._started: list[NodeProcess] = []
+
+    def start(
+        self, name: str, *arguments: str, environment: Mapping[str, str] | None = None
+    ) -> NodeProcess:
+        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        stem = f'{len(self._started)}_{name}'
+        out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
+        command = ['run', name, *arguments]
+        variables = {**surroundings(), **domain_variables(self.domain), **(environment or {})}
+        process: subprocess.Popen[bytes] | Forked
+        # Variables of the environment may be for what happens while modules are imported.
+        if self._fresh or environment:
+            with out.open('wb') as to_out, err.open('wb') as to_err:
+                process = subprocess.Popen(
+                    [sys.executable, '-m', 'masmc_ros.cli.main', *command],
+                    stdin=subprocess.DEVNULL,
+                    stdout=to_out,
+                    stderr=to_err,
+                    env=variables,
+                )
+        else:
+            process = Forked(command, variables, out, err)
+        self._started.append(NodeProcess(name, process, out, err))
+        return self._started[-1]
+
+    def start_all(
+        self,
+        *arguments: str,
+        nodes: tuple[str, ...] = NODES,
+        environment: Mapping[str, str] | None = None,
+    ) -> dict[str, NodeProcess]:
+        """Start nodes with the same arguments, each in a process of its own."""
+        return {name: self.start(name, *arguments, environment=environment) for name in nodes}
+
+    def wait(self) -> dict[str, int]:
+        """Wait for all processes; return the exit status of the last one of each name."""
+        limit = time.monotonic() + PATIENCE
+        for each in self._started:
+            try:
+                each.wait(limit)
+            except subprocess.TimeoutExpired:
+                raise AssertionError(f'{each.name} does not end') from None
+        return {each.name: each.process.returncode for each in self._started}
+
+    def output(self) -> str:
+        """Return everything that all processes printed."""
+        return '\n'.join(
+            '\n'.join((f'--- {each.name}', each.stdout(), *each.stderr()))
+            for each in self._started
+        )
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to all processes."""
+        for each in self._started:
+            each.signal(number)
+
+    def tell(self) -> None:
+        """Print what all processes printed, and where those that still run are."""
+        for each in self._started:
+            each.abort()
+        print(self.output())
+
+    def end(self) -> None:
+        """End whatever still runs."""
+        for each in self._started:
+            if each.process.poll() is None:
+                each.process.kill()
+            each.process.wait()
+
+
+class Peer:
+    """A node of the test's own process; its executor turns only while the test waits."""
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self.node = node
+        self._executor = executor
+        self._clients: dict[tuple[type, str], Any] = {}
+        self._known: set[tuple[type, str]] = set()
+
+    def until(self, holds: Callable[[], Any], what: str = 'what the test waits for') -> Any:
+        """Spin until something is true and return it; AssertionError where it never is."""
+        limit = time.monotonic() + PATIENCE
+        while not (found := holds()):
+            assert time.monotonic() < limit, f'it never came: {what}'
+            self._executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def watch_time(self, topic: str = 'odom') -> list[int]:
+        """Return a list whose last entry is the stamp of the latest odometry in ns, or -1."""
+        stamps = [-1]
+        self.subscribe(Odometry, topic, lambda raw: stamps.append(header_stamp(raw)), raw=True)
+        return stamps
+
+    def wait_for_subscribers(self, publisher: Any, count: int = 1) -> None:
+        """Wait until so many subscriptions are matched with a publisher."""
+        topic = publisher.topic_name
+        self.until(lambda: publisher.get_subscription_count() >= count, f'listeners on {topic}')
+
+    def collect(
+        self, message_type: Any, topic: str, *, raw: bool = False, past: bool = True
+    ) -> list[Any]:
+        """Return a list that grows by every message of a topic."""
+        found: list[Any] = []
+        self.subscribe(message_type, topic, found.append, raw=raw, past=past)
+        return found
+
+    def subscribe(
+        self,
+        message_type: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        past: bool = True,
+    ) -> Subscription:
+        """Subscribe reliably and deep, to what was sent before as well with `past`."""
+        return self.node.create_subscription(
+            message_type, topic, callback, _qos(latched=past), raw=raw
+        )
+
+    def publisher(self, message_type: Any, topic: str, *, latched: bool = False) -> Any:
+        """Create a reliable publisher, volatile as rclpy's default is or latched."""
+        return self.node.create_publisher(message_type, topic, _qos(latched=latched))
+
+    def call(self, service_type: Any, name: str, request: Any, *, again: bool = True) -> Any:
+        """
+        Call a service and return its response.
+
+        The middleware drops the response to a client that the server has not found within
+        0.1 s. Such a call is made `again`; where that would do more than the first alone, the
+        call is made once the server has found the client.
+        """
+        find = self.client if again else self.known_client
+        client = find(service_type, name)
+        self.until(client.service_is_ready, f'service {name}')
+        futures = [client.call_async(request)]
+        limit = time.monotonic() + _RESPONSE
+
+        def answered() -> Any:
+            nonlocal limit
+            if again and time.monotonic() > limit:
+                limit = time.monotonic() + _RESPONSE
+                futures.append(client.call_async(request))
+            return next((f for f in futures if f.done()), None)
+
+        return self.until(answered, f'response of {name}').result()
+
+    def client(self, service_type: Any, name: str) -> Any:
+        """Return a client of a service, the same one every time."""
+        key = (service_type, name)
+        if key not in self._clients:
+            self._clients[key] = self.node.create_client(service_type, name)
+        return self._clients[key]
+
+    def known_client(self, service_type: Any, name: str) -> Any:
+        """
+        Return a client that the node of a service has found: no response to it is dropped.
+
+        A participant tells of its endpoints in their order, so that a node that has answered a
+        client knows all earlier ones. The node must not be replaced by another later.
+        """
+        client = self.client(service_type, name)
+        if (service_type, name) not in self._known:
+            asked = f'{name.rpartition("/")[0]}/get_parameters'
+            later = self.node.create_client(GetParameters, asked)
+            self._clients[GetParameters, asked] = later
+            self.call(GetParameters, asked, GetParameters.Request())
+            self._known.add((service_type, name))
+        return client
+
+
+def _qos(*, latched: bool) -> QoSProfile:
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=5000, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+@contextmanager
+def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
+    """
+    Yield a place to start nodes in, in a domain that nobody else uses meanwhile.
+
+    They tell what they printed where the test fails, and end with it.
+    """
+    with domain() as number:
+        started = Processes(number, folder, fresh=fresh)
+        try:
+            yield started
+        except BaseException:
+            started.tell()
+            raise
+        finally:
+            started.end()
+
+
+@contextmanager
+def peer(domain: int, name: str = 'peer', namespace: str = '/') -> Iterator[Peer]:
+    """Yield a node of this process in a domain."""
+    variable = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+    before = os.environ.get(variable)
+    os.environ[variable] = 'LOCALHOST'
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor(context=context)
+    node = Node(name, context=context, namespace=namespace)
+    executor.add_node(node)
+    try:
+        yield Peer(node, executor)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+        if before is None:
+            del os.environ[variable]
+        else:
+            os.environ[variable] = before
+
+
+def ros_arguments(file: Path | None = PAPER, **settings: object) -> list[str]:
+    """Return ROS arguments: a parameter file, and settings NAME=value or NODE__name=value."""
+    arguments = ['--ros-args']
+    if file is not None:
+        arguments += ['--params-file', str(file)]
+    for name, value in settings.items():
+        arguments += ['-p', f'{name.replace("__", ":")}:={value}']
+    return arguments
+
+
+def shortened(folder: Path, duration: float, source: Path = PAPER, **values: str) -> Path:
+    """Write a copy of a parameter file with another duration and other plain values."""
+    text = source.read_text(encoding='utf-8')
+    for name, value in {'duration': str(float(duration)), **values}.items():
+        text, count = re.subn(rf'(?m)^(\s*{name}:).*$', lambda m, v=value: f'{m[1]} {v}', text)
+        assert count == 1, name
+    file = folder / f'{source.stem}_shortened.yaml'
+    file.write_text(text, encoding='utf-8')
+    return file

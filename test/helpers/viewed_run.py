@@ -1,0 +1,44 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A short computed run for tests of what viewers show, and its messages decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.cli.main import main
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ROOT / 'config' / 'paper.yaml'
+
+
+def computed_run(folder: Path, duration: float = 1.0) -> Path:
+    """Return the log of a run that `masmc simulate` computes into a folder."""
+    log = folder / 'run.mcap'
+    settings = ['--set', f'duration={duration}', '--output', str(log)]
+    assert main(['simulate', str(PAPER), *settings]) == 0
+    return log
+
+
+def decoded(log: Path, *topics: str) -> Iterator[tuple[str, Any]]:
+    """Yield topic and decoded message of every message of a log, or of some topics."""
+    with log.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(topics=topics or None):
+            yield channel.topic, message

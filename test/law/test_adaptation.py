@@ -1,0 +1,164 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What lets adaptation last: leakage, e-modification, dead zone, freezing, and all at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from pathlib import Path
+
+from hypothesis import given
+from masmc_ros.law.parts.adaptation import beyond_dead_zone, moved_estimate
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import between, PROPERTY
+from scenario import axes, Scenario, whole
+
+PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
+
+THETA = between(-10.0, 10.0)
+PERIOD = between(1e-4, 0.1)
+RATE = between(0.0, 1e9)
+
+
+@PROPERTY
+@given(THETA, THETA, between(-100.0, 100.0), between(1e-2, 100.0), PERIOD, RATE)
+def test_one_tick_is_explicit_in_the_gradient_and_implicit_in_the_leakage(
+    estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
+) -> None:
+    """theta+ = theta - T g / gamma - T rate (theta+ - theta_0)."""
+    found = moved_estimate(estimate, nominal, gradient, gamma, period, rate)
+    pull = period * rate * (found - nominal)
+    size = abs(estimate) + abs(nominal) + abs(period * gradient / gamma) + 1.0
+    expected = estimate - period * gradient / gamma - pull
+    assert found == pytest.approx(expected, abs=1e-13 * size * (1.0 + period * rate))
+
+
+@PROPERTY
+@given(THETA, THETA, PERIOD, RATE)
+def test_no_rate_of_leakage_overshoots(
+    estimate: float, nominal: float, period: float, rate: float
+) -> None:
+    found = moved_estimate(estimate, nominal, 0.0, 1.0, period, rate)
+    low, high = sorted((estimate, nominal))
+    rounding = 1e-15 * (abs(low) + abs(high))
+    assert low - rounding <= found <= high + rounding
+
+
+@PROPERTY
+@given(between(0.0, 10.0), between(0.0, 10.0))
+def test_the_dead_zone_leaves_what_is_beyond_it(distance: float, width: float) -> None:
+    share = beyond_dead_zone(distance, width)
+    if width == 0.0:
+        assert share == 1.0
+    else:
+        assert share * distance == pytest.approx(max(0.0, distance - width), abs=1e-14)
+
+
+def with_(scenario: Scenario, **fields: object) -> Scenario:
+    """Return the scenario with further fields of the settings."""
+    return replace(scenario, extra=scenario.extra + tuple(fields.items()))
+
+
+BASE = Scenario('rasmc', 'tanh', ticks=2001)
+
+
+def test_leakage_is_what_is_left_of_the_step() -> None:
+    """One tick from the same state, with and without: (theta - theta_0) / (1 + T rate)."""
+    rate = 3.0
+    plain, leaking = whole(BASE), whole(with_(BASE, leakage=rate))
+    step = plain.estimate[1] - plain.estimate[0]
+    expected = plain.estimate[0] + step / (1.0 + BASE.period * rate)
+    assert leaking.estimate[1] == pytest.approx(expected, rel=1e-15)
+    assert (leaking.estimate[1] != plain.estimate[1]).any()
+
+
+def test_e_modification_is_leakage_in_proportion_to_s() -> None:
+    nu = 50.0
+    plain, leaking = whole(BASE), whole(with_(BASE, e_modification=nu))
+    rate = nu * float(np.linalg.norm(plain.surface[0]))
+    step = plain.estimate[1] - plain.estimate[0]
+    expected = plain.estimate[0] + step / (1.0 + BASE.period * rate)
+    assert rate > 1.0
+    assert leaking.estimate[1] == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize('modification', [0.0, 20.0])
+def test_inside_the_dead_zone_the_estimate_rests(modification: float) -> None:
+    width = 0.065
+    run = whole(with_(BASE, dead_zone=width, e_modification=modification))
+    inside = np.linalg.norm(run.surface, axis=1)[:-1] <= width
+    moved = (np.diff(run.estimate, axis=0) != 0.0).any(axis=1)
+    assert 100 < inside.sum() < 1900
+    assert (moved == ~inside).all()
+
+
+def test_while_the_torque_saturates_nothing_is_learned() -> None:
+    limits = with_(BASE, torque_limit=axes(2.5, 2.5, 6.0, 4.0))
+    frozen, free = whole(with_(limits, freeze_when_saturated=1)), whole(limits)
+    cut = (frozen.raw_torque != frozen.torque).any(axis=1)[:-1]
+    moved = (np.diff(frozen.estimate, axis=0) != 0.0).any(axis=1)
+    assert 100 < cut.sum() < 1900
+    assert (moved == ~cut).all()
+    assert (np.diff(free.estimate, axis=0) != 0.0).any(axis=1).all()
+
+
+def test_leakage_goes_on_while_the_torque_saturates() -> None:
+    """So that an estimate which makes the torque saturate does not stay for ever."""
+    simulation = Simulation(load_scenario(str(PAPER)))
+    controller, plant = simulation.controller, simulation.plant
+    reference = simulation.trajectory.sample(0, 1)[0]
+    for _ in range(10):
+        controller.tick(plant.position, plant.velocity, reference)
+    learned = controller.estimate - controller.nominal
+    assert learned.any()
+    controller.change(
+        {'torque_limit': (1e-3,) * 4, 'leakage': 5.0, 'freeze_when_saturated': True}
+    )
+    controller.tick(plant.position, plant.velocity, reference)
+    left = controller.estimate - controller.nominal
+    assert left == pytest.approx(learned / (1.0 + 5.0 * controller.period), rel=1e-9)
+
+
+def test_smc_does_not_adapt_whatever_is_set() -> None:
+    everything = with_(
+        BASE, leakage=1.0, e_modification=1.0, dead_zone=0.01, projection_lower=0.5
+    )
+    run = whole(replace(everything, law='smc', extra=(*everything.extra, ('projection_upper', 2))))
+    assert (run.estimate == run.estimate[0]).all()
+
+
+@pytest.mark.parametrize('gamma', [1e-6, 1e-4, 1e-2, 1.0])
+def test_all_at_once_keeps_the_estimate_in_its_box(gamma: float) -> None:
+    """However fast the adaptation: without projection the two fastest diverge in 10 ms."""
+    scenario = with_(
+        replace(BASE, gamma=np.full(7, gamma), ticks=5001),
+        leakage=0.5,
+        e_modification=0.5,
+        dead_zone=0.01,
+        freeze_when_saturated=1,
+        projection_lower=0.2,
+        projection_upper=5.0,
+        torque_limit=axes(8.0, 8.0, 20.0, 10.0),
+    )
+    run = whole(scenario)
+    nominal = run.estimate[0]
+    assert (run.estimate >= 0.2 * nominal - 1e-15).all()
+    assert (run.estimate <= 5.0 * nominal + 1e-15).all()
+    assert np.isfinite(run.position[:-1]).all()
+    assert math.isfinite(float(np.abs(run.error).max()))

@@ -1,0 +1,100 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A law of formulas from another package runs compiled, as the built-in ones do."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+PATIENCE = 300.0
+
+SCRIPT = """
+import json
+import numpy as np
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
+
+names = 'controller.law=super_twisting', 'duration=2.0', 'controller.model_scale=1.0'
+whole, single = (Simulation(load_scenario('config/paper.yaml', names)) for _ in range(2))
+(run,) = whole.run()
+plant, controller = single.plant, single.controller
+for k in range(len(run.torque)):
+    controller.tick(plant.position, plant.velocity, run.reference[k])
+    assert (controller.torque == run.torque[k]).all(), k
+    if k + 1 < len(run.torque):
+        plant.advance(controller.torque)
+controller.change({'super_twisting.k_1': 0.0, 'super_twisting.k_2': 0.0})
+controller.forget()
+controller.tick(plant.position, plant.velocity, run.reference[-1])
+without = controller.torque.copy()
+controller.change({'law': 'smc', 'k_s1': (0.0,) * 4, 'k_s2': (0.0,) * 4})
+controller.tick(plant.position, plant.velocity, run.reference[-1])
+print(json.dumps({
+    'is compiled': whole.controller.is_compiled,
+    'model alone': bool((without == controller.torque).all()),
+    'error': float(np.abs(run.error[-200:]).max()),
+}))
+"""
+
+
+def example() -> str:
+    """Return the law of the documentation."""
+    text = (ROOT / 'docs' / 'extending.md').read_text(encoding='utf-8')
+    found = re.search(r'```python\n# super_twisting\.py\n(.*?)```', text, re.DOTALL)
+    assert found is not None
+    return found.group(1)
+
+
+@pytest.fixture(scope='module')
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return the environment of a process in which the documentation's law is installed."""
+    folder = tmp_path_factory.mktemp('site')
+    (folder / 'super_twisting.py').write_text(example(), encoding='utf-8')
+    distribution = folder / 'super_twisting-1.0.dist-info'
+    distribution.mkdir()
+    (distribution / 'METADATA').write_text('Name: super_twisting\nVersion: 1.0\n')
+    (distribution / 'entry_points.txt').write_text(
+        '[masmc_ros.laws]\nsuper_twisting = super_twisting:SUPER_TWISTING\n'
+    )
+    path = os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])
+    return {**os.environ, 'PYTHONPATH': path}
+
+
+@pytest.mark.slow
+def test_the_law_of_the_documentation_is_compiled_and_tuned(installed: dict[str, str]) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT],
+        cwd=ROOT,
+        env=installed,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found['is compiled']
+    assert found['model alone']
+    assert found['error'] < 0.3

@@ -1,0 +1,191 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Commanded rates out of a log: stamps, refused messages, report, export."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
+from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
+import numpy as np
+import pytest
+from report_html import lines, Page
+
+PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
+TICK = 1_000_000
+
+
+def write(
+    path: Path, twists: list[tuple[int, Any]], arm: list[int], kind: str = TWIST
+) -> None:
+    """Write five states, twists at times in ns of the log, commands for the arm by stamp."""
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        platform = log.channel('/cmd_vel', kind, Qos())
+        joints = log.channel('/arm_velocity_commands', FLOAT_ARRAY, Qos())
+        state, command = JointStateCdr(), ArmVelocityCdr()
+        for tick in range(5):
+            state.set_stamp(tick * TICK)
+            log.write(states, tick * TICK, tick * TICK, state.to_bytes())
+        for time, message in twists:
+            log.write(platform, time, time, message.to_bytes())
+        for stamp in arm:
+            command.set_stamp(stamp)
+            command.data[:] = stamp, -stamp
+            log.write(joints, stamp, stamp, command.to_bytes())
+
+
+def twist(forward: float, turn: float) -> TwistCdr:
+    """Return a plain twist."""
+    message = TwistCdr()
+    message.linear[0], message.angular[2] = forward, turn
+    return message
+
+
+def stamps(run: Run) -> list[int]:
+    """Return the stamps of the commands for the platform in ticks."""
+    return [round(time * 1e9 / TICK) for time in run.cmd_vel_times]
+
+
+def test_plain_twists_go_with_the_commands_for_the_arm(tmp_path: Path) -> None:
+    """In a recording two of them may have the same time, and another a tick too late."""
+    path = tmp_path / 'run.mcap'
+    times = [0, 0, 2, 4, 4]
+    write(
+        path,
+        [(time * TICK, twist(n, -n)) for n, time in enumerate(times)],
+        [n * TICK for n in range(5)],
+    )
+    run = read_run(path)
+    assert stamps(run) == [0, 1, 2, 3, 4]
+    assert run.cmd_vel.tolist() == [[n, -n] for n in range(5)]
+    assert run.arm_rates[:, 0].tolist() == [n * TICK for n in range(5)]
+    assert run.torque.shape == (0, 4)
+    assert run.commands_rates
+
+
+def test_plain_twists_of_another_number_have_the_times_of_the_log(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write(path, [(n * TICK, twist(n, -n)) for n in (0, 1, 3)], [0, TICK])
+    run = read_run(path)
+    assert stamps(run) == [0, 1, 3]
+
+
+def test_a_twist_that_nobody_takes_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    bad = twist(1.0, 1.0)
+    bad.linear[1] = np.nan
+    write(path, [(0, twist(5.0, 6.0)), (TICK, bad), (TICK, twist(7.0, 8.0))], [0, TICK])
+    run = read_run(path)
+    assert run.cmd_vel.tolist() == [[5.0, 6.0], [7.0, 8.0]]
+    assert stamps(run) == [0, 1]
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/'])
+def test_stamped_twists_have_their_own_stamps(prefix: str, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    messages = []
+    for tick in range(3):
+        message = TwistStampedCdr(prefix)
+        message.set_stamp(tick * TICK)
+        message.linear[0], message.angular[2] = tick, 0.5
+        messages.append((4 * TICK, message))
+    write(path, messages, [0], TWIST_STAMPED)
+    run = read_run(path)
+    assert stamps(run) == [0, 1, 2]
+    assert run.cmd_vel.tolist() == [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]
+
+
+def test_another_type_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write(path, [(0, ArmVelocityCdr())], [0], FLOAT_ARRAY)
+    with pytest.raises(InputError, match=r'cmd_vel is .*Float64MultiArray; it takes .*Twist or '):
+        read_run(path)
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('rates') / 'run.mcap'
+    both = [f'{node}.command_interface=velocity' for node in ('plant', 'controller')]
+    settings = [word for each in (*both, 'duration=0.5') for word in ('--set', each)]
+    assert main(['simulate', str(PAPER), '--output', str(path), *settings]) == 0
+    return path
+
+
+def test_the_table_has_no_torques(simulated: Path, tmp_path: Path, capsys: Any) -> None:
+    assert main(['report', str(simulated), '--output', str(tmp_path)]) == 0
+    with (tmp_path / 'metrics.csv').open(newline='', encoding='utf-8') as stream:
+        (row,) = csv.DictReader(stream)
+    assert row['run'] == 'rates'
+    assert row['torque_rms (N·m)'] == row['torque_variation (N·m/s)'] == ''
+
+
+def test_the_page_shows_rates(simulated: Path, tmp_path: Path) -> None:
+    assert main(['report', str(simulated), '--output', str(tmp_path)]) == 0
+    page = Page((tmp_path / 'report.html').read_text(encoding='utf-8'))
+    rates, speed = page.figure('run-1-rates'), page.figure('run-1-speed')
+    assert rates['layout']['yaxis']['title']['text'] == 'rate (rad/s)'
+    assert speed['layout']['yaxis']['title']['text'] == 'speed (m/s)'
+    assert [each['name'] for each in rates['data']] == ['yaw rate', 'arm joint 1', 'arm joint 2']
+    run = read_run(simulated)
+    for samples, values in zip(
+        (*lines(speed).values(), *lines(rates).values()),
+        np.hstack([run.cmd_vel, run.arm_rates]).T,
+        strict=True,
+    ):
+        np.testing.assert_array_equal(samples['y'], values.astype(np.float32))
+    torque = next(iter(lines(page.figure('run-1-torque')).values()))
+    assert torque['y'].any(), 'what the drives applied'
+    assert (tmp_path / 'comparison.png').stat().st_size > 10_000
+
+
+@pytest.mark.parametrize('file_format', ['csv', 'npz'])
+def test_the_export_has_rates(simulated: Path, tmp_path: Path, file_format: str) -> None:
+    run = read_run(simulated)
+    export = ['export', str(simulated), '--output', str(tmp_path), '--format', file_format]
+    assert main(export) == 0
+    path = tmp_path / f'run.{file_format}'
+    if file_format == 'npz':
+        found = np.load(path)
+        assert 'command' not in found
+        assert (found['cmd_vel'] == run.cmd_vel).all()
+        assert (found['arm_rate'] == run.arm_rates).all()
+        assert (found['cmd_vel_time_s'] == run.times).all()
+        return
+    with path.open(newline='', encoding='utf-8') as stream:
+        rows = list(csv.DictReader(stream))
+    assert not any(name.startswith('command_') and name.endswith('N_m') for name in rows[0])
+    expected = np.hstack([run.cmd_vel, run.arm_rates])
+    for name, column in zip(
+        (
+            'command_forward_speed_m_per_s',
+            'command_yaw_rate_rad_per_s',
+            'command_arm_joint_1_rad_per_s',
+            'command_arm_joint_2_rad_per_s',
+        ),
+        expected.T,
+        strict=True,
+    ):
+        assert [float(row[name]) for row in rows] == column.tolist()

@@ -1,0 +1,355 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs come back out of their logs as they went in, whoever wrote them."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+from typing import Any
+
+from logged_runs import ARRAY, numbers, STATE, write_run
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.names import JOINTS, TELEMETRY
+from masmc_ros.messages.platform_motion import OdometryCdr
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.topics import ODOMETRY
+from mcap.writer import Writer
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+@pytest.mark.parametrize('namespace', ['/', '/left_robot/', '/hall/left_robot/'])
+def test_round_trip(tmp_path: Path, namespace: str) -> None:
+    path = tmp_path / 'run.mcap'
+    # Long enough for labels of one, two and three digits of seconds.
+    written = numbers(1200, period_ns=100_000_000)
+    write_run(path, written, namespace)
+    run = read_run(path)
+    seconds = written.stamps / 1e9
+    assert run.path == path
+    assert np.array_equal(run.times, seconds)
+    assert np.array_equal(run.torque_times, seconds)
+    assert np.array_equal(run.position, written.position)
+    assert np.array_equal(run.velocity, written.velocity)
+    assert np.array_equal(run.applied_effort, written.effort[:, 3:])
+    assert np.array_equal(run.torque, written.torque)
+    assert run.reference is not None
+    assert np.array_equal(run.reference, written.reference)
+    for label in TELEMETRY:
+        assert np.array_equal(getattr(run, label), written.telemetry[label])
+        assert np.array_equal(getattr(run, f'{label}_times'), seconds)
+    assert run.topics[f'{namespace}joint_states'] == 1200
+    assert len(run.topics) == 3 + len(TELEMETRY)
+    assert run.metadata == {'origin': [{'law': 'smc'}]}
+    assert run.attachments == {'paper.yaml': b'plant: {}'}
+
+
+def test_states_alone_are_a_run(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write_run(path, numbers(10), everything=False)
+    run = read_run(path)
+    assert len(run.times) == 10
+    assert run.torque.shape == (0, 4)
+    assert run.torque_times.shape == (0,)
+    assert run.reference is None
+    assert run.tracking_error is None
+    assert run.tracking_error_times is None
+    assert run.parameter_estimate is None
+
+
+def rosbags_message(type_name: str, **fields: Any) -> bytes:
+    """Return a message that rosbags serialises."""
+    return bytes(STORE.serialize_cdr(STORE.types[type_name](**fields), type_name))
+
+
+def foreign_state(stamp_ns: int, names: list[str], values: list[float]) -> bytes:
+    """Return a joint state with joints of any order and no efforts."""
+    time = STORE.types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 10**9))
+    return rosbags_message(
+        STATE,
+        header=STORE.types['std_msgs/msg/Header'](stamp=time, frame_id='world'),
+        name=names,
+        position=np.array(values),
+        velocity=np.array(values) + 100.0,
+        effort=np.array([]),
+    )
+
+
+def foreign_array(data: list[float], labels: list[str], data_offset: int = 0) -> bytes:
+    """Return an array with these labels, sizes 0."""
+    dimension = STORE.types['std_msgs/msg/MultiArrayDimension']
+    layout = STORE.types['std_msgs/msg/MultiArrayLayout'](
+        dim=[dimension(label=label, size=0, stride=0) for label in labels],
+        data_offset=data_offset,
+    )
+    return rosbags_message(ARRAY, layout=layout, data=np.array(data))
+
+
+def test_messages_of_other_senders_among_ours(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    ours = JointStateCdr()
+    ours.position[:] = np.arange(7)
+    command = EffortCdr()
+    command.data[:] = [1.0, 2.0, 3.0, 4.0]
+    order = ['camera', *reversed(JOINTS)]
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        commands = log.channel('/effort_commands', ARRAY)
+        errors = log.channel('/controller/tracking_error', ARRAY)
+        log.write(states, 0, 0, ours.to_bytes())
+        log.write(states, 1, 1, foreign_state(10**9, order, [float(n) for n in range(8)]))
+        log.write(states, 2, 2, foreign_state(2 * 10**9, ['camera'], [1.0]))
+        log.write(commands, 0, 0, command.to_bytes())
+        log.write(commands, 10, 10, foreign_array([5.0, 6.0, 7.0, 8.0], []))
+        log.write(commands, 0, 0, foreign_array([5.0, 6.0, 7.0], []))
+        log.write(commands, 0, 0, foreign_array([9.0, 9.0, 9.0, 9.0], ['effort@3.7']))
+        log.write(errors, 0, 0, foreign_array([1.0, 5.0, 1.0, 2.0, 3.0, 4.0], ['e'], 2))
+        log.write(errors, 0, 0, foreign_array([1.0, 2.0, 3.0, 4.0], ['e']))
+    run = read_run(path)
+    assert run.times.tolist() == [0.0, 1.0]
+    assert run.position.tolist() == [[0, 1, 2, 3, 4, 5, 6], [7, 6, 5, 4, 3, 2, 1]]
+    assert run.velocity[1].tolist() == [107, 106, 105, 104, 103, 102, 101]
+    assert run.torque.tolist() == [[1, 2, 3, 4], [5, 6, 7, 8], [9, 9, 9, 9]]
+    assert run.torque_times.tolist() == [0.0, 1e-8, 3.000000007]
+    assert run.tracking_error is not None
+    assert run.tracking_error.tolist() == [[1, 2, 3, 4]]
+    assert run.tracking_error_times is not None
+    assert run.tracking_error_times.tolist() == [1.000000005]
+
+
+def test_log_of_ros2_itself(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy', reason='serialises with ROS 2')
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import JointState
+
+    path = tmp_path / 'run.mcap'
+    with LogWriter(path, live=True) as log:
+        states = log.channel('/joint_states', STATE)
+        for number in range(50):
+            message = JointState(
+                name=list(JOINTS),
+                position=[float(number)] * 7,
+                velocity=[0.0] * 7,
+                effort=[1.0] * 7,
+            )
+            message.header.stamp.nanosec = number
+            log.write(states, number, number, serialize_message(message))
+    run = read_run(path)
+    assert run.position[:, 3].tolist() == list(range(50))
+    assert (run.applied_effort == 1.0).all()
+
+
+def test_set_point_of_another_sender(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    state = JointStateCdr()
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        reference = log.channel('/reference', ARRAY)
+        for stamp in range(4):
+            state.set_stamp(10 * stamp)
+            log.write(states, 10 * stamp, 10 * stamp, state.to_bytes())
+        log.write(reference, 20, 20, foreign_array([1.0, 2.0, 3.0, 4.0], []))
+        log.write(reference, 30, 30, foreign_array([1.0, 2.0, 3.0], []))
+    run = read_run(path)
+    assert run.reference is not None
+    assert np.isnan(run.reference[:2]).all()
+    assert run.reference[2:].tolist() == [[1, 2, 3, 4] + [0] * 8] * 2
+
+
+def test_last_pass_after_a_reset(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    state, command = JointStateCdr(), EffortCdr()
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        commands = log.channel('/effort_commands', ARRAY)
+        for count, ticks in enumerate([5, 3]):
+            for tick in range(ticks):
+                state.set_stamp(tick * 10**9)
+                state.position[0] = 10 * count + tick
+                command.set_stamp(tick * 10**9)
+                command.data[0] = 10 * count + tick
+                log.write(states, tick, tick, state.to_bytes())
+                log.write(commands, tick, tick, command.to_bytes())
+        log.write(states, 2, 2, state.to_bytes())
+    run = read_run(path)
+    assert run.times.tolist() == [0.0, 1.0, 2.0]
+    assert run.position[:, 0].tolist() == [10.0, 11.0, 12.0]
+    assert run.torque_times.tolist() == [0.0, 1.0, 2.0]
+    assert run.torque[:, 0].tolist() == [10.0, 11.0, 12.0]
+    assert run.topics['/joint_states'] == 9
+
+
+def test_several_records_of_one_name(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        log.write(states, 0, 0, JointStateCdr().to_bytes())
+        log.metadata('change', {'tick': '1'})
+        log.metadata('change', {'tick': '2'})
+    assert read_run(path).metadata == {'change': [{'tick': '1'}, {'tick': '2'}]}
+
+
+def test_log_without_chunks(tmp_path: Path) -> None:
+    """As a recorder without compression or indexes may write it."""
+    path = tmp_path / 'run.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start()
+        schema = writer.register_schema(STATE, 'ros2msg', definition(STATE).text.encode())
+        channel = writer.register_channel('joint_states', 'cdr', schema)
+        writer.add_message(channel, 0, JointStateCdr().to_bytes(), 0)
+        writer.finish()
+    assert read_run(path).times.tolist() == [0.0]
+
+
+def test_refused_files(tmp_path: Path) -> None:
+    (tmp_path / 'text.mcap').write_text('not an MCAP file\n' * 10)
+    (tmp_path / 'empty.mcap').write_text('')
+    (tmp_path / 'folder').mkdir()
+    os.mkfifo(tmp_path / 'pipe.mcap')
+    for name, expected in [
+        ('none.mcap', 'none.mcap: cannot be read: No such file'),
+        ('text.mcap', 'text.mcap: is not .* MCAP file'),
+        ('empty.mcap', 'empty.mcap'),
+        ('pipe.mcap', 'is not a file; name a .mcap file'),
+        ('folder', r'folder: has no \.mcap file; name the folder of a recording'),
+    ]:
+        with pytest.raises(InputError, match=expected):
+            read_run(tmp_path / name)
+
+
+def test_every_cut_is_told(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write_run(path, numbers(200))
+    whole = path.read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    ends = [*range(1, 400), *range(len(whole) - 40, len(whole))]
+    for size in [*ends, *range(400, len(whole), 997)]:
+        cut.write_bytes(whole[:size])
+        with pytest.raises(InputError, match=r'cut\.mcap: ') as caught:
+            read_run(cut)
+        assert 'masmc recover' in str(caught.value) or size < 8
+
+
+def test_damage_is_told(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write_run(path, numbers(200))
+    damaged = bytearray(path.read_bytes())
+    for offset in range(1000, 20_000, 2000):
+        changed = damaged.copy()
+        changed[offset] ^= 0xFF
+        path.write_bytes(changed)
+        with pytest.raises(InputError, match=r'run\.mcap: the log is damaged'):
+            read_run(path)
+
+
+def test_refused_contents(tmp_path: Path) -> None:
+    def refusal(*channels: tuple[str, str, bytes]) -> str:
+        path = tmp_path / 'run.mcap'
+        with LogWriter(path) as log:
+            for topic, type_name, raw in channels:
+                log.write(log.channel(topic, type_name), 0, 0, raw)
+        with pytest.raises(InputError) as caught:
+            read_run(path)
+        return str(caught.value).removeprefix(f'{path}: ')
+
+    state = JointStateCdr().to_bytes()
+    assert refusal().startswith('no joint_states in it; a run has at least these')
+    assert refusal(('/other_joint_states', STATE, state)).startswith('no joint_states')
+    renamed = refusal(('/robot/js', STATE, state))
+    assert renamed.endswith('; /robot/js, of that type, would have to be called joint_states')
+    two = refusal(('/a/joint_states', STATE, state), ('/b/joint_states', STATE, state))
+    assert two.startswith('states of several robots (/a/joint_states, /b/joint_states)')
+    other = refusal(('/joint_states', ARRAY, EffortCdr().to_bytes()))
+    assert other == f'/joint_states is {ARRAY}; it takes {STATE}'
+    wrong = refusal(('/joint_states', STATE, state), ('/reference', STATE, state))
+    assert wrong == f'/reference is {STATE}; it takes {ARRAY}'
+    camera = refusal(('/joint_states', STATE, foreign_state(0, ['camera'], [1.0])))
+    assert camera.startswith("joint state: joint 'base_x_joint' is missing")
+    moved = refusal(
+        ('/joint_states', STATE, foreign_state(0, ['camera'], [1.0])),
+        ('/base/odom', ODOMETRY, OdometryCdr().to_bytes()),
+    )
+    assert moved.startswith("joint state: joint 'base_x_joint' is missing")
+    assert moved.endswith('; /base/odom, of that type, would have to be called /odom')
+    garbage = refusal(('/joint_states', STATE, state[:40]))
+    assert garbage.startswith('/joint_states: a message cannot be decoded')
+
+
+def test_log_without_definitions(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(STATE, 'ros2idl', b'')
+        channel = writer.register_channel('/joint_states', 'cdr', schema)
+        writer.add_message(channel, 0, foreign_state(0, ['camera'], [1.0]), 0)
+        writer.finish()
+    with pytest.raises(InputError, match="in 'ros2idl'; it takes cdr with ros2msg"):
+        read_run(path)
+
+
+def test_reading_needs_no_ros(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    write_run(path, numbers(10))
+    script = (
+        'import sys\n'
+        'class NoRos:\n'
+        '    def find_spec(self, name, *_):\n'
+        '        package = name.partition(".")[0]\n'
+        '        if package in ("rclpy", "std_msgs", "sensor_msgs", "builtin_interfaces"):\n'
+        '            raise ImportError(name)\n'
+        'sys.meta_path.insert(0, NoRos())\n'
+        'from masmc_ros.log.read.reader import read_run\n'
+        'print(len(read_run(sys.argv[1]).times), "numba" in sys.modules)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script, path],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=Path(__file__).parents[2],
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ('10 False\n', '')
+
+
+def test_reference_window_off_the_grid(tmp_path: Path) -> None:
+    """A real-time run, whose states lie between the samples."""
+    path = tmp_path / 'run.mcap'
+    times = np.arange(5) * 0.1
+    samples = np.zeros((5, 3, 4))
+    samples[:, 0] = times[:, None]
+    samples[:, 1] = 1.0
+    state = JointStateCdr()
+    state.set_stamp(123_456_789)
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        reference = log.channel('/reference', ARRAY)
+        log.write(reference, 0, 0, ReferenceWindow(0, 0.1, samples).to_bytes())
+        log.write(states, 123_456_789, 123_456_789, state.to_bytes())
+    run = read_run(path)
+    assert run.reference is not None
+    expected = [0.123456789] * 4 + [1.0] * 4 + [0.0] * 4
+    assert run.reference[0] == pytest.approx(expected, abs=1e-9)

@@ -1,0 +1,405 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Logs are what ROS 2's tools and the usual viewers read."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
+from masmc_ros import __version__
+from masmc_ros.errors import InputError
+from masmc_ros.log.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.qos import LATCHED, Qos
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.names import JOINTS
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Chunk, ChunkIndex, MessageIndex
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+import yaml
+
+TICKS = 2000
+PER_TICK = 6
+TOPICS = {
+    '/joint_states': STATE,
+    '/effort_commands': ARRAY,
+    '/reference': ARRAY,
+    '/controller/tracking_error': ARRAY,
+    '/controller/sliding_surface': ARRAY,
+    '/controller/parameter_estimate': ARRAY,
+    '/controller/raw_torque': ARRAY,
+}
+
+
+@pytest.fixture(scope='module')
+def run() -> Numbers:
+    """Return a run of some seconds, so that it has several chunks."""
+    return numbers(TICKS, period_ns=7_000_000)
+
+
+@pytest.fixture(scope='module')
+def log(run: Numbers, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return its log."""
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    write_run(path, run)
+    return path
+
+
+def test_header_and_channels(log: Path) -> None:
+    with log.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        header = reader.get_header()
+        summary = reader.get_summary()
+    assert header.profile == 'ros2'
+    assert header.library == f'masmc_ros {__version__}'
+    assert summary is not None
+    assert {each.topic for each in summary.channels.values()} == set(TOPICS)
+    for channel in summary.channels.values():
+        type_name = TOPICS[channel.topic]
+        schema = summary.schemas[channel.schema_id]
+        assert channel.message_encoding == 'cdr'
+        assert (schema.name, schema.encoding) == (type_name, 'ros2msg')
+        assert schema.data.decode() == definition(type_name).text
+        assert channel.metadata['topic_type_hash'] == definition(type_name).type_hash
+        assert set(channel.metadata) == {'topic_type_hash', 'offered_qos_profiles'}
+    assert len(summary.schemas) == 2
+
+
+def test_statistics_and_indexes(log: Path) -> None:
+    with log.open('rb') as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        stream.seek(0)
+        records = list(StreamReader(stream, emit_chunks=True).records)
+    assert summary is not None
+    statistics = summary.statistics
+    assert statistics is not None
+    windows = TICKS // 50
+    assert statistics.message_count == PER_TICK * TICKS + windows
+    assert sorted(statistics.channel_message_counts.values()) == [windows] + [TICKS] * PER_TICK
+    assert (statistics.message_start_time, statistics.message_end_time) == (
+        0,
+        (TICKS - 1) * 7_000_000,
+    )
+    assert (statistics.metadata_count, statistics.attachment_count) == (1, 1)
+    chunks = [each for each in records if isinstance(each, Chunk)]
+    assert len(chunks) == len(summary.chunk_indexes) == statistics.chunk_count > 3
+    assert {chunk.compression for chunk in chunks} == {'zstd'}
+    assert all(chunk.uncompressed_size < CHUNK_SIZE + 10_000 for chunk in chunks)
+    assert any(isinstance(each, MessageIndex) for each in records)
+    assert all(
+        isinstance(each, ChunkIndex) and each.message_index_offsets
+        for each in summary.chunk_indexes
+    )
+    assert len(summary.metadata_indexes) == len(summary.attachment_indexes) == 1
+
+
+def test_messages_are_in_the_order_of_their_times(log: Path) -> None:
+    with log.open('rb') as stream:
+        read = make_reader(stream).iter_messages(
+            topics=[topic for topic in TOPICS if topic != '/reference'], log_time_order=False
+        )
+        messages = [(channel.topic, message) for _, channel, message in read]
+    times = [message.log_time for _, message in messages]
+    assert times == sorted(times)
+    assert [message.publish_time for _, message in messages] == times
+    # Those of one tick come in the order in which the sources were given.
+    assert [topic for topic, _ in messages[-PER_TICK:]] == [
+        topic for topic in TOPICS if topic != '/reference'
+    ]
+
+
+def test_decoded_by_the_definitions_in_the_log(log: Path, run: Numbers) -> None:
+    with log.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        messages = list(reader.iter_decoded_messages(topics=['/joint_states']))
+        commands = list(reader.iter_decoded_messages(topics=['/effort_commands']))
+        estimates = list(reader.iter_decoded_messages(topics=['/controller/parameter_estimate']))
+    assert [tuple(each.decoded_message.name) for each in messages] == [JOINTS] * TICKS
+    for field in ('position', 'velocity', 'effort'):
+        found = [list(getattr(each.decoded_message, field)) for each in messages]
+        assert np.array_equal(found, getattr(run, field))
+    for index, each in enumerate(commands):
+        stamp = int(run.stamps[index])
+        dimension = each.decoded_message.layout.dim[0]
+        assert dimension.label == f'effort@{stamp // 10**9}.{stamp % 10**9:09d}'
+        assert each.message.log_time == stamp
+        assert list(each.decoded_message.data) == run.torque[index].tolist()
+    assert [list(each.decoded_message.data)[2:] for each in estimates] == run.telemetry[
+        'parameter_estimate'
+    ].tolist()
+
+
+def test_opened_by_rosbags(log: Path, run: Numbers) -> None:
+    with AnyReader([log]) as reader:
+        assert {each.topic: each.msgtype for each in reader.connections} == TOPICS
+        assert reader.message_count == PER_TICK * TICKS + TICKS // 50
+        [states] = [each for each in reader.connections if each.topic == '/joint_states']
+        [profile] = states.ext.offered_qos_profiles
+        assert profile.history is QosHistory.KEEP_LAST
+        assert profile.reliability is QosReliability.RELIABLE
+        assert profile.durability is QosDurability.TRANSIENT_LOCAL
+        positions = [
+            reader.deserialize(raw, connection.msgtype).position
+            for connection, _, raw in reader.messages([states])
+        ]
+    assert np.array_equal(positions, run.position)
+
+
+def test_qos_is_written_as_rosbag2_does(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    with LogWriter(path) as log:
+        log.channel('/robot_description', 'std_msgs/msg/String', LATCHED, Qos(depth=5))
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    text = summary.channels[1].metadata['offered_qos_profiles']
+    assert text.startswith('- history: keep_last\n  depth: 1\n  reliability: reliable\n')
+    infinite = {'sec': 9223372036, 'nsec': 854775807}
+    latched = {
+        'history': 'keep_last',
+        'depth': 1,
+        'reliability': 'reliable',
+        'durability': 'transient_local',
+        'deadline': infinite,
+        'lifespan': infinite,
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': infinite,
+        'avoid_ros_namespace_conventions': False,
+    }
+    assert yaml.safe_load(text) == [latched, latched | {'depth': 5, 'durability': 'volatile'}]
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+def test_compressions_hold_the_same(tmp_path: Path, compression: str) -> None:
+    path = tmp_path / 'log.mcap'
+    run = numbers(300)
+    with LogWriter(path, compression) as log:
+        write_numbers(log, run, window=50, everything=True)
+    assert np.array_equal(read_run(path).position, run.position)
+
+
+def test_unknown_compression_writes_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="compression 'zstdd' is unknown: did you mean zstd"):
+        LogWriter(tmp_path / 'log.mcap', 'zstdd')
+    assert not list(tmp_path.iterdir())
+
+
+def test_unknown_type_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='JointStat'), LogWriter(tmp_path / 'log.mcap') as log:
+        log.channel('/joint_states', 'sensor_msgs/msg/JointStat')
+    assert not list(tmp_path.iterdir())
+
+
+def test_computed_run_appears_when_it_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    path.write_bytes(b'an older one')
+    with LogWriter(path) as log:
+        write_numbers(log, numbers(10), window=5, everything=True)
+        log.commit()
+        assert path.read_bytes() == b'an older one'
+    assert len(read_run(path).times) == 10
+    assert [each.name for each in tmp_path.iterdir()] == ['log.mcap']
+
+
+def write_and_fail(path: Path, *, live: bool) -> None:
+    """Start a log that an exception ends."""
+    with LogWriter(path, live=live) as log:
+        assert path.exists()
+        write_numbers(log, numbers(10), window=5, everything=True)
+        raise ZeroDivisionError
+
+
+def test_computed_run_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    path.write_bytes(b'an older one')
+    with pytest.raises(ZeroDivisionError):
+        write_and_fail(path, live=False)
+    assert path.read_bytes() == b'an older one'
+    assert [each.name for each in tmp_path.iterdir()] == ['log.mcap']
+
+
+def test_live_recording_that_fails_keeps_what_was_recorded(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    with pytest.raises(ZeroDivisionError):
+        write_and_fail(path, live=True)
+    assert len(read_run(path).times) == 10
+
+
+def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    log = LogWriter(path)
+    write_numbers(log, numbers(10), window=5, everything=True)
+    log.close()
+    before = path.read_bytes()
+    log.close()
+    assert path.read_bytes() == before
+
+
+def written_by_the_library(path: Path, compression: str, sources: list[ChannelRows]) -> None:
+    """Write a log message by message with the format's own library."""
+    kinds = {'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4}
+    text, type_hash = definition(STATE)
+    with path.open('wb') as stream:
+        writer = Writer(
+            stream,
+            chunk_size=CHUNK_SIZE,
+            compression=kinds.get(compression, CompressionType.NONE),
+        )
+        writer.start('ros2', f'masmc_ros {__version__}')
+        schema = writer.register_schema(STATE, 'ros2msg', text.encode())
+        for topic in ('/one', '/other'):
+            metadata = {'offered_qos_profiles': Qos().to_yaml(), 'topic_type_hash': type_hash}
+            writer.register_channel(topic, 'cdr', schema, metadata)
+        writer.add_metadata('origin', {'law': 'smc'})
+        writer.add_message(2, 7, b'first', 5)
+        messages = [
+            (int(time), place, index)
+            for place, source in enumerate(sources)
+            for index, time in enumerate(source.times)
+        ]
+        for time, place, index in sorted(messages):
+            source = sources[place]
+            writer.add_message(source.channel, time, source.rows[index].tobytes(), time)
+        writer.flush()
+        writer.add_attachment(3, 3, 'robot.urdf', 'application/xml', b'<robot/>')
+        writer.add_message(1, 8, b'last', 9)
+        writer.finish()
+
+
+@pytest.mark.parametrize('compression', COMPRESSIONS)
+@given(data=st.data())
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+def test_the_bytes_are_those_of_the_library(
+    tmp_path: Path, compression: str, data: st.DataObject
+) -> None:
+    """One by one or in bulk, whatever the sizes: also messages larger than a chunk."""
+    random = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    sizes = data.draw(st.lists(st.sampled_from([0, 1, 60, 5_000, 300_000]), max_size=5))
+    sources = []
+    for size in sizes:
+        count = int(random.integers(0, 300_000 // (size + 100) + 3))
+        times = np.sort(random.integers(0, 1000, count))
+        rows = random.integers(0, 3, (count, size), dtype=np.uint8)
+        sources.append(ChannelRows(int(random.integers(1, 3)), times, rows))
+    theirs, ours = tmp_path / 'theirs.mcap', tmp_path / 'ours.mcap'
+    written_by_the_library(theirs, compression, sources)
+    with LogWriter(ours, compression) as log:
+        one, other = (log.channel(topic, STATE, Qos()) for topic in ('/one', '/other'))
+        log.metadata('origin', {'law': 'smc'})
+        log.write(other, 7, 5, b'first')
+        log.write_rows(sources)
+        log.commit()
+        log.attach('robot.urdf', 'application/xml', b'<robot/>', 3)
+        log.write(one, 8, 9, b'last')
+    assert ours.read_bytes() == theirs.read_bytes()
+
+
+def test_nothing_to_write_in_bulk(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    with LogWriter(path) as log:
+        log.write_rows([])
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == 0
+
+
+def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
+    path = tmp_path / 'log.mcap'
+    script = (
+        'import sys, time\n'
+        'from masmc_ros.log.write.writer import LogWriter\n'
+        'log = LogWriter(sys.argv[1], live=True)\n'
+        'channel = log.channel("/text", "std_msgs/msg/String")\n'
+        'for number in range(100):\n'
+        '    log.write(channel, number, number, b"message")\n'
+        'log.commit()\n'
+        'print("flushed", flush=True)\n'
+        'time.sleep(60)\n'
+    )
+    process = subprocess.Popen(
+        [sys.executable, '-c', script, path],
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b'flushed\n'
+        process.send_signal(signal.SIGKILL)
+        process.wait(10)
+    finally:
+        process.kill()
+        process.wait()
+    with path.open('rb') as stream:
+        chunks = (
+            record
+            for record in StreamReader(stream, emit_chunks=True).records
+            if isinstance(record, Chunk)
+        )
+        chunk = next(chunks)
+        with pytest.raises(EndOfFile):
+            next(chunks)
+    assert (chunk.message_start_time, chunk.message_end_time) == (0, 99)
+    with pytest.raises(InputError, match='cut off'):
+        read_run(path)
+
+
+def test_refused_places(tmp_path: Path) -> None:
+    (tmp_path / 'file').write_text('')
+    os.mkfifo(tmp_path / 'pipe')
+    for path, expected in [
+        (tmp_path, 'is a folder; name the file to write'),
+        (tmp_path / 'pipe', 'is not a file'),
+        (tmp_path / 'none' / 'log.mcap', r'folder .*none does not exist; create it'),
+        (tmp_path / 'file' / 'log.mcap', r'folder .*file is not a folder'),
+        (tmp_path / ('n' * 300), 'cannot be written'),
+    ]:
+        for live in (False, True):
+            with pytest.raises(InputError, match=expected):
+                LogWriter(path, live=live)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ['file', 'pipe']
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
+def test_folder_that_is_not_ours(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(InputError, match='cannot be written; name a file'):
+            LogWriter(tmp_path / 'log.mcap')
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_twenty_seconds_at_a_kilohertz_are_written_fast(tmp_path: Path) -> None:
+    run = numbers(20_001)
+    start = time.process_time()
+    write_run(tmp_path / 'log.mcap', run)
+    assert time.process_time() - start < 2.0

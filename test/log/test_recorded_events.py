@@ -1,0 +1,189 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Resets and activations change the torque: a run's log tells them, so that it can be redone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    EVENTS,
+    RESUMED,
+)
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.messages.parameter_record import ParameterRecord, read_record
+from masmc_ros.scenario.scenario import load_scenario, logged_scenario
+import numpy as np
+import pytest
+
+PAPER = str(Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml')
+LEARNING = (
+    'duration=0.4',
+    'controller.gamma=0.01',
+    'controller.switching=implicit',
+    'controller.observer_gain=0.5',
+    'controller.torque_rate_limit=300',
+)
+"""theta_hat and disturbance estimate move fast; what was commanded matters."""
+
+
+def run_with(*changes: Change, settings: tuple[str, ...] = ()) -> Stretch:
+    (run,) = Simulation(load_scenario(PAPER, (*LEARNING, *settings)), changes).run()
+    return run
+
+
+def test_a_deactivated_controller_commands_nothing_and_begins_anew() -> None:
+    run = run_with(Change(100, {}, DEACTIVATED), Change(180, {}, ACTIVATED))
+    through = run_with()
+    rest = slice(100, 180)
+    assert (run.torque[:100] == through.torque[:100]).all()
+    assert not run.torque[rest].any()
+    assert not run.applied[101:181].any()
+    assert (run.active == ((np.arange(401) < 100) | (np.arange(401) >= 180))).all()
+    assert np.isnan(run.error[rest]).all()
+    nominal = run.estimate[0]
+    assert (run.estimate[99] != nominal).any()
+    assert (run.estimate[180] == nominal).all()
+    # The limit of the rate counts from what was commanded: nothing.
+    assert (np.abs(run.torque[180]) <= 0.3 + 1e-12).all()
+
+
+def test_a_resumed_controller_knows_what_it_had_learned() -> None:
+    run = run_with(Change(100, {}, DEACTIVATED), Change(180, {}, RESUMED))
+    assert (run.estimate[180] == run.estimate[100]).all()
+    assert (run.estimate[100] != run.estimate[0]).any()
+    assert (np.abs(run.torque[180]) <= 0.3 + 1e-12).all()
+
+
+@pytest.mark.parametrize('source', ['measured', 'estimated'])
+def test_a_reset_of_the_adaptation_forgets_what_was_learned_alone(source: str) -> None:
+    settings = (
+        f'controller.velocity_source={source}',
+        'controller.torque_rate_limit=1000',
+        'controller.gamma=1',
+    )
+    run = run_with(Change(200, {}, ADAPTATION_RESET), settings=settings)
+    through = run_with(settings=settings)
+    assert (run.torque[:200] == through.torque[:200]).all()
+    assert (run.estimate[200] == run.estimate[0]).all()
+    assert run.active.all()
+    # Neither the rate limit nor the velocities begin anew: the torque does not step.
+    assert (np.abs(run.torque[200] - run.torque[199]) <= 1.0 + 1e-12).all()
+    assert run.surface[200] == pytest.approx(through.surface[200], abs=1e-12)
+
+
+def logged(tmp_path: Path, *settings: str, changes: tuple[Change, ...] = ()) -> Path:
+    """Simulate to a log what the nodes would record."""
+    from masmc_ros.log.write.simulated import SimulationLog
+
+    values = load_scenario(PAPER, (*LEARNING, *settings))
+    simulation = Simulation(values, changes)
+    path = tmp_path / 'run.mcap'
+    with SimulationLog(path, simulation, values, {}) as log:
+        for stretch in simulation.run(block=150):
+            log.write(stretch)
+    return path
+
+
+def test_the_log_of_a_simulation_tells_events_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = (
+        Change(50, {'k_s1': (80.0,) * 4}),
+        Change(100, {}, DEACTIVATED),
+        Change(180, {'torque_limit': (3.0, 3.0, 5.0, 2.0)}),
+        Change(180, {}, ACTIVATED),
+        Change(300, {}, ADAPTATION_RESET),
+    )
+    path = logged(tmp_path, changes=changes)
+    run = read_run(path)
+    assert [(each.tick, each.event) for each in run.changes] == [
+        (change.tick, change.event) for change in changes
+    ]
+    assert run.tracking_error is not None
+    assert len(run.tracking_error) == 401 - 80
+    assert np.isfinite(run.tracking_error).all()
+    assert main(['simulate', str(path)]) == 0
+    assert 'all 401 states and 401 commands' in capsys.readouterr().out
+    assert from_metadata(run) == list(run.changes)
+
+
+def from_metadata(run: Run) -> list[ParameterRecord]:
+    """Return what the metadata say changed, as for a log without the topics."""
+    from masmc_ros.log.read.parameter_history import _from_metadata
+    from masmc_ros.log.read.scan import scan
+
+    history = _from_metadata(scan(run.path))
+    return [
+        each._replace(parameters=mine.parameters)
+        for each, mine in zip(history.changes, run.changes, strict=True)
+    ]
+
+
+def test_a_file_whose_controller_waits_is_simulated_as_if_enabled_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / 'run.mcap'
+    settings = ['--set', 'duration=0.1', '--set', 'controller.active_on_start=false']
+    assert main(['simulate', PAPER, *settings, '--output', str(log)]) == 0
+    run = read_run(log)
+    assert run.torque.any(axis=1).all()
+    assert [(each.tick, each.event) for each in run.changes] == [(0, ACTIVATED)]
+    assert main(['simulate', str(log)]) == 0
+    assert 'all 101 states and 101 commands' in capsys.readouterr().out
+
+
+def test_events_of_another_version_are_not_passed_over(tmp_path: Path) -> None:
+    run = read_run(logged(tmp_path, changes=(Change(5, {}, ADAPTATION_RESET),)))
+    strange = replace(run, changes=(run.changes[0]._replace(event='dreamt'),))
+    with pytest.raises(InputError, match=r"event 'dreamt' of the controller at tick 5; expected"):
+        logged_scenario(strange)
+
+
+def test_a_path_that_begins_later_than_the_robot_is_no_simulation(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'start_time = 5\.0: a simulated path begins with'):
+        load_scenario(PAPER, ['trajectory.start_time=5.0'])
+    load_scenario(PAPER, ['trajectory.start_time=-1.0'])
+    run = read_run(logged(tmp_path))
+    assert run.reference is not None
+    late = run.reference.copy()
+    late[run.times < 0.1] = np.nan
+    with pytest.raises(InputError, match=r'its path begins at t = 0\.1 s; only a run'):
+        logged_scenario(replace(run, reference=late))
+    logged_scenario(run)
+
+
+@pytest.mark.parametrize('event', EVENTS)
+def test_records_tell_events(event: str) -> None:
+    record = ParameterRecord('/controller', 5, 5_000_000, {'k_s1': 1.0}, (), event)
+    assert read_record(record.to_text()) == record
+    assert not record.is_start
+    assert record.changes == {}
+
+
+def test_records_without_events_are_read() -> None:
+    text = '{"node": "/a", "tick": 0, "stamp": 0, "parameters": {}, "changed": []}'
+    record: Any = read_record(text)
+    assert record.event == ''
+    assert record.is_start

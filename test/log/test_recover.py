@@ -1,0 +1,383 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Logs that were cut off anywhere are completed, with everything that was whole in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+import fcntl
+from pathlib import Path
+import random
+
+from logged_runs import ARRAY, numbers, STATE, write_run
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.log.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.qos import Qos
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.recover.recover import is_complete, recover, recover_all
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.effort import EFFORT
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
+from mcap_ros2.decoder import DecoderFactory
+import pytest
+from rosbags.highlevel import AnyReader
+from whole_log import Messages, read
+
+TICKS = 160
+COMMIT = 20
+"""Ticks that a recorder commits together, one chunk each."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A complete log: its bytes, its messages in the order of the file, its chunks."""
+
+    data: bytes
+    messages: Messages
+    chunks: list[ChunkIndex]
+    counts: list[int]
+    """Messages of each chunk."""
+
+    def whole_chunks(self, size: int) -> int:
+        """Return how many chunks are whole in the first `size` bytes."""
+        return sum(c.chunk_start_offset + c.chunk_length <= size for c in self.chunks)
+
+
+def record(path: Path, compression: str) -> None:
+    """Record a short run as a recorder does: an opening, a chunk for each commit, an end."""
+    run = numbers(TICKS)
+    with LogWriter(path, compression, live=True) as log:
+        log.metadata('origin', {'law': 'smc'})
+        log.attach('paper.yaml', 'application/yaml', b'plant: {}')
+        states = log.channel('/joint_states', STATE, Qos())
+        commands = log.channel('/effort_commands', ARRAY, Qos())
+        rows = run.states()
+        (torques,) = EFFORT.messages(run.stamps, run.torque)
+        for first in range(0, TICKS, COMMIT):
+            part = slice(first, first + COMMIT)
+            sources = [ChannelRows(states, run.stamps[part], rows[part])]
+            sources.append(ChannelRows(commands, run.stamps[part], torques.messages[part]))
+            log.write_rows(sources)
+            log.commit()
+        log.metadata('parameters', {'plant': '{}'})
+
+
+def whole(path: Path) -> Whole:
+    """Return what is in a complete log."""
+    messages, chunks = read(path)
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        counts = [0] * len(chunks)
+        for _, _, message in reader.iter_messages(log_time_order=False):
+            for index, chunk in enumerate(chunks):
+                if chunk.message_start_time <= message.log_time <= chunk.message_end_time:
+                    counts[index] += 1
+                    break
+    assert sum(counts) == len(messages)
+    return Whole(path.read_bytes(), messages, chunks, counts)
+
+
+@pytest.fixture(scope='module', params=list(COMPRESSIONS))
+def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    path = tmp_path_factory.mktemp('whole') / 'run.mcap'
+    record(path, request.param)
+    found = whole(path)
+    assert len(found.chunks) == TICKS // COMMIT
+    assert found.counts == [2 * COMMIT] * len(found.chunks)
+    return found
+
+
+def cuts(size: int) -> Iterator[int]:
+    """Return places: every one near the ends and 200 others."""
+    yield from range(64)
+    yield from range(size - 64, size)
+    draw = random.Random(size)
+    yield from (draw.randrange(size) for _ in range(200))
+
+
+def test_a_log_that_is_cut_off_anywhere(log: Whole, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    for size in cuts(len(log.data)):
+        path.write_bytes(log.data[:size])
+        found = recover(path)
+        assert found is not None, size
+        completed = path.read_bytes()
+        messages, _ = read(path)
+        assert messages == log.messages[: len(messages)], size
+        chunks = log.whole_chunks(size)
+        assert len(messages) >= sum(log.counts[:chunks]), size
+        if chunks:
+            kept = log.chunks[chunks - 1].chunk_start_offset
+            assert completed[:kept] == log.data[:kept], size
+        times = [time for _, time, _ in messages] or [0]
+        assert found[:3] == (len(messages), min(times), max(times)), size
+        assert is_complete(path), size
+        assert recover(path) is None, size
+        assert path.read_bytes() == completed, size
+
+
+def test_messages_of_the_chunk_that_was_cut_off_are_kept(log: Whole, tmp_path: Path) -> None:
+    """Of an uncompressed one all but the last; compressors hold back a block."""
+    path = tmp_path / 'run.mcap'
+    chunk = log.chunks[3]
+    path.write_bytes(log.data[: chunk.chunk_start_offset + chunk.chunk_length - 1])
+    recover(path)
+    messages, _ = read(path)
+    before = sum(log.counts[:3])
+    if chunk.compression in ('', 'none'):
+        assert len(messages) == before + log.counts[3] - 1
+    else:
+        assert len(messages) >= before
+
+
+def test_other_readers_open_what_was_recovered(log: Whole, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    size = len(log.data)
+    for cut in (size // 3, size // 2, 4 * size // 5, size - 1):
+        path.write_bytes(log.data[:cut])
+        recover(path)
+        messages, _ = read(path)
+        with path.open('rb') as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            decoded = list(reader.iter_decoded_messages(log_time_order=False))
+        assert [each.message.data for each in decoded] == [data for _, _, data in messages]
+        stamps = [
+            each.decoded_message.header.stamp.nanosec
+            for each in decoded
+            if each.channel.topic == '/joint_states'
+        ]
+        assert stamps == [time for topic, time, _ in messages if topic == '/joint_states']
+        with AnyReader([path]) as bag:
+            assert bag.message_count == len(messages)
+            for connection, _, raw in bag.messages():
+                bag.deserialize(raw, connection.msgtype)
+        assert len(read_run(path).times) == len(stamps)
+
+
+def test_seeking_by_time_works_in_what_was_recovered(log: Whole, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(log.data[: 3 * len(log.data) // 4])
+    recover(path)
+    messages, _ = read(path)
+    last = max(time for _, time, _ in messages)
+    begin, end = last // 3, 2 * last // 3
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        part = [
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in reader.iter_messages(start_time=begin, end_time=end)
+        ]
+        (topic,) = {
+            channel.topic
+            for _, channel, _ in reader.iter_messages(topics='/joint_states', start_time=begin)
+        }
+    assert part
+    assert sorted(part) == sorted(m for m in messages if begin <= m[1] < end)
+    assert topic == '/joint_states'
+
+
+def test_attachments_and_metadata_survive(log: Whole, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(log.data[: log.chunks[2].chunk_start_offset])
+    recover(path)
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        (attachment,) = reader.iter_attachments()
+        (metadata,) = reader.iter_metadata()
+    assert (attachment.name, attachment.media_type) == ('paper.yaml', 'application/yaml')
+    assert attachment.data == b'plant: {}'
+    assert (metadata.name, metadata.metadata) == ('origin', {'law': 'smc'})
+    # With everything but the end there, the closing record is too.
+    path.write_bytes(log.data[:-1])
+    recover(path)
+    with path.open('rb') as stream:
+        names = [each.name for each in make_reader(stream).iter_metadata()]
+    assert names == ['origin', 'parameters']
+
+
+@pytest.mark.slow
+def test_damaged_bytes_keep_what_is_before_and_bring_nothing_wrong(
+    log: Whole, tmp_path: Path
+) -> None:
+    path = tmp_path / 'run.mcap'
+    first, last = log.chunks[0], log.chunks[-1]
+    inside = range(first.chunk_start_offset, last.chunk_start_offset + last.chunk_length)
+    draw = random.Random(2)
+    for _ in range(700):
+        place = draw.choice(inside)
+        data = bytearray(log.data[: draw.choice([len(log.data) - 1, place + 1000])])
+        data[place] ^= draw.randrange(1, 256)
+        path.write_bytes(data)
+        recover(path)
+        completed = path.read_bytes()
+        messages, _ = read(path)
+        chunks = log.whole_chunks(place)
+        assert len(messages) >= sum(log.counts[:chunks]), place
+        if chunks:
+            kept = log.chunks[chunks - 1].chunk_start_offset
+            assert completed[:kept] == log.data[:kept], place
+            before = sum(log.counts[:chunks])
+            assert messages[:before] == log.messages[:before], place
+        assert recover(path) is None, place
+
+
+def test_a_whole_chunk_with_a_wrong_checksum_is_left_out(tmp_path: Path) -> None:
+    """Its messages must not come back with a checksum that makes them look right."""
+    path = tmp_path / 'run.mcap'
+    record(path, 'none')
+    log = whole(path)
+    chunk = log.chunks[4]
+    data = bytearray(log.data[:-1])
+    data[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 1
+    path.write_bytes(data)
+    recover(path)
+    messages, _ = read(path)
+    assert messages == log.messages[: sum(log.counts[:4])] + log.messages[sum(log.counts[:5]):]
+
+
+def test_chunks_of_a_long_run(tmp_path: Path) -> None:
+    """Chunks of the usual size, and windows of the reference among the messages."""
+    path = tmp_path / 'run.mcap'
+    write_run(path, numbers(1500))
+    log = whole_by_offset(path)
+    assert len(log.chunks) > 3
+    draw = random.Random(3)
+    for _ in range(12):
+        size = draw.randrange(len(log.data))
+        path.write_bytes(log.data[:size])
+        recover(path)
+        messages, _ = read(path)
+        assert messages == log.messages[: len(messages)]
+        assert len(messages) >= sum(log.counts[: log.whole_chunks(size)])
+
+
+def whole_by_offset(path: Path) -> Whole:
+    """Return what is in a log whose chunks share times."""
+    messages, chunks = read(path)
+    data = path.read_bytes()
+    counts = []
+    for chunk in chunks:
+        cut = path.with_name('cut.mcap')
+        cut.write_bytes(data[: chunk.chunk_start_offset + chunk.chunk_length])
+        recover(cut)
+        counts.append(len(read(cut)[0]) - sum(counts))
+    assert sum(counts) == len(messages)
+    return Whole(data, messages, chunks, counts)
+
+
+def test_a_complete_log_is_left_as_it_is(log: Whole, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(log.data)
+    before = path.stat()
+    assert recover(path) is None
+    assert path.read_bytes() == log.data
+    assert path.stat().st_mtime_ns == before.st_mtime_ns
+
+
+@pytest.fixture
+def torn(tmp_path: Path) -> Path:
+    """Return a log that was cut off."""
+    path = tmp_path / 'run.mcap'
+    record(path, 'zstd')
+    path.write_bytes(path.read_bytes()[:-1000])
+    return path
+
+
+def missing(path: Path) -> Path:
+    return path.with_name('nothing.mcap')
+
+
+def folder(path: Path) -> Path:
+    return path.parent
+
+
+def foreign(path: Path) -> Path:
+    path.write_text('plant: {}\n' * 100)
+    return path
+
+
+@pytest.mark.parametrize(
+    ('make', 'expected'),
+    [
+        (missing, 'does not exist; name a .mcap file'),
+        (folder, 'is not a file; name a .mcap file'),
+        (foreign, 'is not an MCAP file'),
+    ],
+)
+def test_refused(torn: Path, make: Callable[[Path], Path], expected: str) -> None:
+    path = make(torn)
+    before = path.read_bytes() if path.is_file() else None
+    with pytest.raises(InputError) as error:
+        recover(path)
+    assert str(error.value).startswith(f'{path}: {expected}')
+    assert '\n' not in str(error.value)
+    assert (path.read_bytes() if path.is_file() else None) == before
+
+
+def test_a_log_that_is_being_recorded_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    with LogWriter(path, live=True) as writer:
+        channel = writer.channel('/text', 'std_msgs/msg/String')
+        writer.write(channel, 1, 1, b'message')
+        writer.commit()
+        before = path.read_bytes()
+        with pytest.raises(InputError, match='is being recorded; recover it when'):
+            recover(path)
+        assert list(recover_all(tmp_path)) == []
+        assert path.read_bytes() == before
+    assert recover(path) is None
+
+
+def test_all_logs_of_a_folder(torn: Path) -> None:
+    """Those in recordings below it as well; those of others are not touched."""
+    data = torn.read_bytes()
+    below = torn.parent / 'run'
+    below.mkdir()
+    (below / 'run_1.mcap').write_bytes(data)
+    foreign_log = torn.with_name('foreign.mcap')
+    foreign_log.write_bytes(data.replace(b'masmc_ros', b'other_ros', 1))
+    (torn.with_name('notes.mcap')).write_text('no log')
+    held = torn.with_name('held.mcap')
+    held.write_bytes(data)
+    with held.open('r+b') as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        found = {path.name for path, _ in recover_all(torn.parent)}
+    assert found == {'run.mcap', 'run_1.mcap'}
+    assert held.read_bytes() == data
+    assert foreign_log.read_bytes() == data.replace(b'masmc_ros', b'other_ros', 1)
+    assert list(recover_all(below)) == []
+
+
+def test_on_the_command_line(torn: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['recover', str(torn)]) == 0
+    out, err = capsys.readouterr()
+    messages = len(read(torn)[0])
+    assert out.startswith(f'{torn}: completed with {messages} messages over 0.1')
+    assert (out.count('\n'), err) == (1, '')
+    assert main(['recover', str(torn)]) == 0
+    assert capsys.readouterr().out == f'{torn}: is complete\n'
+
+
+def test_one_that_cannot_be_recovered_does_not_hold_up_the_others(
+    torn: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['recover', str(missing(torn)), str(torn)]) == 2
+    out, err = capsys.readouterr()
+    assert err.startswith(f'masmc recover: {missing(torn)}: does not exist')
+    assert err.count('\n') == 1
+    assert f'{torn}: completed' in out

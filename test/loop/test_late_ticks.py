@@ -1,0 +1,130 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a busy machine does to a run by the wall clock: the bounds of docs/real_time.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from delayed_loop import Delay, delayed_run, DelayedRun
+from masmc_ros.errors import InputError
+from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
+from masmc_ros.params.declaration import check_all
+from masmc_ros.robot.two_link.names import TORQUE_LIMIT, TWO_LINK
+from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.scenario.scenario import load_scenario, Values
+import numpy as np
+import pytest
+from robots import DEFAULT, Machine
+from scenario import Scenario
+from test_stability_bounds import CHATTERING, SMOOTH, variation
+
+CONFIG = Path(__file__).parents[2] / 'config'
+NODES = ('plant', 'trajectory', 'controller')
+END_EFFECTOR, PLATFORM = [0, 1], [2, 3]
+
+
+def defaults() -> dict[str, Values]:
+    """Return what nodes have that are started without a file."""
+    return {node: check_all(declared(node), {}) for node in NODES}
+
+
+def up_to(seconds: float, seed: int, *, share: float = 1.0) -> Delay:
+    """Return delays of up to so many s at random, of a share of the ticks."""
+    random = np.random.default_rng(seed)
+    return lambda: random.uniform(0.0, seconds) if random.random() < share else 0.0
+
+
+def late(values: dict[str, Values], seconds: float, most: float, seed: int) -> DelayedRun:
+    """Run while every tick of the plant and every answer is late by up to `most` s."""
+    return delayed_run(values, seconds, up_to(most, seed), up_to(most, seed + 1000))
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_the_defaults_bear_ticks_that_are_10_ms_late(seed: int) -> None:
+    """For 60 s, with the errors of punctual ticks."""
+    run = late(defaults(), 60.0, 0.010, seed)
+    assert run.late > 500
+    assert (run.largest_torque <= TORQUE_LIMIT).all()
+    assert run.most(END_EFFECTOR, 1000) < 5.0
+    assert run.most(PLATFORM, 1000) < 1.5
+
+
+@pytest.mark.parametrize('most', [0.03, 0.1])
+def test_and_stay_bounded_where_they_are_100_ms_late(most: float) -> None:
+    """The plant's time falls behind the wall clock then."""
+    run = late(defaults(), 60.0, most, seed=1)
+    assert run.late > 1000
+    assert (run.largest_torque <= TORQUE_LIMIT).all()
+    assert run.most(END_EFFECTOR, 1000) < 40.0
+    assert run.most(PLATFORM, 1000) < 40.0
+
+
+def busy(values: dict[str, Values], seed: int) -> DelayedRun:
+    """Run 20 s at 1 kHz while three answers in ten are late by up to 20 ms."""
+    return delayed_run(values, 20.0, up_to(0.0003, seed), up_to(0.02, seed + 1000, share=0.3))
+
+
+def test_the_papers_law_does_not_and_lasts_with_limits() -> None:
+    paper = load_scenario(str(CONFIG / 'paper.yaml'))
+    with pytest.raises(InputError, match='diverged'):
+        busy(paper, seed=0)
+    on_top = load_scenario(str(CONFIG / 'realtime.yaml'))
+    for node, names in (
+        ('plant', ['torque_limit']),
+        (
+            'controller',
+            [
+                'torque_limit',
+                'leakage',
+                'projection.lower',
+                'projection.upper',
+                'freeze_when_saturated',
+            ],
+        ),
+    ):
+        paper[node].update({name: on_top[node][name] for name in names})
+    run = busy(paper, seed=0)
+    assert (run.largest_torque <= TORQUE_LIMIT).all()
+    assert run.most(END_EFFECTOR, 10_000) < 300.0
+
+
+def test_how_long_a_torque_may_be_held_under_a_layer() -> None:
+    """The bound that the controller warns of is where the law begins to chatter."""
+    inertia = 0.655  # least along the path, kg
+    hold = longest_hold(inertia, 100.0, 100.0, 0.2)
+    assert hold == pytest.approx(0.00218, rel=1e-2)
+    assert thinnest_layer(inertia, 100.0, 100.0, hold) == pytest.approx(0.2)
+    assert thinnest_layer(inertia, 100.0, 100.0, 0.014) == np.inf
+
+    def held(seconds: float) -> Scenario:
+        return Scenario(
+            'smc',
+            period=seconds,
+            steps=round(seconds / 0.0005),
+            ticks=round(20.0 / seconds) + 1,
+        )
+
+    assert variation(held(0.002)) < SMOOTH
+    assert not variation(held(0.0025)) < CHATTERING
+
+
+def test_the_least_inertia_is_that_of_the_default_robot() -> None:
+    machine: Any = Machine(DEFAULT)
+    position = np.array([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2])
+    theta, geometry = np.array(machine.theta), np.array(machine.geometry)
+    found = least_task_inertia(TWO_LINK, theta, geometry, position)
+    assert 0.6 < found < 1.0

@@ -1,0 +1,78 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The kernels of all laws are at hand before a live change asks for one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+import subprocess
+
+from masmc_ros.law import registry
+from masmc_ros.law.smc import SMC
+from masmc_ros.loop import preparation
+from masmc_ros.loop.closed_loop import control_tick, settle
+from masmc_ros.loop.controller import Controller
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+
+PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
+PATIENCE = 60.0
+
+
+def test_a_live_change_compiles_nothing() -> None:
+    preparation.load(TWO_LINK)
+    compiled = len(control_tick.signatures), len(settle.signatures)
+    values = load_scenario(str(PAPER), ('controller.projection.lower=0.5',))['controller']
+    controller = Controller(robot_of(values), 1e-3, values)
+    for law in registry.LAWS:
+        for switching in registry.SWITCHING:
+            controller.change({'law': law, 'switching': switching})
+            controller.tick(np.ones(7), np.zeros(7), np.zeros(12))
+            assert np.isfinite(controller.torque).all()
+    assert (len(control_tick.signatures), len(settle.signatures)) == compiled
+
+
+def test_laws_of_other_formulas_are_prepared_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    marks = set()
+    for number in range(2):
+        path = tmp_path / f'law_{number}.py'
+        path.write_text(f'def torque():\n    return {number}\n', encoding='utf-8')
+        names: dict[str, object] = {}
+        exec(compile(path.read_text(encoding='utf-8'), str(path), 'exec'), names)
+        law = replace(SMC, torque=names['torque'])
+        monkeypatch.setattr(preparation, 'laws', lambda law=law: (law,))
+        marks.add(preparation.mark(TWO_LINK))
+    assert len(marks) == 2
+
+
+def test_the_process_beside_a_node_ends_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path / 'not there')
+    process = preparation.prepare(TWO_LINK)
+    assert isinstance(process, subprocess.Popen)
+    try:
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()

@@ -1,0 +1,160 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A run gives the same bits however it is cut up, and on every kind of machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+from typing import Any
+
+import closed_loop_bits
+from closed_loop_bits import digest, scenarios
+import numpy as np
+from other_machines import host_has, OTHERS
+import pytest
+from scenario import in_pieces, Run, Scenario, tick_by_tick, whole
+
+SCRIPT = Path(closed_loop_bits.__file__)
+ROOT = Path(__file__).parents[2]
+TICKS = 2001
+INTERPRETED_TICKS = 201
+TIMEOUT = 300.0
+
+RECORDED = {
+    'smc sign': 'ea8430c4471f1d7210886339b9bf1ecc362115953632af2e6d296096c779a3d0',
+    'smc saturation': 'd338313f7677d308faaa6429ee8e9662f94f39237866b63ce7a2cdefaf87f771',
+    'smc tanh': '31c4a1e17b001e553f536c515cb36bbedf794c6e418920794748eadf9e4071d1',
+    'smc sigmoid': '80764ec67914aaffb6558c8694b7198ad1ba96f5da033381dd101e68e6953c0c',
+    'smc implicit': '9267b261d3bdf19bdfa0c2708b0d215fb3a8151a611dc0587e6a65b7eacd5bdc',
+    'rasmc sign': '814947cc03fceaac3c40a85e2699424a7873da6ad7230f80bf2b070303c1b4eb',
+    'rasmc saturation': '46b8fa63857475a5569a1da58a23beacc62d0ea7c1e93450727c2913a23fa91a',
+    'rasmc tanh': '24759fea646de5b9d705a8c0d19a47e56c634c6c5ef0eb710fa567ffab5ccd8d',
+    'rasmc sigmoid': '70305963a479fd82951591f7a2aec0d0acf005f2eb646b94f09a5f7a3a343306',
+    'rasmc implicit': '6918e5ad1dfc065d5de7e8b9b5249138b96291023016dbbf95ae783e2986cdb7',
+    'everything on': '53eac9bff7414c27a801bfee2db1ab140f863e46f1522c2e856737a18b3b5685',
+    'imperfect': '61d7d0d117a14824069094ae06f98c1e426f96d14f7ccd0f02654f42423ac0b5',
+}
+"""Digests as every machine must give them; after a change of the formulas, see same_bits.md."""
+
+def start(ticks: int, cache: Path, **settings: str) -> subprocess.Popen[str]:
+    """Start a process that computes the digests with code of its own."""
+    path = os.pathsep.join([str(ROOT), str(SCRIPT.parent), *filter(None, sys.path)])
+    environment = {**os.environ, 'PYTHONPATH': path, 'XDG_CACHE_HOME': str(cache), **settings}
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(ticks)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.fixture(scope='module')
+def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, Any]]]:
+    """Yield reports of processes compiled for other CPUs, and of one not compiled at all."""
+    cache = tmp_path_factory.mktemp
+    running = {
+        name: start(TICKS, cache(cpu), NUMBA_CPU_NAME=cpu, NUMBA_CPU_FEATURES='')
+        for name, cpu in OTHERS.items()
+        if host_has(cpu)
+    }
+    running['interpreted'] = start(INTERPRETED_TICKS, cache('none'), NUMBA_DISABLE_JIT='1')
+    try:
+        yield {
+            name: json.loads(process.communicate(timeout=TIMEOUT)[0])
+            for name, process in running.items()
+        }
+    finally:
+        for process in running.values():
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope='module')
+def digests() -> dict[str, str]:
+    """Digests of this process."""
+    return {name: digest(whole(scenario)) for name, scenario in scenarios(TICKS).items()}
+
+
+def test_this_machine_gives_the_recorded_bits(digests: dict[str, str]) -> None:
+    assert digests == RECORDED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', OTHERS)
+def test_another_cpu_gives_the_same_bits(
+    name: str, children: dict[str, dict[str, Any]], digests: dict[str, str]
+) -> None:
+    if name not in children:
+        pytest.skip(f'this machine cannot run code for {OTHERS[name]}')
+    assert children[name]['digests'] == digests
+
+
+@pytest.mark.slow
+def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -> None:
+    """The machine codes differ in what they multiply with, and none contracts into an FMA."""
+    if 'AVX2 and FMA' not in children:
+        pytest.skip('needs an x86-64 machine with AVX2')
+    plain, vector = (children[name]['machine code'] for name in OTHERS)
+    assert plain['sse'] > 100
+    assert plain['avx'] == 0
+    assert vector['avx'] > 100
+    assert vector['sse'] == 0
+    assert vector['fma'] == 0
+
+
+@pytest.mark.slow
+def test_the_interpreter_gives_the_same_bits(children: dict[str, dict[str, Any]]) -> None:
+    """Plain Python, which neither reorders nor contracts, computes what LLVM's code does."""
+    expected = {n: digest(whole(s)) for n, s in scenarios(INTERPRETED_TICKS).items()}
+    assert children['interpreted']['digests'] == expected
+
+
+SHORT = scenarios(401)
+
+
+def assert_same(one: Run, other: Run) -> None:
+    """Compare every bit of two runs, and say first where they part."""
+    for field in fields(Run):
+        np.testing.assert_array_equal(
+            getattr(one, field.name), getattr(other, field.name), err_msg=field.name
+        )
+    assert digest(one) == digest(other)
+
+
+@pytest.mark.parametrize('scenario', SHORT.values(), ids=SHORT)
+def test_a_run_tick_by_tick_is_the_whole_run(scenario: Scenario) -> None:
+    assert_same(tick_by_tick(scenario), whole(scenario))
+
+
+@pytest.mark.parametrize('scenario', SHORT.values(), ids=SHORT)
+@pytest.mark.parametrize('cut', [1, 200, 400])
+def test_a_run_in_two_pieces_is_the_whole_run(scenario: Scenario, cut: int) -> None:
+    assert_same(in_pieces(scenario, cut), whole(scenario))
+
+
+def test_runs_do_differ() -> None:
+    """The digests tell runs apart: one bit of one number is enough."""
+    found = {digest(whole(scenario)) for scenario in SHORT.values()}
+    assert len(found) == len(SHORT)
+    run = whole(next(iter(SHORT.values())))
+    before = digest(run)
+    run.torque[200, 2] = np.nextafter(run.torque[200, 2], np.inf)
+    assert digest(run) != before

@@ -1,0 +1,110 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bounds of docs/control_law.md: where sampled laws begin to chatter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lagrangian import matrices
+import numpy as np
+import pytest
+from robots import DEFAULT
+from scenario import Run, Scenario, whole
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ROOT / 'config' / 'paper.yaml'
+
+SMOOTH = 20.0
+CHATTERING = 10_000.0
+
+
+def variation(scenario: Scenario) -> float:
+    """Return the torques' total variation in N m/s over the second half of a run."""
+    torque = whole(scenario).torque[scenario.ticks // 2:]
+    duration = (len(torque) - 1) * scenario.period
+    return float(np.abs(np.diff(torque, axis=0)).sum() / duration)
+
+
+def least_inertia(run: Run) -> float:
+    """Return the smallest eigenvalue of H_x along a run, in kg."""
+    least = np.inf
+    for q, v in zip(run.position[:-1:200], run.velocity[:-1:200, 3:], strict=True):
+        m = matrices(DEFAULT, q, v)
+        inverse = np.linalg.inv(m.jacobian)
+        least = min(least, np.linalg.eigvalsh(inverse.T @ m.reduced_inertia @ inverse)[0])
+    return float(least)
+
+
+def test_the_disturbance_in_task_space_is_what_the_document_says() -> None:
+    """Along the path itself, which this law keeps within 0.02 mm."""
+    run = whole(Scenario('smc', 'implicit', 0.5))
+    with PAPER.open(encoding='utf-8') as file:
+        told = yaml.safe_load(file)['/**/plant']['ros__parameters']['disturbance']
+    amplitude, frequency, phase = (np.array(told[n]) for n in ('amplitude', 'frequency', 'phase'))
+    largest = np.zeros(4)
+    for tick in range(0, len(run.torque), 10):
+        disturbance = amplitude * np.sin(frequency * tick * 0.001 + phase)
+        m = matrices(DEFAULT, run.position[tick], run.velocity[tick, 3:])
+        largest = np.maximum(largest, np.abs(np.linalg.solve(m.jacobian.T, disturbance)))
+    stated = ', '.join(f'{each:.1f}' for each in largest)
+    assert f'reaches ({stated})' in (ROOT / 'docs' / 'control_law.md').read_text(encoding='utf-8')
+    assert np.all(largest < 100.0)
+
+
+@pytest.mark.parametrize(('period', 'below', 'above'), [(1e-3, 0.080, 0.083), (2e-3, 0.17, 0.185)])
+def test_a_layer_thinner_than_its_bound_chatters(
+    period: float, below: float, above: float
+) -> None:
+    def thin(layer: float) -> Scenario:
+        return Scenario(
+            'smc',
+            boundary_layer=layer,
+            period=period,
+            steps=round(period / 0.0005),
+            ticks=round(20.0 / period) + 1,
+        )
+
+    least = least_inertia(whole(Scenario('smc', 'implicit', 0.5)))
+    bound = 100.0 / (2.0 * least / period - 100.0)
+    assert below < bound < above
+    assert variation(thin(below)) > CHATTERING
+    assert variation(thin(above)) < SMOOTH
+
+
+@pytest.mark.parametrize('gain', [0.25, 0.5, 1.0])
+def test_a_model_heavier_than_its_bound_chatters(gain: float) -> None:
+    bound = 4.0 / (2.0 + gain)
+    light, heavy = (
+        Scenario('smc', 'implicit', gain, model_scale=factor * bound) for factor in (0.97, 1.03)
+    )
+    assert variation(light) < SMOOTH
+    # Beyond the bound it chatters, or diverges and ends in not-a-number.
+    assert not variation(heavy) < CHATTERING
+
+
+def test_at_100_hz_the_implicit_law_needs_no_layer() -> None:
+    """Half of the true masses assumed; RMS over 10 <= t < 20 s."""
+    slow = Scenario('smc', 'implicit', 0.5, period=0.01, steps=20, ticks=2001)
+    assert slow.model_scale == 0.5
+    run = whole(slow)
+    error = 1e3 * run.error[1000:2000]
+    end_effector, platform = (
+        np.sqrt((error[:, axes] ** 2).sum(axis=1).mean()) for axes in ([0, 1], [2, 3])
+    )
+    assert end_effector <= 2.3
+    assert platform <= 0.9
+    assert variation(slow) < SMOOTH

@@ -1,0 +1,184 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is declared is what is imported, and where something is missing one line says so."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+from masmc_ros.numerics.compiled import OLDEST_NUMBA
+from masmc_ros.optional import PACKAGES
+import pytest
+from surroundings import surroundings
+
+ROOT = Path(__file__).resolve().parents[2]
+MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
+SETUP = (ROOT / 'setup.py').read_text(encoding='utf-8')
+
+ROSDEP = {
+    'jinja2': 'python3-jinja2',
+    'markupsafe': 'python3-jinja2',
+    'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'tqdm': 'python3-tqdm',
+    'yaml': 'python3-yaml',
+}
+"""Modules, and the keys under which rosdep knows them (markupsafe comes with jinja2)."""
+
+PIP = {**PACKAGES, 'yaml': 'PyYAML'}
+
+
+def imported(*folders: str) -> set[str]:
+    """Return the modules that are imported anywhere in folders, without Python's own."""
+    found = set()
+    for folder in folders:
+        for path in (ROOT / folder).rglob('*.py'):
+            for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+                names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+                if isinstance(node, ast.ImportFrom) and node.level == 0:
+                    names = [str(node.module)]
+                found |= {name.partition('.')[0] for name in names}
+    return found - set(sys.stdlib_module_names) - {'masmc_ros'}
+
+
+def declared(*kinds: str) -> set[str]:
+    return {str(each.text) for kind in kinds for each in MANIFEST.findall(kind)}
+
+
+def test_package_xml_declares_every_import() -> None:
+    modules = imported('masmc_ros', 'launch') - set(PACKAGES)
+    assert {ROSDEP.get(name, name) for name in modules} <= declared('exec_depend', 'depend')
+
+
+def test_setup_py_declares_every_import_that_pip_installs() -> None:
+    ros = declared('exec_depend') - set(ROSDEP.values())
+    for module in imported('masmc_ros') - ros - {'rclpy'}:
+        assert re.search(rf"'{PIP.get(module, module)}[>='=]", SETUP), module
+
+
+def test_both_files_say_who_and_where() -> None:
+    url = MANIFEST.findtext("url[@type='repository']")
+    maintainer = MANIFEST.find('maintainer')
+    assert url is not None
+    assert maintainer is not None
+    assert re.fullmatch(r'https://github\.com/[\w-]+/masmc_ros', url)
+    assert f"url='{url}'" in SETUP
+    assert f"maintainer_email='{maintainer.get('email')}'" in SETUP
+    assert '.invalid' not in SETUP + str(maintainer.attrib)
+    assert f'git clone {url}' in (ROOT / 'README.md').read_text(encoding='utf-8')
+    assert f"'numba>={'.'.join(map(str, OLDEST_NUMBA))}'" in SETUP
+
+
+def test_the_changelog_of_ros_is_made_from_ours() -> None:
+    sys.path.insert(0, str(ROOT / 'tools'))
+    try:
+        from changelog import as_rst
+    finally:
+        sys.path.pop(0)
+    text = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
+    made = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    assert made == as_rst(text), 'python tools/changelog.py'
+
+
+def without(modules: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run `masmc` where modules are not installed."""
+    script = (
+        f'import sys\nfor name in {modules!r}: sys.modules[name] = None\n'
+        'from masmc_ros.cli.main import main\nsys.exit(main(sys.argv[1:]))'
+    )
+    return subprocess.run(
+        [sys.executable, '-c', script, *arguments],
+        env=surroundings(),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180.0,
+        check=False,
+    )
+
+
+def test_a_simulation_needs_nothing_that_rosdep_does_not_know() -> None:
+    result = without(sorted(PACKAGES), 'simulate', 'config/paper.yaml', '--set', 'duration=0.1')
+    assert (result.returncode, result.stderr) == (0, '')
+
+
+@pytest.mark.parametrize('node', ['plant', 'trajectory', 'controller'])
+def test_nodes_that_steer_need_nothing_that_rosdep_does_not_know(node: str) -> None:
+    pytest.importorskip('rclpy')
+    # They come as far as the parameter that is wrong.
+    result = without(sorted(PACKAGES), 'run', node, '--ros-args', '-p', 'nothing_like_it:=1')
+    assert result.returncode == 2
+    assert 'nothing_like_it' in result.stderr
+
+
+@pytest.mark.parametrize(
+    ('module', 'arguments'),
+    [
+        ('mcap', ['report', 'run.mcap']),
+        ('mcap', ['run', 'recorder']),
+        ('plotly', ['report', 'run.mcap']),
+        ('zstandard', ['recover', 'run.mcap']),
+    ],
+)
+def test_what_is_missing_is_one_line(module: str, arguments: list[str]) -> None:
+    if arguments[0] == 'run':
+        pytest.importorskip('rclpy')
+    result = without([module], *arguments)
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert f'{module} is not installed; pip install {PACKAGES[module]}' in line
+
+
+def test_an_old_numba_is_one_line() -> None:
+    script = (
+        'import sys, numba\nnumba.__version__ = "0.57.1"\n'
+        'from masmc_ros.cli.main import main\n'
+        'sys.exit(main(["simulate", "config/paper.yaml"]))'
+    )
+    result = subprocess.run(
+        [sys.executable, '-c', script],
+        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+    )
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert line == (
+        'masmc simulate: numba 0.57.1 is too old: expected 0.58 or later;'
+        ' pip install --upgrade numba'
+    )
+
+
+@pytest.mark.slow
+def test_a_test_that_lacks_a_package_is_skipped_and_stops_no_other() -> None:
+    script = (
+        'import sys\nsys.modules["mcap"] = sys.modules["websockets"] = None\n'
+        'import pytest\nsys.exit(pytest.main(sys.argv[1:]))'
+    )
+    files = [
+        f'test/{name}.py'
+        for name in ('log/test_log_writer', 'nodes/test_velocity_nodes', 'robot/test_dynamics')
+    ]
+    result = subprocess.run(
+        [sys.executable, '-c', script, '-q', '--collect-only', *files],
+        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+    )
+    assert result.returncode == 0, result.stdout
+    assert 'test_log_writer.py:1: mcap is not installed; pip install mcap' in result.stdout
+    assert 'test/robot/test_dynamics.py::' in result.stdout

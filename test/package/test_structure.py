@@ -1,0 +1,183 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How the package hangs together: imports run one way, and no folder is a heap."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+import re
+import tokenize
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
+
+ORDER = (
+    '',  # errors and the like
+    'params',
+    'numerics',
+    'robot',
+    'law',
+    'reference',
+    'loop',
+    'messages',
+    'log',
+    'scenario',
+    'report',
+    'nodes',
+    'cli',
+)
+"""Folders, each of which knows only those before it: how data flows."""
+
+NODES = ('middleware', 'parameters', 'process')
+"""Folders of `nodes/` that all nodes share; the others are a node each."""
+
+MOST_FILES = {'report': 24, 'messages': 18}
+"""Files beside each other in a folder, where they are more than 16."""
+
+
+def files() -> list[Path]:
+    return sorted(PACKAGE.rglob('*.py'))
+
+
+def imported(path: Path) -> set[tuple[str, ...]]:
+    """Return the modules of the package that a file imports, as parts of their names."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            parts = node.module.split('.')
+            if parts[0] == 'masmc_ros':
+                for name in (each.name for each in node.names):
+                    inner = PACKAGE.joinpath(*parts[1:], name)
+                    is_module = inner.is_dir() or inner.with_suffix('.py').exists()
+                    found.add((*parts[1:], *((name,) if is_module else ())))
+        elif isinstance(node, ast.Import):
+            assert not any(each.name.startswith('masmc_ros') for each in node.names), path
+    return found
+
+
+def folder_of(parts: tuple[str, ...]) -> str:
+    return parts[0] if parts and (PACKAGE / parts[0]).is_dir() else ''
+
+
+def test_imports_run_one_way() -> None:
+    for path in files():
+        own = folder_of(path.relative_to(PACKAGE).parts)
+        for parts in imported(path):
+            other = folder_of(parts)
+            assert ORDER.index(other) <= ORDER.index(own), f'{path} imports {".".join(parts)}'
+
+
+def test_nodes_know_what_they_share_and_not_each_other() -> None:
+    for path in files():
+        own = path.relative_to(PACKAGE).parts
+        if own[0] != 'nodes' or len(own) < 3 or own[1] == 'composed':
+            continue
+        for parts in imported(path):
+            if parts[:1] == ('nodes',) and parts[1] != own[1]:
+                assert parts[1] in NODES, f'{path} imports {".".join(parts)}'
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    graph = {
+        path.relative_to(PACKAGE).with_suffix('').parts: imported(path) for path in files()
+    }
+    done: set[tuple[str, ...]] = set()
+
+    def visit(module: tuple[str, ...], way: tuple[tuple[str, ...], ...]) -> None:
+        assert module not in way, ' -> '.join('.'.join(each) for each in (*way, module))
+        if module in graph and module not in done:
+            for other in graph[module]:
+                visit(other, (*way, module))
+            done.add(module)
+
+    for module in graph:
+        visit(module, ())
+
+
+@pytest.mark.parametrize('folder', sorted(each for each in PACKAGE.rglob('*') if each.is_dir()))
+def test_no_folder_is_a_heap(folder: Path) -> None:
+    name = folder.relative_to(PACKAGE).as_posix()
+    count = sum(1 for each in folder.glob('*.py') if each.name != '__init__.py')
+    assert count <= MOST_FILES.get(name, 16), name
+
+
+def test_only_nodes_know_ros() -> None:
+    for path in files():
+        if path.relative_to(PACKAGE).parts[0] in ('nodes', 'cli'):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            names = (
+                [node.module or '']
+                if isinstance(node, ast.ImportFrom)
+                else [each.name for each in node.names]
+                if isinstance(node, ast.Import)
+                else []
+            )
+            assert not any(each.split('.')[0].startswith('rcl') for each in names), path
+
+
+OF_ONE_ROBOT = re.compile(
+    r'wheel|yaw|elbow|(^|_)axle|two_link|(^|_)arm($|_)|(^|_)[xy]_[EF]$', re.IGNORECASE
+)
+"""What names of one kind of robot are made of."""
+
+OF_THE_TOPIC = re.compile(r'_?(every_)?arm_(velocity|rate)', re.IGNORECASE)
+"""What is about the topic `arm_velocity_commands`, whose name is public whatever the robot."""
+
+ARRAYS = ('zeros', 'empty', 'ones', 'full', 'range', 'reshape')
+
+SIZES = (4, 7, 12, 21)
+"""Of the paper's robot: axes and joints, positions and parameters, samples, states."""
+
+
+def outside_robot() -> list[Path]:
+    return [path for path in files() if path.relative_to(PACKAGE).parts[0] != 'robot']
+
+
+def test_only_its_own_folder_names_parts_of_a_robot() -> None:
+    found = []
+    for path in outside_robot():
+        with path.open('rb') as stream:
+            names = {
+                token.string
+                for token in tokenize.tokenize(stream.readline)
+                if token.type == tokenize.NAME
+            }
+        found += [
+            f'{path}: {name}'
+            for name in sorted(names)
+            if OF_ONE_ROBOT.search(name) and not OF_THE_TOPIC.match(name)
+        ]
+    assert not found
+
+
+def test_only_its_own_folder_spells_the_sizes_of_a_robot() -> None:
+    found = []
+    for path in outside_robot():
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if not isinstance(node, ast.Call):
+                continue
+            called = getattr(node.func, 'attr', getattr(node.func, 'id', ''))
+            spelt: list[ast.expr] = list(node.args) if called in ARRAYS else []
+            spelt += [each.value for each in node.keywords if each.arg == 'length']
+            found += [
+                f'{path}:{node.lineno}'
+                for argument in spelt
+                for part in (argument, *getattr(argument, 'elts', ()))
+                if isinstance(part, ast.Constant) and part.value in SIZES
+            ]
+    assert not found

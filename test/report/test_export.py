@@ -1,0 +1,246 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exported numbers are the log's."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from logged_runs import Numbers, numbers, write_run
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.report.columns import columns_of
+from masmc_ros.report.export import FORMATS, write_export
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from report_runs import paper_like, run_of
+
+COUNT = 60
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = [column.name for column in columns_of(paper_like())]
+
+
+@pytest.fixture
+def logged(tmp_path: Path) -> tuple[Numbers, Path]:
+    told, path = numbers(COUNT), tmp_path / 'my run.mcap'
+    write_run(path, told)
+    return told, path
+
+
+def read_csv(path: Path) -> dict[str, list[float | None]]:
+    """Return a table's columns, None where a cell is empty."""
+    with path.open(newline='', encoding='utf-8') as stream:
+        head, *rows = csv.reader(stream)
+    columns = zip(*rows, strict=True)
+    return {
+        name: [float(text) if text else None for text in column]
+        for name, column in zip(head, columns, strict=True)
+    }
+
+
+def read_parquet(path: Path) -> dict[str, list[float | None]]:
+    """Return a table's columns, None where a cell is null."""
+    parquet = pytest.importorskip('pyarrow.parquet')
+    table: dict[str, list[float | None]] = parquet.read_table(path).to_pydict()
+    return table
+
+
+def expected(told: Numbers) -> NDArray[np.float64]:
+    """Return the table of a run."""
+    return np.column_stack(
+        (
+            told.stamps / 1e9,
+            told.position,
+            told.velocity,
+            told.effort[:, 3:],
+            told.torque,
+            told.reference,
+            *told.telemetry.values(),
+        )
+    )
+
+
+@pytest.mark.parametrize(('kind', 'read'), [('csv', read_csv), ('parquet', read_parquet)])
+def test_tables_have_the_logs_numbers(logged: tuple[Numbers, Path], kind: str, read: Any) -> None:
+    told, log = logged
+    folder = log.parent / 'new' / 'folder'
+    assert main(['export', str(log), '--output', str(folder), '--format', kind]) == 0
+    assert [path.name for path in folder.iterdir()] == [f'my_run.{kind}']
+    table = read(folder / f'my_run.{kind}')
+    assert list(table) == NAMES
+    assert np.array_equal(np.array(list(table.values())).T, expected(told))
+
+
+def test_parquet_tells_units(logged: tuple[Numbers, Path]) -> None:
+    parquet = pytest.importorskip('pyarrow.parquet')
+    write_export([read_run(logged[1])], logged[1].parent, 'parquet', overwrite=False)
+    schema = parquet.read_schema(logged[1].parent / 'my_run.parquet')
+    assert schema.field('surface_x_E_m_per_s').metadata[b'unit'] == b'm_per_s'
+    assert all(
+        name.endswith('_' + schema.field(name).metadata[b'unit'].decode()) for name in NAMES
+    )
+
+
+def test_arrays_are_the_logs(logged: tuple[Numbers, Path]) -> None:
+    run = read_run(logged[1])
+    (path,) = write_export([run], logged[1].parent, 'npz', overwrite=False)
+    with np.load(path) as arrays:
+        found = dict(arrays)
+    told = logged[0]
+    assert np.array_equal(found['time_s'], told.stamps / 1e9)
+    for name, values in (
+        ('position', told.position),
+        ('velocity', told.velocity),
+        ('applied_effort', told.effort[:, 3:]),
+        ('command', told.torque),
+        ('reference', told.reference),
+        ('error', told.telemetry['tracking_error']),
+        ('surface', told.telemetry['sliding_surface']),
+        ('estimate', told.telemetry['parameter_estimate']),
+        ('raw_torque', told.telemetry['raw_torque']),
+    ):
+        assert np.array_equal(found.pop(name), values), name
+    assert {name for name, values in found.items() if np.array_equal(values, run.times)} == {
+        'time_s', 'command_time_s', 'error_time_s', 'surface_time_s', 'estimate_time_s',
+        'raw_torque_time_s',
+    } == set(found)  # fmt: skip
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+@given(hnp.arrays(float, (3, 4), elements=ANY))
+def test_any_number_survives_as_text(
+    tmp_path_factory: pytest.TempPathFactory, error: np.ndarray
+) -> None:
+    run = run_of(error, np.array([0.0, 0.1, 0.2]))
+    (path,) = write_export([run], tmp_path_factory.mktemp('x'), 'csv', overwrite=False)
+    table = read_csv(path)
+    found = np.array([table[name] for name in NAMES if name.startswith('error_')]).T
+    assert np.array_equal(found, error, equal_nan=True)
+    assert np.array_equal(np.signbit(found), np.signbit(error)) or np.isnan(error).any()
+
+
+def bare() -> Run:
+    """Return a run whose log has states, and three errors at times of their own."""
+    times = np.array([1.0, 1.1, 1.2, 1.3])
+    run = run_of(np.arange(12.0).reshape(3, 4), times)
+    assert run.reference is not None
+    reference = run.reference.copy()
+    reference[:2] = np.nan
+    return replace(
+        run,
+        position=run.position[:4],
+        reference=reference,
+        tracking_error_times=np.array([0.9, 1.2, 1.25]),
+        torque=np.zeros((0, 4)),
+        torque_times=np.zeros(0),
+    )
+
+
+@pytest.mark.parametrize(('kind', 'read'), [('csv', read_csv), ('parquet', read_parquet)])
+def test_what_the_log_lacks_is_empty(tmp_path: Path, kind: str, read: Any) -> None:
+    (path,) = write_export([bare()], tmp_path, kind, overwrite=False)
+    table = read(path)
+    for name, column in table.items():
+        if name.startswith(('command', 'surface', 'estimate', 'raw_torque')):
+            assert column == [None] * 4, name
+        elif name.startswith('reference'):
+            assert [value is None for value in column] == [True, True, False, False], name
+        elif not name.startswith('error'):
+            assert None not in column, name
+    # With the last state before it; what came before every state has no row.
+    assert table['error_x_E_m'] == [None, None, 8.0, None]
+
+
+def test_arrays_that_the_log_lacks_are_not_there(tmp_path: Path) -> None:
+    (path,) = write_export([bare()], tmp_path, 'npz', overwrite=False)
+    with np.load(path) as arrays:
+        assert 'surface' not in arrays
+        assert arrays['error_time_s'].tolist() == [0.9, 1.2, 1.25]
+
+
+def test_files_that_are_there_are_kept(logged: tuple[Numbers, Path], capsys: Any) -> None:
+    folder = logged[1].parent
+    (folder / 'my_run.csv').write_text('mine')
+    command = ['export', str(logged[1]), '--output', str(folder)]
+    assert main(command) == 2
+    message = capsys.readouterr().err
+    assert message.count('\n') == 1
+    assert 'my_run.csv: is there already; add --overwrite' in message
+    assert (folder / 'my_run.csv').read_text() == 'mine'
+    assert main([*command, '--overwrite']) == 0
+    assert len(read_csv(folder / 'my_run.csv')['time_s']) == COUNT
+
+
+def test_logs_of_one_name_have_files_of_their_own(tmp_path: Path) -> None:
+    runs = [replace(bare(), path=Path(name)) for name in ('a/x.mcap', 'b/x.mcap', 'c/X.mcap')]
+    paths = write_export(runs, tmp_path, 'npz', overwrite=False)
+    assert [path.name for path in paths] == ['x.npz', 'x_2.npz', 'X_3.npz']
+
+
+@pytest.mark.parametrize('kind', list(FORMATS))
+def test_an_export_that_fails_leaves_nothing(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: Run, stream: Any) -> None:
+        stream.write(b'half')
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setitem(FORMATS, kind, fail)
+    with pytest.raises(InputError, match=r'cannot be written \(No space left on device\)'):
+        write_export([bare()], tmp_path, kind, overwrite=False)
+    assert not list(tmp_path.iterdir())
+
+
+def test_parquet_without_pyarrow_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        'masmc_ros.report.export.find_spec', lambda name: None if name == 'pyarrow' else find(name)
+    )
+    status = main(['export', 'none.mcap', '--output', str(tmp_path / 'x'), '--format', 'parquet'])
+    assert status == 2
+    message = capsys.readouterr().err
+    assert message.count('\n') == 1
+    assert 'pip install' in message
+    assert not (tmp_path / 'x').exists()
+
+
+def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> None:
+    assert main(['export', str(tmp_path / 'none.mcap'), '--output', str(tmp_path / 'x')]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f'masmc export: {tmp_path / "none.mcap"}: cannot be read')
+    assert message.count('\n') == 1
+    assert not (tmp_path / 'x').exists()
+
+
+def test_document_names_every_column() -> None:
+    text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
+    run = paper_like()
+    both = replace(run, cmd_vel=np.zeros((1, 2)), cmd_vel_times=run.times[:1])
+    for column in columns_of(both):
+        assert column.quantity.split('_')[0] in text
+        assert f'`{column.unit}`' in text

@@ -1,0 +1,190 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the report's plots draw of a log, near and far, in a real browser: nothing is invented."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+from pathlib import Path
+import re
+from typing import Any
+
+from browser import look, needs_chromium
+from masmc_ros.cli.main import main
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.report.report import write_report
+from masmc_ros.report.samples import MOST
+from masmc_ros.report.tracking import tracking
+import numpy as np
+import pytest
+from report_runs import run_of, ticks
+
+PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
+BEGIN, END = 10.0, 10.1
+
+# What is drawn of the torques, of the whole run and of a tenth of a second; then of the path.
+ZOOM = """
+  const chart = document.getElementById('run-1-torque');
+  const drawn = (of) => of.data.filter((trace) => trace.mode === 'lines').map((trace) => ({
+    x: [...trace.x], y: [...trace.y], fill: trace.fill,
+  }));
+  const corners = () => [...chart.querySelectorAll('.scatterlayer .js-line')].map(
+    (line) => line.getAttribute('d'),
+  );
+  const found = { whole: drawn(chart), width: chart.clientWidth };
+  const other = document.getElementById('run-1-error_E') ?? chart;
+  await Plotly.relayout(other, { 'xaxis.range[0]': %f, 'xaxis.range[1]': %f });
+  await settle();
+  found.near = drawn(chart);
+  found.corners = corners();
+  await Plotly.relayout(other, { 'xaxis.range[0]': 0, 'xaxis.range[1]': 1e9 });
+  await settle();
+  found.again = drawn(chart);
+  const path = document.getElementById('run-1-path');
+  found.path = drawn(path);
+  found.pixel = Math.max(...['x', 'y'].map((axis) => {
+    const [from, to] = path.layout[`${axis}axis`].range;
+    return (to - from) / path.clientWidth;
+  }));
+  const box = %s;
+  await Plotly.relayout(path, {
+    'xaxis.range[0]': box[0], 'xaxis.range[1]': box[1],
+    'yaxis.range[0]': box[2], 'yaxis.range[1]': box[3],
+  });
+  await settle();
+  found.piece = drawn(path);
+  found.pieceRanges = [path.layout.xaxis.range, path.layout.yaxis.range];
+"""
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return the run of a law that switches at every tick."""
+    log = tmp_path_factory.mktemp('run') / 'sign.mcap'
+    settings = ('controller.law=smc', 'controller.switching=sign', 'duration=12')
+    options = [option for setting in settings for option in ('--set', setting)]
+    assert main(['simulate', str(PAPER), *options, '--output', str(log)]) == 0
+    return read_run(log)
+
+
+def looked(
+    run: Run, folder: Path, begin: float, end: float, box: list[float]
+) -> Mapping[str, Any]:
+    """Write a report and return what ZOOM finds in it."""
+    write_report([run], folder / 'report')
+    script = ZOOM % (begin, end, json.dumps(box))
+    return look(folder / 'report' / 'report.html', script, folder, '--window-size=1400,900')
+
+
+@pytest.fixture(scope='module')
+def found(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+    actual = tracking(run).actual
+    assert actual is not None
+    x, y = actual[np.searchsorted(run.times, 11.0), :2]
+    box = [x - 5e-3, x + 5e-3, y - 5e-3, y + 5e-3]
+    return looked(run, tmp_path_factory.mktemp('sign'), BEGIN, END, box)
+
+
+def changes_of_sign(values: Any) -> int:
+    """Return how often a signal crosses zero."""
+    return int(np.count_nonzero(np.diff(np.sign(np.asarray(values, dtype=float)))))
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[str, Any]) -> None:
+    assert found['problems'] == []
+    is_seen = (run.torque_times >= BEGIN) & (run.torque_times <= END)
+    most = 0
+    for drawn, torque, line in zip(
+        found['near'], run.torque.T, found['corners'], strict=True
+    ):
+        x, y = np.array(drawn['x']), np.array(drawn['y'])
+        inside = (x >= BEGIN) & (x <= END)
+        np.testing.assert_array_equal(x[inside], run.torque_times[is_seen])
+        np.testing.assert_array_equal(y[inside], torque[is_seen].astype(np.float32))
+        assert (x[0], x[-1]) < (BEGIN, END + 1e-9)  # on the left it comes from outside
+        # The picture itself: as many corners.
+        assert len(re.findall('[ML]', line)) >= np.count_nonzero(is_seen)
+        most = max(most, changes_of_sign(y[inside]))
+    assert most > 80, 'the law does not switch'
+
+
+@needs_chromium
+@pytest.mark.parametrize('which', ['whole', 'again'])
+def test_of_everything_each_column_of_pixels_has_its_least_and_greatest(
+    run: Run, found: Mapping[str, Any], which: str
+) -> None:
+    times, width = run.torque_times, found['width']
+    assert len(times) > 4 * width
+    columns = np.floor((times - times[0]) * (width / (times[-1] - times[0])))
+    for drawn, torque in zip(found[which], run.torque.T, strict=True):
+        values = dict(zip(times.tolist(), torque.astype(np.float32).tolist(), strict=True))
+        x, y = np.array(drawn['x']), np.array(drawn['y'])
+        assert [values[time] for time in x.tolist()] == y.tolist()  # samples of the log
+        assert len(x) <= 2 * (width + 1)
+        where = columns[np.searchsorted(times, x)]
+        for column in np.unique(columns):
+            whole = torque[columns == column].astype(np.float32)
+            left = y[where == column]
+            assert (left.min(), left.max()) == (whole.min(), whole.max())
+
+
+def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return how far each of the points is from the nearest corner of a line."""
+    return np.array([np.linalg.norm(line - point, axis=1).min() for point in points])
+
+
+@needs_chromium
+def test_a_path_is_drawn_to_a_pixel_near_and_far(run: Run, found: Mapping[str, Any]) -> None:
+    actual = tracking(run).actual
+    assert actual is not None
+    points = actual[:, :2]
+    (line,) = (np.array([d['x'], d['y']], dtype=float).T for d in found['path'][:1])
+    assert len(line) < len(points) / 2
+    assert distances(points[::7], line).max() < found['pixel']
+    piece = np.array([found['piece'][0]['x'], found['piece'][0]['y']], dtype=float).T
+    (left, right), (bottom, top) = found['pieceRanges']
+    seen = points[
+        (points[:, 0] > left)
+        & (points[:, 0] < right)
+        & (points[:, 1] > bottom)
+        & (points[:, 1] < top)
+    ]
+    assert len(seen) > 20
+    assert distances(seen, piece).max() < (right - left) / found['width']
+    assert len(piece) < len(points) / 10
+
+
+@needs_chromium
+@pytest.mark.slow
+def test_of_more_samples_than_a_page_holds_no_course_is_invented(tmp_path: Path) -> None:
+    times = ticks(45.0, 1e-4)
+    assert len(times) > 2 * MOST
+    chatter = np.where(np.arange(len(times)) % 2, 80.0, -80.0)[:, None] * np.ones(4)
+    run = run_of(np.ones((len(times), 4)), times, torque=chatter)
+    found = looked(run, tmp_path, BEGIN, BEGIN + 0.01, [0.0, 1.0, 0.0, 1.0])
+    assert found['problems'] == []
+    for drawn in found['near']:
+        assert drawn['fill'] == 'toself'  # boxes, not a line
+        x, y = np.array(drawn['x'], dtype=float), np.array(drawn['y'], dtype=float)
+        boxes = np.stack((x, y), axis=1).reshape(-1, 6, 2)
+        np.testing.assert_array_equal(np.nanmin(boxes[:, :, 1], axis=1), -80.0)
+        np.testing.assert_array_equal(np.nanmax(boxes[:, :, 1], axis=1), 80.0)
+        begins, ends = boxes[:, 0, 0], boxes[:, 2, 0]
+        np.testing.assert_array_equal(ends[:-1], begins[1:])
+        assert begins[0] <= BEGIN < BEGIN + 0.01 <= ends[-1]
+    assert {drawn['fill'] for drawn in found['whole']} == {'none'}

@@ -1,0 +1,169 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whatever time a viewer jumps to, the frames are those of the state of that time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.cli.main import main
+from masmc_ros.errors import InputError
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.nodes.live.state_transforms import StateTransforms
+from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.robot import Robot
+from masmc_ros.robot.two_link.frames import (
+    frame_origins,
+    frame_transforms,
+)
+from masmc_ros.robot.two_link.names import FRAMES, TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
+from rosbags.highlevel import AnyReader
+
+PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
+POSITION = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
+
+
+def matrix(translation: Array, quaternion: Array) -> Array:
+    """Return the 4 x 4 transform of a quaternion x, y, z, w and a translation."""
+    x, y, z, w = quaternion
+    assert np.isclose(np.dot(quaternion, quaternion), 1.0, rtol=0.0, atol=1e-14)
+    out = np.eye(4)
+    out[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    out[:3, 3] = translation
+    return out
+
+
+def chained(transforms: dict[str, tuple[str, Array]], frame: str) -> Array:
+    """Return a frame's place in the one that has no parent."""
+    if frame not in transforms:
+        return np.eye(4)
+    parent, place = transforms[frame]
+    return np.asarray(chained(transforms, parent) @ place)
+
+
+@PROPERTY
+@given(machines(), POSITION)
+def test_chained_transforms_are_the_kinematics(
+    machine: Machine, position: tuple[float, ...]
+) -> None:
+    lengths = np.array(machine.geometry)
+    states = np.array([np.zeros(7), position])
+    rows = frame_transforms(frame_origins(lengths), states)[1]
+    transforms = {
+        child: (parent, matrix(row[:3], row[3:]))
+        for (parent, child), row in zip(FRAMES, rows, strict=True)
+    }
+    task = task_positions(lengths, states)[1]
+    tip, arm = chained(transforms, 'end_effector'), chained(transforms, 'link_1')
+    np.testing.assert_allclose(tip[:2, 3], task[:2], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(arm[:2, 3], task[2:], rtol=0.0, atol=1e-12)
+    robot = Robot(TWO_LINK, {}, lengths, np.array(machine.theta))
+    assert np.isclose(tip[2, 3], robot.height, rtol=1e-14)
+    # The end effector looks along link 2; a wheel that turns forward carries its top forward.
+    heading = position[2] + position[5] + position[6]
+    np.testing.assert_allclose(tip[:2, 0], [np.cos(heading), np.sin(heading)], atol=1e-13)
+    top = transforms['wheel_left'][1] @ np.array([0.0, 0.0, 1.0, 0.0])
+    expected = [np.sin(position[4]), 0.0, np.cos(position[4])]
+    np.testing.assert_allclose(top[:3], expected, atol=1e-13)
+
+
+@pytest.mark.parametrize('prefix', ['', 'left/'])
+def test_frames_at_any_seek_time(tmp_path: Path, prefix: str) -> None:
+    """Read with the definitions in the file, by somebody else's reader."""
+    log = tmp_path / 'run.mcap'
+    settings = ['--set', 'duration=1.2', '--set', f"frame_prefix='{prefix}'"]
+    assert main(['simulate', str(PAPER), '--output', str(log), *settings]) == 0
+    found: dict[str, list[tuple[int, object]]] = {'/tf': [], '/joint_states': []}
+    with AnyReader([log]) as reader:
+        chosen = [each for each in reader.connections if each.topic in found]
+        for connection, time, raw in reader.messages(connections=chosen):
+            message = reader.deserialize(raw, connection.msgtype)
+            found[connection.topic].append((time, message))
+    times = {topic: [time for time, _ in messages] for topic, messages in found.items()}
+    lengths = np.array(Machine(DEFAULT).geometry)
+    random = np.random.default_rng(0)
+    seeks = [0, 1_200_000_000, *random.integers(0, 1_300_000_000, 300).tolist()]
+    for seek in seeks:
+        latest = {
+            topic: messages[bisect_right(times[topic], seek) - 1][1]
+            for topic, messages in found.items()
+        }
+        transforms, state = latest['/tf'].transforms, latest['/joint_states']
+        tree = {}
+        for each in transforms:
+            assert each.header.stamp == state.header.stamp
+            t, q = each.transform.translation, each.transform.rotation
+            place = matrix(np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w]))
+            tree[each.child_frame_id] = (each.header.frame_id, place)
+        assert {frame for frame in tree if not frame.startswith(prefix)} == set()
+        assert tree[f'{prefix}base_link'][0] == f'{prefix}odom'
+        task = task_positions(lengths, state.position[None])[0]
+        tip = chained(tree, f'{prefix}end_effector')
+        np.testing.assert_allclose(tip[:2, 3], task[:2], rtol=0.0, atol=1e-9)
+        arm = chained(tree, f'{prefix}link_1')
+        np.testing.assert_allclose(arm[:2, 3], task[2:], rtol=0.0, atol=1e-9)
+        x, y, yaw = state.position[:3]
+        base = tree[f'{prefix}base_link'][1]
+        np.testing.assert_allclose(base[:3, 3], [x, y, 0.0], rtol=0.0, atol=0.0)
+        np.testing.assert_allclose(base[:2, 0], [np.cos(yaw), np.sin(yaw)], atol=1e-12)
+
+
+def state_at(tick: int) -> bytes:
+    """Return a joint state at a tick of 1 ms."""
+    state = JointStateCdr()
+    state.set_stamp(tick * 1_000_000)
+    state.position[:] = np.arange(7)
+    return state.to_bytes()
+
+
+def test_transforms_of_states_are_decimated_as_the_plant_does() -> None:
+    values = load_scenario(str(PAPER), ['duration=0.01', 'plant.tf_decimation=4'])['plant']
+    transforms = StateTransforms(values)
+    made = [transforms.of_state(state_at(tick)) is not None for tick in range(11)]
+    assert [tick for tick in range(11) if made[tick]] == [0, 4, 8, 10]
+    none = StateTransforms({**values, 'tf_decimation': 0})
+    assert none.of_state(state_at(0)) is None
+
+
+def test_a_state_of_other_joints_gives_no_transforms() -> None:
+    transforms = StateTransforms(load_scenario(str(PAPER))['plant'])
+    other = state_at(0).replace(b'arm_joint_1', b'elbow_joint')
+    assert transforms.of_state(other) is None
+    assert transforms.of_state(state_at(0)) is not None
+
+
+@pytest.mark.parametrize('prefix', ['/left/', 'my robot/', 'left\n', '\x00'])
+def test_a_prefix_that_tf2_would_not_take_is_refused(
+    prefix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(InputError, match='frame_prefix'):
+        check_frame_prefix(prefix)
+    if prefix.startswith('/'):
+        log = tmp_path / 'run.mcap'
+        arguments = ['simulate', str(PAPER), '--set', f'frame_prefix={prefix}', '--output']
+        assert main([*arguments, str(log)]) == 2
+        assert capsys.readouterr().err.count('\n') == 1
+        assert list(tmp_path.iterdir()) == []

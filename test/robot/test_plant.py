@@ -1,0 +1,212 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The plant over a control period: energy, order of integration, disturbance, torque limit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import plant_start, plant_tick
+from masmc_ros.loop.simulated_robot import SimulatedRobot, write_start
+from masmc_ros.numerics.record import fill
+from masmc_ros.robot.robot import Robot, robot_of
+from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    between,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+)
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+
+ROBOT = Machine(DEFAULT)
+STILL = np.zeros(4)
+
+
+def plant_of(robot: Machine) -> Array:
+    """Return the settings of a robot that is measured exactly."""
+    plant = records.plant_settings(TWO_LINK)
+    fill(plant, 'geometry', np.array(robot.geometry))
+    fill(plant, 'theta', np.array(robot.theta))
+    fill(plant, 'is_exact', 1)
+    return plant
+
+
+class Plant:
+    """A plant of one robot, stepped from Python."""
+
+    def __init__(self, robot: Machine, angles: Angles, rates: Quad) -> None:
+        """Start at the origin with these angles and reduced velocities."""
+        self.robot = robot
+        self._plant, self._memory = plant_of(robot), records.plant_memory(TWO_LINK)
+        self._now = records.signals(TWO_LINK)
+        self.position, self.velocity = (
+            self._memory[name][0, :, 0] for name in ('position', 'velocity')
+        )
+        self.position[:] = [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2]
+        fill(self._memory, 'rates', rates)
+        self.applied = self._now['applied'][0, :, 0]
+        plant_start(self._plant, self._memory, np.zeros((1, 14, 1)), self._now)
+
+    def tick(
+        self,
+        period: float,
+        steps: int,
+        command: Array = STILL,
+        *,
+        time: float = 0.0,
+        disturbance: tuple[Array, Array, Array] = (STILL, STILL, STILL),
+        limit: Array = STILL,
+    ) -> None:
+        """Advance by one control period."""
+        amplitude, frequency, phase = disturbance
+        plant = self._plant
+        for name, value in {
+            'amplitude': amplitude,
+            'frequency': frequency,
+            'phase': phase + frequency * time,
+            'limit': limit,
+            'period': period,
+            'steps': steps,
+        }.items():
+            fill(plant, name, value)
+        fill(self._now, 'torque', command)
+        plant_tick(plant, self._memory, np.zeros((1, 14, 1)), 0, self._now)
+
+    @property
+    def energy(self) -> float:
+        """Kinetic energy in J."""
+        v = quasi_velocity(self.robot.geometry, *self.velocity[3:].tolist())
+        bend = posture(*self.position[[2, 5, 6]].tolist())
+        h = inertia(self.robot.theta, self.robot.geometry, bend)
+        return 0.5 * float(np.dot(v, inertia_times(h, *v)))
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(1.0))
+def test_undriven_the_plant_keeps_its_energy(robot: Machine, angles: Angles, rates: Quad) -> None:
+    plant = Plant(robot, angles, rates)
+    start = plant.energy
+    for _ in range(100):
+        plant.tick(0.002, 2)
+    assert plant.energy == pytest.approx(start, rel=1e-8)
+
+
+def test_integration_is_of_fourth_order() -> None:
+    angles, rates = Angles(0.3, 0.7, -1.1), (4.0, -2.0, 1.5, -3.0)
+    amplitude, frequency = np.array([0.5, -0.3, 0.2, 0.1]), np.array([5.0, 3.0, 7.0, 2.0])
+    shaking = (amplitude, frequency, np.array([0.0, 1.0, 2.0, 3.0]))
+
+    def end(steps: int) -> Array:
+        plant = Plant(ROBOT, angles, rates)
+        plant.tick(0.4, steps, time=0.25, disturbance=shaking)
+        return np.concatenate([plant.position, plant.velocity])
+
+    exact = end(4096)
+    errors = [float(np.abs(end(steps) - exact).max()) for steps in (32, 64, 128)]
+    orders = [math.log2(errors[i] / errors[i + 1]) for i in range(2)]
+    assert errors[0] > 1e-10
+    assert orders == pytest.approx([4.0, 4.0], abs=0.2)
+
+
+@PROPERTY
+@given(machines(), all_angles(), quads(), quads(5.0), quads(5.0), st.integers(1, 4))
+def test_a_constant_disturbance_adds_to_the_command(
+    robot: Machine, angles: Angles, rates: Quad, command: Quad, push: Quad, steps: int
+) -> None:
+    apart, together = Plant(robot, angles, rates), Plant(robot, angles, rates)
+    right_angle = np.full(4, math.pi / 2)
+    apart.tick(0.001, steps, np.array(command), disturbance=(np.array(push), STILL, right_angle))
+    together.tick(0.001, steps, np.array(command) + push)
+    assert_agree(apart.position, together.position, 1e-13, scale=1.0)
+    assert_agree(apart.velocity, together.velocity, 1e-12, scale=1.0)
+    assert apart.applied.tolist() == list(command)
+
+
+@PROPERTY
+@given(quads(10.0), quads(5.0))
+def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push: Quad) -> None:
+    limit = np.array([1.0, 2.5, 0.0, 4.0])
+    clipped = np.array(
+        [np.clip(c, -m, m) if m > 0.0 else c for c, m in zip(command, limit, strict=True)]
+    )
+    shaking = (np.array(push), np.full(4, 3.0), np.full(4, 1.0))
+    angles, rates = Angles(0.3, 0.7, -1.1), (0.1, 0.2, 0.3, 0.4)
+    limited, free = Plant(ROBOT, angles, rates), Plant(ROBOT, angles, rates)
+    limited.tick(0.001, 2, np.array(command), disturbance=shaking, limit=limit)
+    free.tick(0.001, 2, clipped, disturbance=shaking)
+    assert limited.applied.tolist() == clipped.tolist()
+    assert limited.position.tolist() == free.position.tolist()
+    assert limited.velocity.tolist() == free.velocity.tolist()
+
+
+@PROPERTY
+@given(machines(), between(-3.0, 3.0), quads(2.0), quads())
+def test_the_initial_pose_is_that_of_the_centre_of_mass(
+    robot: Machine, yaw: float, joints: Quad, rates: Quad
+) -> None:
+    offset = robot.physical['com_offset']
+    pose = np.array([0.4, -0.6, yaw])
+    start = {'initial_pose': pose, 'initial_joints': joints, 'initial_velocity': rates}
+    memory, now = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
+    machine = Robot(TWO_LINK, robot.physical, np.array(robot.geometry), np.array(robot.theta))
+    write_start(memory, machine, start)
+    assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), now)
+    position, velocity = now['position'][0, :, 0], now['velocity'][0, :, 0]
+    heading = np.array([math.cos(yaw), math.sin(yaw)])
+    assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
+    assert position[2:].tolist() == [yaw, *joints]
+    u, w, _, _ = quasi_velocity(robot.geometry, *rates)
+    assert_agree(velocity[:2], u * heading, 1e-14, scale=1.0)
+    assert velocity[2:].tolist() == [w, *rates]
+
+
+def test_what_is_measured_is_finite_or_an_error() -> None:
+    """An angle beyond 1e9 rad has no sine: a finite state whose velocities are none."""
+    random = np.random.default_rng(1)
+    values = load_scenario(PAPER)['plant']
+    wrong = 0
+    for _ in range(2000):
+        rate = 10.0 ** random.uniform(3.0, 12.0)
+        turned = 1e-3 * rate * random.uniform(0.0, 1.2) * 0.0508 / 0.182
+        values['initial_pose'] = (0.0, 0.0, 1e9 - turned)
+        values['initial_velocity'] = (rate, -rate, 0.0, 0.0)
+        try:
+            plant = SimulatedRobot(robot_of(values), 0.001, values)
+            plant.advance(10.0 ** random.uniform(0.0, 12.0) * random.standard_normal(4))
+        except InputError:
+            wrong += 1
+            continue
+        assert np.isfinite(plant.position).all()
+        assert np.isfinite(plant.velocity).all()
+    assert 0 < wrong < 2000

@@ -1,0 +1,392 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trees of bodies: their dynamics against themselves, closed forms, energy and differences."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from masmc_ros.robot.robot import robot_description
+from masmc_ros.robot.tree import dynamics
+from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
+from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Placement, Tree
+from masmc_ros.robot.tree.urdf import read_urdf
+from masmc_ros.robot.two_link import two_link
+import numpy as np
+from numpy.typing import NDArray
+from other_machines import host_has
+import pytest
+from robots import DEFAULT, Machine, machines
+import tree_bits
+from tree_bits import digest
+
+Array = NDArray[np.float64]
+
+LANES = 3
+GRAVITY = 9.81
+FEW = settings(max_examples=25)
+
+trees = st.builds(
+    lambda seed, bodies, base: Drawn(seed, bodies, base),
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 7),
+    st.sampled_from((FIXED, DIFFERENTIAL, OMNIDIRECTIONAL)),
+)
+
+
+class Drawn:
+    """A random robot of so many bodies, and random states of it, one for each lane."""
+
+    def __init__(self, seed: int, bodies: int, base: int) -> None:
+        """Draw them."""
+        draw = np.random.default_rng(seed)
+        joints = max(bodies - 1, 1 if base == FIXED else 0)
+        bodies = joints + 1
+        size = base + joints
+        turns = np.linalg.qr(draw.normal(size=(bodies, 3, 3)))[0]
+        turns *= np.linalg.det(turns)[:, None, None]
+        axes = draw.normal(size=(bodies, 3))
+        root = draw.normal(size=(size, size))
+        self.tree = Tree(
+            base,
+            np.array([-1, *(draw.integers(0, body) for body in range(1, bodies))]),
+            draw.integers(0, 2, bodies),
+            (axes / np.linalg.norm(axes, axis=1)[:, None])[:, :, None],
+            turns.reshape(bodies, 9, 1),
+            draw.normal(size=(bodies, 3, 1)),
+            0.1 * root @ root.T,
+        )
+        self.moments = np.stack(
+            [[_moments(draw) for _ in range(bodies)] for _ in range(LANES)], axis=2
+        )
+        self.position = draw.normal(size=((3 if base else 0) + joints, LANES))
+        self.velocity, self.reference, self.acceleration = draw.normal(size=(3, size, LANES))
+
+    def placement(self, position: Array | None = None) -> Placement:
+        """Place the bodies."""
+        position = self.position if position is None else position
+        bodies, lanes = len(self.tree.parent), position.shape[1]
+        found = Placement(np.empty((bodies, 9, lanes)), np.empty((bodies, 3, lanes)))
+        dynamics.place(self.tree, position, found)
+        return found
+
+    def forces(
+        self,
+        velocity: Array,
+        reference: Array,
+        acceleration: Array,
+        gravity: float = GRAVITY,
+        position: Array | None = None,
+    ) -> Array:
+        """Return H a_r + C nu_r + g."""
+        found = np.empty_like(velocity)
+        place = self.placement(position)
+        dynamics.inverse_dynamics(
+            self.tree, self.moments, place, velocity, reference, acceleration, gravity, found
+        )
+        return found
+
+    def inertia(self, position: Array | None = None) -> Array:
+        """Return H."""
+        size = len(self.velocity)
+        found = np.empty((size, size, LANES))
+        dynamics.inertia(self.tree, self.moments, self.placement(position), found)
+        return found
+
+    def position_rates(self, position: Array, velocity: Array) -> Array:
+        """Return the derivative of the positions."""
+        base = self.tree.base
+        if base == FIXED:
+            return velocity
+        u, omega = velocity[0], velocity[base - 1]
+        v = velocity[1] if base == OMNIDIRECTIONAL else np.zeros(LANES)
+        c, s = np.cos(position[2]), np.sin(position[2])
+        return np.array([c * u - s * v, s * u + c * v, omega, *velocity[base:]])
+
+    def acceleration_of(self, position: Array, velocity: Array, forces: Array) -> Array:
+        """Return the acceleration under forces."""
+        found = np.empty_like(velocity)
+        dynamics.forward_dynamics(
+            self.tree, self.moments, self.placement(position), velocity, forces, GRAVITY, found
+        )
+        return found
+
+    def energy(self, position: Array, velocity: Array) -> Array:
+        """Return kinetic and potential energy in J."""
+        kinetic = np.einsum('il,ijl,jl->l', velocity, self.inertia(position), velocity) / 2.0
+        place = self.placement(position)
+        poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
+        dynamics.world_poses(self.tree, place, poses)
+        first = np.einsum(
+            'bil,bil->bl', poses.rotation.reshape(-1, 3, 3, LANES)[:, 2], self.moments[:, 1:4]
+        )
+        heights = self.moments[:, 0] * poses.offset[:, 2] + first
+        return kinetic + GRAVITY * heights.sum(axis=0)
+
+
+def _moments(draw: Any) -> list[float]:
+    """Draw the moments of some points of mass: those of a body that can exist."""
+    masses, points = draw.uniform(0.1, 2.0, 6), draw.normal(size=(6, 3))
+    second = np.einsum('p,pi,pj->ij', masses, points, points)
+    first = masses @ points
+    x, y, z = first.tolist()
+    pairs = [second[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))]
+    return [masses.sum(), x, y, z, *pairs]
+
+
+@FEW
+@given(trees)
+def test_inertia_is_what_accelerations_take(robot: Drawn) -> None:
+    still, inertia = np.zeros_like(robot.velocity), robot.inertia()
+    for column in range(len(still)):
+        unit = still.copy()
+        unit[column] = 1.0
+        assert robot.forces(still, still, unit, 0.0) == pytest.approx(
+            inertia[:, column], rel=1e-11, abs=1e-11
+        )
+    assert np.linalg.eigvalsh(np.moveaxis(inertia, 2, 0)).min() > 0.0
+
+
+@FEW
+@given(trees)
+def test_rate_of_inertia_less_twice_coriolis_is_skew(robot: Drawn) -> None:
+    still, columns = np.zeros_like(robot.velocity), []
+    for row in range(len(still)):
+        unit = still.copy()
+        unit[row] = 1.0
+        columns.append(robot.forces(robot.velocity, unit, still, 0.0))
+    coriolis = np.stack(columns, axis=1)
+    step = 1.0e-6
+    rates = robot.position_rates(robot.position, robot.velocity)
+    after = robot.inertia(robot.position + step * rates)
+    before = robot.inertia(robot.position - step * rates)
+    rate = (after - before) / (2.0 * step)
+    scale = 1.0 + np.abs(coriolis).max()
+    assert np.abs(rate - coriolis - coriolis.transpose(1, 0, 2)).max() < 1e-7 * scale
+
+
+@FEW
+@given(trees)
+def test_power_is_moments_times_gradients(robot: Drawn) -> None:
+    error = robot.velocity - robot.reference
+    gradients = np.empty((len(robot.tree.parent), 10, LANES))
+    dynamics.moment_gradients(
+        robot.tree,
+        robot.placement(),
+        robot.velocity,
+        robot.reference,
+        robot.acceleration,
+        GRAVITY,
+        error,
+        gradients,
+    )
+    forces = robot.forces(robot.velocity, robot.reference, robot.acceleration)
+    forces -= robot.tree.armature @ robot.acceleration
+    power = (error * forces).sum(axis=0)
+    assert (gradients * robot.moments).sum(axis=(0, 1)) == pytest.approx(power, rel=1e-9, abs=1e-9)
+
+
+@FEW
+@given(trees)
+def test_forward_dynamics_undo_inverse_dynamics(robot: Drawn) -> None:
+    forces = robot.forces(robot.velocity, robot.velocity, robot.acceleration)
+    found = robot.acceleration_of(robot.position, robot.velocity, forces)
+    assert found == pytest.approx(robot.acceleration, rel=1e-7, abs=1e-7)
+
+
+@settings(max_examples=10)
+@given(trees)
+def test_energy_of_a_tree_that_nothing_drives_is_kept(robot: Drawn) -> None:
+    position, velocity = robot.position.copy(), robot.velocity.copy()
+    none, step = np.zeros_like(velocity), 2.0e-4
+    before = robot.energy(position, velocity)
+
+    def rates(position: Array, velocity: Array) -> tuple[Array, Array]:
+        return (
+            robot.position_rates(position, velocity),
+            robot.acceleration_of(position, velocity, none),
+        )
+
+    for _ in range(50):
+        a = rates(position, velocity)
+        b = rates(position + step / 2 * a[0], velocity + step / 2 * a[1])
+        c = rates(position + step / 2 * b[0], velocity + step / 2 * b[1])
+        d = rates(position + step * c[0], velocity + step * c[1])
+        position = position + step / 6 * (a[0] + 2 * b[0] + 2 * c[0] + d[0])
+        velocity = velocity + step / 6 * (a[1] + 2 * b[1] + 2 * c[1] + d[1])
+    scale = np.abs(before).max() + np.abs(robot.energy(position, 0.0 * velocity)).max() + 1.0
+    assert np.abs(robot.energy(position, velocity) - before).max() < 1e-6 * scale
+
+
+@FEW
+@given(trees, st.integers(0, 2**32 - 1))
+def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    body = int(draw.integers(0, len(robot.tree.parent)))
+    point = draw.normal(size=(3, LANES))
+
+    def at(position: Array) -> tuple[Array, Array, Array]:
+        place = robot.placement(position)
+        poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
+        dynamics.world_poses(robot.tree, place, poses)
+        rotation = poses.rotation[body].reshape(3, 3, LANES)
+        jacobian = np.empty((6, len(robot.velocity), LANES))
+        derivative = np.empty_like(jacobian)
+        dynamics.point_jacobian(
+            robot.tree, poses, robot.velocity, body, point, jacobian, derivative
+        )
+        moved = poses.offset[body] + np.einsum('ijl,jl->il', rotation, point)
+        return np.concatenate([moved, rotation.reshape(9, LANES)]), jacobian, derivative
+
+    rates = robot.position_rates(robot.position, robot.velocity)
+    step = 1.0e-6
+    place, jacobian, derivative = at(robot.position)
+    (after, jacobian_after, _), (before, jacobian_before, _) = (
+        at(robot.position + sign * step * rates) for sign in (1.0, -1.0)
+    )
+    motion = np.einsum('ijl,jl->il', jacobian, robot.velocity)
+    scale = 1.0 + np.abs(derivative).max() + np.abs(place).max()
+    moved = (after - before) / (2.0 * step)
+    assert np.abs(moved[:3] - motion[:3]).max() < 1e-7 * scale
+    turned = moved[3:].reshape(3, 3, LANES)
+    spin = np.einsum('ijl,kjl->ikl', turned, place[3:].reshape(3, 3, LANES))
+    found = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    assert np.abs(found - motion[3:]).max() < 1e-7 * scale
+    rate = (jacobian_after - jacobian_before) / (2.0 * step)
+    assert np.abs(rate - derivative).max() < 1e-6 * scale
+
+
+@FEW
+@given(trees)
+def test_lanes_have_the_bits_of_a_robot_alone(robot: Drawn) -> None:
+    together = robot.forces(robot.velocity, robot.reference, robot.acceleration)
+    inertia = robot.inertia()
+    free = robot.acceleration_of(robot.position, robot.velocity, together)
+    for lane in range(LANES):
+        alone = Drawn.__new__(Drawn)
+        alone.tree, alone.moments = robot.tree, robot.moments[:, :, lane:lane + 1].copy()
+        alone.position = robot.position[:, lane:lane + 1].copy()
+        velocity, reference, acceleration = (
+            each[:, lane:lane + 1].copy()
+            for each in (robot.velocity, robot.reference, robot.acceleration)
+        )
+        forces = alone.forces(velocity, reference, acceleration)
+        assert forces.tobytes() == together[:, lane].tobytes()
+        matrix = np.empty((len(forces), len(forces), 1))
+        dynamics.inertia(alone.tree, alone.moments, alone.placement(), matrix)
+        assert matrix.tobytes() == inertia[:, :, lane].tobytes()
+        found = alone.acceleration_of(alone.position, velocity, forces)
+        assert found.tobytes() == free[:, lane].tobytes()
+
+
+@FEW
+@given(machines(), st.integers(0, 2**32 - 1))
+def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    # The description gives a wheel at least what a disc has about its diameter.
+    physical = dict(machine.physical)
+    spin = physical['wheel_spin_inertia']
+    physical['wheel_yaw_inertia'] = max(physical['wheel_yaw_inertia'], spin / 2.0)
+    machine = Machine(physical)
+    values = {f'robot.{name}': value for name, value in physical.items()}
+    description = read_urdf(robot_description(values), 'robot_description')
+    geometry = machine.geometry
+    wheels = [joint for joint in description.joints if 'wheel' in joint]
+    robot = tree_robot(
+        description,
+        'robot_description',
+        base='differential',
+        wheels=wheels,
+        wheel_radius=geometry.wheel_radius,
+    )
+    angles = draw.uniform(-3.0, 3.0, 3)
+    rates, wanted, pushed = draw.normal(size=(3, 4))
+    r, b = geometry.wheel_radius, geometry.half_track
+    to_tree = np.eye(4)
+    to_tree[:2, :2] = [[r / 2.0, r / 2.0], [r / (2.0 * b), -r / (2.0 * b)]]
+
+    posture = two_link.posture(geometry, (0.0, 0.0, angles[0], 0.0, 0.0, *angles[1:]))
+    motion, reference, acceleration = (
+        two_link.motion(geometry, tuple(each)) for each in (rates, wanted, pushed)
+    )
+    y = two_link.regressor(geometry, posture, motion, reference, acceleration)
+    torques = two_link.joint_torques(
+        geometry, two_link.regressor_times(geometry, y, tuple(machine.theta))
+    )
+
+    position = np.array([0.0, 0.0, *angles])[:, None]
+    bodies = len(robot.tree.parent)
+    place = Placement(np.empty((bodies, 9, 1)), np.empty((bodies, 3, 1)))
+    dynamics.place(robot.tree, position, place)
+    forces = np.empty((4, 1))
+    velocity, along, gained = (np.ascontiguousarray((to_tree @ each)[:, None]) for each in (
+        rates, wanted, pushed,
+    ))
+    dynamics.inverse_dynamics(
+        robot.tree, robot.moments[:, :, None], place, velocity, along, gained, GRAVITY, forces
+    )
+    scale = 1.0 + np.abs(torques).max()
+    assert np.abs(to_tree.T @ forces[:, 0] - torques).max() < 1e-10 * scale
+
+
+def test_moments_of_the_bodies_are_those_of_bodies() -> None:
+    values = {f'robot.{name}': value for name, value in DEFAULT.items()}
+    robot = tree_robot(read_urdf(robot_description(values), 'x'), 'x')
+    for moments in robot.moments[1:]:
+        # The wheels are flat.
+        assert np.linalg.eigvalsh(pseudo_inertia(moments))[0] > -1.0e-12
+
+
+RECORDED = '542af275886ccb98f134502c2678b0aacee27bba2b4edd514c038af747bceae9'
+"""Digest as every machine must give it."""
+
+
+def test_this_machine_gives_the_recorded_bits() -> None:
+    assert digest() == RECORDED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'settings',
+    [
+        {'NUMBA_CPU_NAME': 'generic', 'NUMBA_CPU_FEATURES': ''},
+        {'NUMBA_CPU_NAME': 'haswell', 'NUMBA_CPU_FEATURES': ''},
+        {'NUMBA_DISABLE_JIT': '1'},
+    ],
+    ids=['SSE2', 'AVX2 and FMA', 'interpreted'],
+)
+def test_another_machine_gives_the_same_bits(settings: dict[str, str], tmp_path: Path) -> None:
+    if not host_has(settings.get('NUMBA_CPU_NAME', 'generic')):
+        pytest.skip('not a CPU of this kind')
+    found = subprocess.run(
+        [sys.executable, str(Path(tree_bits.__file__))],
+        env={
+            **os.environ,
+            'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
+            'XDG_CACHE_HOME': str(tmp_path),
+            **settings,
+        },
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+        timeout=600.0,
+    )
+    assert found.stdout.strip() == RECORDED
