@@ -145,7 +145,7 @@ class Approach:
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
         """
-        Return what to follow (3 axes) at a stamp in ns; the reference itself once joined.
+        Return the sample to follow at a stamp in ns; the reference itself once joined.
 
         `position` in the order of joint_states, `rates` of the driven joints in rad/s,
         `reference` (3 axes).

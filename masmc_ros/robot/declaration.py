@@ -159,7 +159,7 @@ class Mechanism:
     frames
         parent and child of every transform, parents first: from ODOM_FRAME to BASE_FRAME, and
         at last to the frame of the first point.
-    parameters
+    parameters : sequence
         of the robot, lengths and masses, named `robot.`.
     lengths
         names of its constant lengths, the fields of `MODEL`.
@@ -227,7 +227,7 @@ class Mechanism:
 
     @property
     def entries(self) -> dict[str, str]:
-        """What parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
+        """Say what parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
         return {
             'axes': f'per task axis {", ".join(axis.name for axis in self.axes)}',
             'joints': f'on {self.joint_list}',

@@ -69,7 +69,6 @@ def task_positions(geometry: ArrayLike, position: NDArray[np.float64]) -> NDArra
     return robot.task_positions(position)
 
 
-
 @dataclass(frozen=True)
 class Machine:
     """A robot by its physical parameters, and as the formulas take it."""

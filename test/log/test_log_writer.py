@@ -280,13 +280,13 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
         writer.add_metadata('origin', {'law': 'smc'})
         writer.add_message(2, 7, b'first', 5)
         messages = [
-            (int(time), place, index)
+            (int(stamp), place, index)
             for place, source in enumerate(sources)
-            for index, time in enumerate(source.times)
+            for index, stamp in enumerate(source.times)
         ]
-        for time, place, index in sorted(messages):
+        for stamp, place, index in sorted(messages):
             source = sources[place]
-            writer.add_message(source.channel, time, source.rows[index].tobytes(), time)
+            writer.add_message(source.channel, stamp, source.rows[index].tobytes(), stamp)
         writer.flush()
         writer.add_attachment(3, 3, 'robot.urdf', 'application/xml', b'<robot/>')
         writer.add_message(1, 8, b'last', 9)

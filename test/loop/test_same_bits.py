@@ -54,6 +54,7 @@ RECORDED = {
 }
 """Digests as every machine must give them; after a change of the formulas, see same_bits.md."""
 
+
 def start(ticks: int, cache: Path, **settings: str) -> subprocess.Popen[str]:
     """Start a process that computes the digests with code of its own."""
     path = os.pathsep.join([str(ROOT), str(SCRIPT.parent), *filter(None, sys.path)])

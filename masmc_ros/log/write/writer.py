@@ -48,6 +48,7 @@ LIVE_CHUNK_SIZE = 512 * 1024
 _TIMES = 2**64
 """Times in ns that a log can hold are below this."""
 
+
 class LogWriter:
     """
     A log that is being written; a context manager.

@@ -79,7 +79,7 @@ class LockStep:
 
     @property
     def text(self) -> str:
-        """What the plant does, in a word."""
+        """Say what the plant does, in a word."""
         return 'lock-step'
 
     def _watch(self) -> None:

@@ -41,7 +41,7 @@ class Plant(NamedTuple):
     """Parameters in force."""
     timing: Timing
     robot: SimulatedRobot
-    input: CommandInput
+    input: CommandInput  # noqa: A003
     output: StateOutput
     health: PlantHealth
     recorder: RecorderPace
@@ -95,4 +95,4 @@ class Pacing(Protocol):
 
     @property
     def text(self) -> str:
-        """What the plant does, in a word."""
+        """Say what the plant does, in a word."""

@@ -98,7 +98,7 @@ class WallClock:
 
     @property
     def text(self) -> str:
-        """What the plant does, in a word."""
+        """Say what the plant does, in a word."""
         return 'real time' if self._runs else 'waits for the first command'
 
     def _on_time(self) -> None:

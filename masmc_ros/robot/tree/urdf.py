@@ -250,6 +250,8 @@ def _keep(among: dict[str, Any], named: Any, where: str) -> None:
 
 
 class _Reader:
+    """Reads elements; what cannot be read is refused with its line."""
+
     def __init__(self, where: str) -> None:
         self._where = where
 

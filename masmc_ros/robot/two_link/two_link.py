@@ -52,6 +52,7 @@ Theta = tuple[float, float, float, float, float, float, float]
 
 MODEL = Geometry
 
+
 @formula
 def model_of(record: Any, lane: int) -> Geometry:
     """Return the lengths that a record holds."""
