@@ -143,6 +143,7 @@ FULL = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('buffer', ['', '1'])
 def test_a_full_device_is_one_line(log: Path, tmp_path: Path, buffer: str) -> None:
     """Where the interpreter keeps what is printed until it ends, and where it does not."""

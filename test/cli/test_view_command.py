@@ -270,6 +270,7 @@ def test_an_installed_viewer_opens_the_file(log: Path, tmp_path: Path, status: i
             assert any('foxglove.json' in line for line in served.lines)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_told_in_one_line(log: Path, tmp_path: Path) -> None:
     text = tmp_path / 'text.mcap'
     text.write_text('no log')

@@ -155,7 +155,8 @@ def test_what_comes_from_outside_is_heard(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = started.start('composed', '--record', *arguments)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
-        tester.wait_for_subscribers(commands)
+        # The plant and the recorder, both of which hear what comes from outside.
+        tester.wait_for_subscribers(commands, 2)
         wrong = EffortCdr()
         wrong.data[1] = float('inf')
         commands.publish(wrong.to_bytes())

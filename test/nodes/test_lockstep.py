@@ -197,6 +197,7 @@ def check_a_successor_takes_up_the_run(
         assert len(set(answers[:-1]) - set(live.messages[topic])) <= 1, topic
 
 
+@pytest.mark.slow
 def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
     """Under smc nothing is lost with the controller: its successor takes up the run."""
     check_a_successor_takes_up_the_run(tmp_path, ('effort_commands',), controller__law='smc')

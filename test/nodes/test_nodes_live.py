@@ -310,6 +310,7 @@ def test_a_port_that_is_taken_is_told_in_one_line(tmp_path: Path) -> None:
         assert str(port) in live.stderr()[0]
 
 
+@pytest.mark.slow
 def test_without_the_library_it_says_what_to_install(tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text("raise ImportError('not here')", encoding='utf-8')
     with processes(tmp_path) as started:

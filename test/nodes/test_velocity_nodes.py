@@ -351,6 +351,7 @@ DISAGREEMENTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('settings', 'plant_says', 'controller_says'), DISAGREEMENTS.values(), ids=DISAGREEMENTS
 )

@@ -123,6 +123,7 @@ def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[s
     assert most > 80, 'the law does not switch'
 
 
+@pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize('which', ['whole', 'again'])
 def test_of_everything_each_column_of_pixels_has_its_least_and_greatest(

@@ -130,6 +130,7 @@ def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
         check_readers(killed[0][0])
 
 
+@pytest.mark.slow
 def test_the_next_recorder_completes_what_was_left(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         started.start('plant', *ROBOT)
