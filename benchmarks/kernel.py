@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+import multiprocessing
 from pathlib import Path
 import shutil
 import subprocess
@@ -131,6 +133,17 @@ def lanes_seconds(settings: tuple[str, ...], lanes: int, repeats: int = 3) -> fl
     return best / lanes
 
 
+def runs_per_second(settings: tuple[str, ...], processes: int) -> float:
+    """Return how many runs a second so many processes do together, each of them many at once."""
+    tasks = 4 * processes
+    with ProcessPoolExecutor(processes, multiprocessing.get_context('spawn')) as pool:
+        # Everybody has imported and compiled before it counts.
+        for repeats in (0, 3):
+            begin = time.perf_counter()
+            list(pool.map(lanes_seconds, *zip(*[(settings, LANES, repeats)] * tasks, strict=True)))
+        return tasks * LANES * (1 + repeats) / (time.perf_counter() - begin)
+
+
 def measures() -> Iterator[Measure]:
     """Yield the times."""
     seconds = c_seconds()
@@ -143,6 +156,10 @@ def measures() -> Iterator[Measure]:
     for name, settings in CASES.items():
         taken = 1e3 * lanes_seconds(settings, LANES)
         yield beside(f'the same, each of {LANES} side by side: {name}', taken, 'ms', in_c)
+    one, two = (runs_per_second(CASES['rasmc, tanh'], count) for count in (1, 2))
+    alone = Measure('runs of rasmc, tanh side by side, one process', one, '/s')
+    yield alone
+    yield beside('the same, two processes', two, '/s', alone)
     control, plant = tick_seconds()
     yield Measure('control tick from Python', 1e6 * control, 'us')
     yield Measure('plant tick from Python', 1e6 * plant, 'us')

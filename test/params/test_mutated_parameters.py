@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 import random
 import re
@@ -188,8 +189,8 @@ def refusal_of_nodes(path: Path) -> str | None:
         for name in NODES:
             node = Node(name, context=context, enable_rosout=False)
             try:
-                declarations = declared(name)
-                values = RosParameters(node, declarations, command_line=command_line).values
+                declare = partial(declared, name)
+                values = RosParameters(node, declare, command_line=command_line).values
                 if 'control_period' in values:
                     Timing.from_values(values)
             finally:
