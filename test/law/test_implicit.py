@@ -146,6 +146,7 @@ def test_the_solution_fulfils_its_conditions(problem: Problem) -> None:
     assert (zeta[~boxed] == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('decades', [0, 6, 12])
 def test_hard_problems_in_bulk(decades: int) -> None:
     """Many ill-conditioned problems, of which a sweeping method fails some."""

@@ -135,6 +135,7 @@ def situations(draw: st.DrawFn) -> Situation:
     return situation
 
 
+@pytest.mark.slow
 @PROPERTY
 @given(situations())
 def test_18_has_the_estimation_error_with_a_minus(situation: Situation) -> None:

@@ -191,6 +191,7 @@ def test_the_initial_pose_is_that_of_the_centre_of_mass(
     assert velocity[2:].tolist() == [w, *rates]
 
 
+@pytest.mark.slow
 def test_what_is_measured_is_finite_or_an_error() -> None:
     """An angle beyond 1e9 rad has no sine: a finite state whose velocities are none."""
     random = np.random.default_rng(1)
