@@ -113,7 +113,7 @@ def _set(session: Any, node: str | None, name: str, value: Any) -> int:
     from rclpy.parameter import Parameter
 
     kind = Parameter.Type.STRING_ARRAY if value == [] else None
-    result = session.set(node, Parameter(name, kind, value))
+    result = session.assign(node, Parameter(name, kind, value))
     reason = f': {result.reason}' if result.reason else ''
     if result.successful:
         print(f'Set parameter successful{reason}')

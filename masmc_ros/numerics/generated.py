@@ -82,7 +82,7 @@ class Compiler:
         """Return the entries of a tuple."""
         return [self.builder.extract_value(value, i) for i in range(len(of))]
 
-    def tuple(self, values: Sequence[Any], of: Type | None = None) -> Any:  # noqa: A003
+    def tuple_of(self, values: Sequence[Any], of: Type | None = None) -> Any:
         """Return a tuple of values."""
         return self.context.make_tuple(self.builder, of or self.result, values)
 

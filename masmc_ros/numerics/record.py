@@ -201,7 +201,7 @@ def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
 def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
     places = _places(compiler, kinds, values)
     found = [compiler.builder.load(place) for place in places]
-    return compiler.tuple(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
+    return compiler.tuple_of(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
 
 
 def put(record: Any, name: str, lane: int, value: Any) -> None:

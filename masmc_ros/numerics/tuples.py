@@ -65,7 +65,7 @@ def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
         compiler.entries(value, kind) if _is_tuple(kind) else value
         for kind, value in zip(kinds, values, strict=True)
     ]
-    return compiler.tuple([
+    return compiler.tuple_of([
         compiler.call(
             function,
             compiler.result[i],
@@ -89,7 +89,7 @@ def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types
 @generated(tabulate, _type_of_table)
 def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
     function, _, argument = kinds
-    return compiler.tuple([
+    return compiler.tuple_of([
         compiler.call(
             function,
             compiler.result[i],
@@ -131,7 +131,7 @@ def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
 def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
     columns = [compiler.entries(c, kinds[0][0]) for c in compiler.entries(values[0], kinds[0])]
     x = compiler.entries(values[1], kinds[1])
-    return compiler.tuple([
+    return compiler.tuple_of([
         _sum_of_products(compiler, [column[i] for column in columns], x)
         for i in range(len(columns[0]))
     ])
@@ -148,7 +148,7 @@ def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
     one, zero = compiler.number(1.0), compiler.number(0.0)
     here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
     build = compiler.builder
-    return compiler.tuple([
+    return compiler.tuple_of([
         build.select(build.icmp_signed('==', place, j), one, zero) for j in here
     ])
 
@@ -177,7 +177,7 @@ def head(of: Numbers, as_many: Numbers) -> Numbers:
 
 @generated(head, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
 def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    return compiler.tuple(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
+    return compiler.tuple_of(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
 
 
 def tail(of: Numbers, as_many: Numbers) -> Numbers:
@@ -187,7 +187,7 @@ def tail(of: Numbers, as_many: Numbers) -> Numbers:
 
 @generated(tail, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
 def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    return compiler.tuple(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
+    return compiler.tuple_of(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
 
 def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -199,8 +199,8 @@ def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
 @generated(thirds, lambda context, of: like([_floats(len(of) // 3)] * 3))
 def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
-    return compiler.tuple([
-        compiler.tuple(entries[k * n:k * n + n], _floats(n)) for k in range(3)
+    return compiler.tuple_of([
+        compiler.tuple_of(entries[k * n:k * n + n], _floats(n)) for k in range(3)
     ])
 
 
@@ -212,7 +212,7 @@ def joined(first: Numbers, second: Numbers) -> Numbers:
 @generated(joined, lambda context, first, second: _floats(len(first) + len(second)))
 def _joined(compiler: Compiler, kinds: Any, values: Any) -> Any:
     parts = (compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
-    return compiler.tuple([entry for part in parts for entry in part])
+    return compiler.tuple_of([entry for part in parts for entry in part])
 
 
 def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
@@ -223,6 +223,6 @@ def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
 @generated(column, lambda context, rows, i: like(row[i.literal_value] for row in rows))
 def _column(compiler: Compiler, kinds: Any, values: Any) -> Any:
     rows = compiler.entries(values[0], kinds[0])
-    return compiler.tuple([
+    return compiler.tuple_of([
         compiler.builder.extract_value(row, kinds[1].literal_value) for row in rows
     ])

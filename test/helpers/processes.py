@@ -35,15 +35,16 @@ from typing import Any
 from forked import Forked, PATIENCE
 from masmc_ros.messages.stamps import header_stamp
 from nav_msgs.msg import Odometry
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from surroundings import domain, domain_variables, surroundings
+from surroundings import domain, domain_variables, ended, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -274,6 +275,13 @@ class Peer:
 
         return self.until(answered, f'response of {name}').result()
 
+    def change(self, node: str, **values: Any) -> None:
+        """Change parameters of a node at once; it must take them."""
+        new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=new)
+        name = f'{node}/set_parameters_atomically'
+        assert self.call(SetParametersAtomically, name, request).result.successful
+
     def client(self, service_type: Any, name: str) -> Any:
         """Return a client of a service, the same one every time."""
         key = (service_type, name)
@@ -310,15 +318,8 @@ def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
 
     They tell what they printed where the test fails, and end with it.
     """
-    with domain() as number:
-        started = Processes(number, folder, fresh=fresh)
-        try:
-            yield started
-        except BaseException:
-            started.tell()
-            raise
-        finally:
-            started.end()
+    with domain() as number, ended(Processes(number, folder, fresh=fresh)) as started:
+        yield started
 
 
 @contextmanager

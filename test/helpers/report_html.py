@@ -38,7 +38,7 @@ class Element:
     text: str = ''
     within: list[Element] = field(default_factory=list)
 
-    def all(self, tag: str, **attributes: str) -> list[Element]:  # noqa: A003
+    def find_all(self, tag: str, **attributes: str) -> list[Element]:
         """Return the elements within of a name and with these attributes."""
         return [
             e for e in self.within if e.tag == tag and attributes.items() <= e.attributes.items()
@@ -81,21 +81,21 @@ class Page(HTMLParser):
 
     def table(self, **attributes: str) -> list[list[str]]:
         """Return the texts of a table's cells by row."""
-        (table,) = self.root.all('table', **attributes)
+        (table,) = self.root.find_all('table', **attributes)
         return [
             [cell.text for cell in row.within if cell.tag in ('th', 'td')]
-            for row in table.all('tr')
+            for row in table.find_all('tr')
         ]
 
     def figure(self, name: str) -> dict[str, Any]:
         """Return the data and layout of a plot."""
-        (data,) = self.root.all('script', id=f'{name}-data')
+        (data,) = self.root.find_all('script', id=f'{name}-data')
         figure: dict[str, Any] = json.loads(data.text)
         return figure
 
     def figures(self) -> list[str]:
         """Return the names of all plots."""
-        return [e.attributes['id'] for e in self.root.all('div') if is_plot(e)]
+        return [e.attributes['id'] for e in self.root.find_all('div') if is_plot(e)]
 
 
 def is_plot(element: Element) -> bool:

@@ -51,8 +51,8 @@ from processes import (
 )
 import pytest
 from rcl_interfaces.msg import Log
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from surroundings import domain_variables, surroundings
@@ -208,12 +208,7 @@ def test_changes_of_others_are_shown(run: Run, shown: Viewer) -> None:
     shown.follow_parameters('/controller.k_s2', '/controller.boundary_layer')
     # The answer to a request tells that the subscription was taken.
     shown.parameters()
-    changes = [Parameter(name, value=0.25) for name in ('k_s2', 'boundary_layer')]
-    request = SetParametersAtomically.Request(
-        parameters=[change.to_parameter_msg() for change in changes]
-    )
-    name = '/controller/set_parameters_atomically'
-    assert run.tester.call(SetParametersAtomically, name, request).result.successful
+    run.tester.change('/controller', k_s2=0.25, boundary_layer=0.25)
     for name in ('/controller.k_s2', '/controller.boundary_layer'):
         shown.until(lambda name=name: 0.25 in shown.changes(name), name)
     found = shown.parameters()

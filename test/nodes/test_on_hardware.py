@@ -33,8 +33,6 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from processes import PAPER, Peer, peer, processes, ros_arguments
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -173,12 +171,6 @@ class Watched(Robot):
             past=False,
         )
 
-    def set(self, **values: Any) -> None:  # noqa: A003
-        new = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        request = SetParametersAtomically.Request(parameters=new)
-        name = '/controller/set_parameters_atomically'
-        assert self.tester.call(SetParametersAtomically, name, request).result.successful
-
     def figure(self, name: str) -> float:
         return float(self.health.get(name, 'nan'))
 
@@ -255,7 +247,7 @@ def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: P
         (line, *_) = controller.logged('ERROR', 'joint_states refused')
         assert 'set velocity_source to estimated' in line
         assert robot.torques == []
-        robot.set(velocity_source='estimated')
+        robot.tester.change('/controller', velocity_source='estimated')
         robot.moves_on()
         refused = robot.reported('joint_states refused')
         # Some robots give no number where they have none.

@@ -26,8 +26,6 @@ from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTI
 from masmc_ros.messages.names import TELEMETRY, telemetry_topic
 from processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 LEARNING = {
@@ -70,12 +68,6 @@ class Run:
     def trigger(self, name: str) -> None:
         assert self.tester.call(Trigger, name, Trigger.Request(), again=False).success
 
-    def set(self, **values: Any) -> None:  # noqa: A003
-        new = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        request = SetParametersAtomically.Request(parameters=new)
-        name = '/controller/set_parameters_atomically'
-        assert self.tester.call(SetParametersAtomically, name, request).result.successful
-
 
 def is_the_same(log: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Compute a run again, and hold its last pass, message by message, against that."""
@@ -106,14 +98,14 @@ def test_stopped_started_reset_and_changed(
         run.trigger('/controller/reset_adaptation')
         run.goes_on()
         run.enable(False)
-        run.set(k_s1=80.0)
+        run.tester.change('/controller', k_s1=80.0)
         run.goes_on()
         run.enable(True)
         run.goes_on()
         run.trigger('/controller/emergency_stop')
         run.enable(True)
         run.trigger('/controller/reset_adaptation')
-        run.set(k_s1=90.0)
+        run.tester.change('/controller', k_s1=90.0)
         run.goes_on()
         run.trigger('/controller/emergency_stop')
         run.goes_on()

@@ -85,18 +85,18 @@ def both(changed: Run) -> Page:
 def test_page_refers_to_nothing_outside(both: Page) -> None:
     assert both.addresses()
     assert all(address.startswith('#') for address in both.addresses())
-    scripts = [e for e in both.root.all('script') if 'type' not in e.attributes]
+    scripts = [e for e in both.root.find_all('script') if 'type' not in e.attributes]
     assert len(scripts) == 2
-    assert not any('src' in e.attributes for e in both.root.all('script'))
-    assert not both.root.all('link')
-    (style,) = both.root.all('style')
+    assert not any('src' in e.attributes for e in both.root.find_all('script'))
+    assert not both.root.find_all('link')
+    (style,) = both.root.find_all('style')
     assert 'url(' not in style.text
     assert '@import' not in style.text
     # plotly's own script has addresses for what is not used here: the policy forbids them.
     (plotly,) = (e for e in scripts if 'plotly.js v' in e.text)
     everything = both.root.text.replace(plotly.text, '')
     assert not NETWORK.findall(everything)
-    (policy,) = both.root.all('meta', **{'http-equiv': 'Content-Security-Policy'})
+    (policy,) = both.root.find_all('meta', **{'http-equiv': 'Content-Security-Policy'})
     rules = dict(rule.split(maxsplit=1) for rule in policy.attributes['content'].split('; '))
     assert rules.pop('default-src') == "'none'"
     assert not any(NETWORK.search(rule) or '*' in rule for rule in rules.values())
@@ -114,7 +114,7 @@ def test_links_within_the_page_lead_somewhere(both: Page) -> None:
 def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
     assert len(both.figures()) == 2 + 6 + 4
     for name in both.figures():
-        (title,) = both.root.all('figcaption', id=f'{name}-title')
+        (title,) = both.root.find_all('figcaption', id=f'{name}-title')
         assert title.text
         layout = both.figure(name)['layout']
         texts = [layout[axis]['title']['text'] for axis in ('xaxis', 'yaxis')]
@@ -129,7 +129,8 @@ def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
 
 
 def test_all_time_axes_are_one(both: Page) -> None:
-    over_time = [e.attributes['id'] for e in both.root.all('div', **{'class': 'plot over-time'})]
+    plots = both.root.find_all('div', **{'class': 'plot over-time'})
+    over_time = [plot.attributes['id'] for plot in plots]
     assert len(over_time) == len(both.figures()) - 2
     for name in over_time:
         assert both.figure(name)['layout']['xaxis']['range'] == [0.0, 20.0]
@@ -214,10 +215,10 @@ def test_changes_and_start_values_are_in_tables(both: Page) -> None:
         ['5.000', '500', 'controller', 'sigma', '?', '4.0'],
         ['12.340', '1234', 'controller', 'k_s1', '[1.0, 2.0, 3.0, 4.0]', '150.0'],
     ]
-    tables = both.root.all('table', **{'class': 'parameters'})
+    tables = both.root.find_all('table', **{'class': 'parameters'})
     starts = {
         tuple(cell.text for cell in row.within if cell.tag in ('th', 'td'))
-        for row in tables[0].all('tr')
+        for row in tables[0].find_all('tr')
     }
     assert ('k_s1', '100.0', '[1.0, 2.0, 3.0, 4.0] from 5.000 s, 150.0 from 12.340 s') in starts
     assert ('law', '"smc"', '') in starts
@@ -248,7 +249,7 @@ def test_origin_is_told(changed: Run) -> None:
     found = page(told)
     _, *rows = found.table(**{'class': 'topics'})
     assert rows == [['/joint_states', '2001'], ['/odom', '101']]
-    details = [e.text for e in found.root.all('dd')]
+    details = [e.text for e in found.root.find_all('dd')]
     assert details == ['a.mcap', '9.8.7', '6.5.4', '5 bytes']
 
 
@@ -281,7 +282,7 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
 def test_what_is_missing_is_said(run: Run, plots: list[str], said: str) -> None:
     found = page(run)
     assert [n.removeprefix('run-1-') for n in found.figures() if n.startswith('run')] == plots
-    (box,) = found.root.all('div', **{'class': 'missing'})
+    (box,) = found.root.find_all('div', **{'class': 'missing'})
     assert said in box.text
     for name in plots:
         assert found.figure(f'run-1-{name}')['data']
@@ -299,7 +300,7 @@ def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture
     np.testing.assert_array_equal(path['x'], told.position[:, 0].astype(np.float32))
     wheel = lines(found.figure('run-1-torque'))['right wheel']
     np.testing.assert_array_equal(wheel['y'], told.effort[:, 3].astype(np.float32))
-    assert len(found.root.all('li')) == 7
+    assert len(found.root.find_all('li')) == 7
 
 
 def test_a_log_whose_topics_were_renamed_says_what_it_needs(
@@ -324,19 +325,19 @@ def test_a_log_whose_topics_were_renamed_says_what_it_needs(
     assert 'cmd_vel, arm_velocity_commands' in line
     assert line.endswith('beside /joint_states.')
     found = Page((folder / 'report.html').read_text(encoding='utf-8'))
-    (box,) = found.root.all('div', **{'class': 'missing'})
+    (box,) = found.root.find_all('div', **{'class': 'missing'})
     assert 'Not read are /arm_controller/commands' in box.text
 
 
 def test_a_node_that_was_started_again_is_told() -> None:
-    (box,) = page(replace(paper_like(), restarted=('controller',))).root.all(
+    (box,) = page(replace(paper_like(), restarted=('controller',))).root.find_all(
         'div', **{'class': 'missing'}
     )
     assert 'controller was started again' in box.text
 
 
 def test_whole_log_lacks_nothing(both: Page) -> None:
-    boxes = both.root.all('div', **{'class': 'missing'})
+    boxes = both.root.find_all('div', **{'class': 'missing'})
     assert len(boxes) == 1  # only the second run lacks surface and estimates
     assert 'controller/sliding_surface' in boxes[0].text
 
@@ -370,8 +371,8 @@ def test_texts_of_logs_are_no_markup() -> None:
         attachments={EVIL: b''},
     )
     found, plain = page(run), page(with_change(paper_like(), 5.0, 'controller', k_s1=1.0))
-    assert len(found.root.all('script')) == len(plain.root.all('script'))
-    assert not found.root.all('b')
+    assert len(found.root.find_all('script')) == len(plain.root.find_all('script'))
+    assert not found.root.find_all('b')
     assert EVIL in found.root.text
     # plotly takes texts for markup too.
     for name in found.figures():

@@ -108,7 +108,7 @@ class ParameterSession:
         answer = self._answer(node, lambda client: client.get_parameters(list(names)))
         return list(answer.values)
 
-    def set(self, node: str, parameter: Parameter) -> SetParametersResult:  # noqa: A003
+    def assign(self, node: str, parameter: Parameter) -> SetParametersResult:
         """Set a parameter; return what the node says. UserError where there is no node."""
         answer = self._answer(node, lambda client: client.set_parameters([parameter]))
         return answer.results[0]

@@ -52,7 +52,7 @@ class LockStep:
     def go_on(self) -> None:
         """Apply the command at hand, unless something holds the plant up."""
         plant = self._plant
-        if plant.is_over() or not plant.input.is_complete:
+        if plant.is_over() or not plant.commands.is_complete:
             return
         if self.is_paused and not self._single_steps:
             return
@@ -60,7 +60,7 @@ class LockStep:
             return
         if self._single_steps:
             self._single_steps -= 1
-        plant.advance(plant.input.take())
+        plant.advance(plant.commands.take())
 
     def change(self) -> None:
         """Do nothing: there is no speed to change."""
@@ -90,9 +90,9 @@ class LockStep:
             return
         if not stands_still or self.is_paused or plant.is_over():
             plant.wait(None)
-        elif not plant.input.is_complete:
-            differs = plant.input.disagreement(plant.node, 'controller')
-            why = plant.input.missing() + ('' if differs is None else f'; {differs}')
+        elif not plant.commands.is_complete:
+            differs = plant.commands.disagreement(plant.node, 'controller')
+            why = plant.commands.missing() + ('' if differs is None else f'; {differs}')
             plant.wait(f"the controller's command ({why})")
         else:
             plant.wait('the recorder (recorder/progress)')

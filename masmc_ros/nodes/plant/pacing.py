@@ -41,7 +41,7 @@ class Plant(NamedTuple):
     """Parameters in force."""
     timing: Timing
     robot: SimulatedRobot
-    input: CommandInput  # noqa: A003
+    commands: CommandInput
     output: StateOutput
     health: PlantHealth
     recorder: RecorderPace

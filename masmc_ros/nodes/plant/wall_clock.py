@@ -93,7 +93,7 @@ class WallClock:
         plant = self._plant
         return InputError(
             f'{error}, and a machine that keeps up with it; {plant.health.late} ticks were late,'
-            f' the last command came {plant.input.age(time.monotonic()):.3f} s ago'
+            f' the last command came {plant.commands.age(time.monotonic()):.3f} s ago'
         )
 
     @property
@@ -107,7 +107,7 @@ class WallClock:
         self._woken = now
         if now - before > max(0.5 * plant.values['command_timeout'], 10.0 * period):
             # This process was held up, and the robot's time with it; commands may be waiting.
-            plant.input.touch()
+            plant.commands.touch()
         if plant.is_over():
             return
         if self.is_paused or not self._runs:
@@ -143,9 +143,9 @@ class WallClock:
         """
         plant, timeout = self._plant, self._plant.values['command_timeout']
         # Topic by topic: the messages of a command come, and grow old, one after the other.
-        for topic in [] if self.is_paused else plant.input.drop_old(now, timeout):
+        for topic in [] if self.is_paused else plant.commands.drop_old(now, timeout):
             if self._silences.is_due(topic):
                 self._log.warning(
                     f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
                 )
-        return plant.input.held()
+        return plant.commands.held()
