@@ -17,11 +17,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import isfinite
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import Layout, NANOSECONDS, StampedMessage
+from masmc_ros.messages.layout import all_finite, Layout, NANOSECONDS, StampedMessage
 from masmc_ros.messages.names import JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,10 +73,7 @@ class JointStateCdr(StampedMessage):
 
     def is_finite(self) -> bool:
         """Tell whether every position and velocity is a finite number."""
-        position, velocity = self.position, self.velocity
-        numbers = position.tolist() + velocity.tolist()
-        # A sum is quick, and finite only where every number is; it overflows before they do.
-        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
+        return all_finite(self.position.tolist() + self.velocity.tolist())
 
     def check(
         self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None

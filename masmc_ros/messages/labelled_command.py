@@ -23,12 +23,12 @@ that all of them are padding.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 import re
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
+    all_finite,
     checked_stamp,
     ENCAPSULATION,
     Layout,
@@ -240,8 +240,7 @@ class LabelledCdr:
 
     def is_finite(self) -> bool:
         """Tell whether every number is finite."""
-        numbers = self.data.tolist()
-        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
+        return all_finite(self.data.tolist())
 
     def load(self, raw: bytes) -> bool:
         """

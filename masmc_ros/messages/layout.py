@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from math import isfinite
 import struct
 from typing import Any
 
@@ -50,6 +51,12 @@ def checked_stamp(stamp_ns: int) -> int:
         fault = 'is negative' if stamp_ns < 0 else 'is beyond 2**31 s'
         raise InputError(f'stamp {stamp_ns} ns {fault}')
     return stamp_ns
+
+
+def all_finite(numbers: list[float]) -> bool:
+    """Tell whether every number is finite; quick for a few."""
+    # A sum is finite only where every number is; it overflows before they do.
+    return isfinite(sum(numbers)) or all(map(isfinite, numbers))
 
 
 class Layout:

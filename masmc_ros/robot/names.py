@@ -42,6 +42,11 @@ def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     return joint_names_of(chosen(values), values.get(JOINT_NAMES_PARAMETER, ()))
 
 
+def driven_joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the joints that take torques, by checked values."""
+    return joint_names(values)[len(chosen(values).base):]
+
+
 def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str, ...]:
     """Return given names of a mechanism's last joints, after the others' own."""
     own = all_joints(mechanism)

@@ -26,7 +26,7 @@ from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.record import Field, fill, get, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
-from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 import numpy as np
 from numpy.typing import NDArray
@@ -107,9 +107,8 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     `frame_prefix` is put before the name of every link, so that links and frames are the same.
     Raises InputError as `robot_of`.
     """
-    mechanism = chosen(values)
-    driven = joint_names(values)[len(mechanism.base):]
-    urdf: str = mechanism.formulas.description(values, driven, frame_prefix)
+    driven = driven_joint_names(values)
+    urdf: str = chosen(values).formulas.description(values, driven, frame_prefix)
     return urdf
 
 

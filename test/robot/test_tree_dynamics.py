@@ -27,7 +27,14 @@ from hypothesis import strategies as st
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
-from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Placement, Tree
+from masmc_ros.robot.tree.dynamics import (
+    DIFFERENTIAL,
+    FIXED,
+    GRAVITY,
+    OMNIDIRECTIONAL,
+    Placement,
+    Tree,
+)
 from masmc_ros.robot.tree.urdf import read_urdf
 from masmc_ros.robot.two_link import two_link
 import numpy as np
@@ -40,7 +47,6 @@ from tree_bits import digest
 Array = NDArray[np.float64]
 
 LANES = 3
-GRAVITY = 9.81
 FEW = settings(max_examples=25)
 
 trees = st.builds(

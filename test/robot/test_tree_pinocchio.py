@@ -24,7 +24,7 @@ from typing import Any
 
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.dynamics import Placement
+from masmc_ros.robot.tree.dynamics import GRAVITY, Placement
 from masmc_ros.robot.tree.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,6 @@ pytestmark = pytest.mark.slow
 Array = NDArray[np.float64]
 
 ROBOTS = Path(sysconfig.get_path('purelib')) / 'cmeel.prefix/share/example-robot-data/robots'
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)

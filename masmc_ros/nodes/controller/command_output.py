@@ -17,13 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import isfinite
 from typing import Any, Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.layout import all_finite
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.robot.names import check_frame_prefix
@@ -84,7 +84,7 @@ class TorqueOutput:
 
     def is_finite(self) -> bool:
         """Tell whether every torque is a finite number."""
-        return isfinite(sum(self._torque.tolist())) or all(map(isfinite, self._torque.tolist()))
+        return all_finite(self._torque.tolist())
 
     def send(self, stamp: int) -> None:
         """Send the torques as the answer to the state of a stamp in ns."""
@@ -136,7 +136,7 @@ class RateOutput:
 
     def is_finite(self) -> bool:
         """Tell whether every rate is a finite number."""
-        return bool(np.isfinite(self._command).all())
+        return all_finite(self._command.tolist())
 
     def send(self, stamp: int) -> None:
         """Send the rates as the answer to the state of a stamp in ns."""

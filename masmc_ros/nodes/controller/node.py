@@ -48,7 +48,7 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
-from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
@@ -87,7 +87,7 @@ class ControllerNode(SuiteNode):
         self._layer = LayerWatch(self._controller, self.log)
         self._approach = Approach(robot, values['approach_speed'])
         self._refusals = Refusals(self.log)
-        joints = joint_names(values)[len(robot.mechanism.base):]
+        joints = driven_joint_names(values)
         self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
         self._pending: int | None = None
         self._may_finish = True

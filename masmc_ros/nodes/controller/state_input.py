@@ -28,8 +28,7 @@ from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
-from masmc_ros.robot.names import joint_names
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.names import driven_joint_names, joint_names
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -64,7 +63,7 @@ class StateInput:
         self._accepts = accepts
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
-        self._joints = names if self._base is None else names[len(chosen(values).base):]
+        self._joints = names if self._base is None else driven_joint_names(values)
         self._is_waiting = False
         self._lacking: str | None = None
         if self._base is not None:

@@ -26,7 +26,7 @@ from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.plant.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 import numpy as np
 from numpy.typing import NDArray
@@ -53,11 +53,10 @@ class CommandInput:
         self.interface: str = values[COMMAND_INTERFACE.name]
         self._is_stamped: bool = values[ENABLE_STAMPED_CMD_VEL.name]
         self._refusals = refusals
-        mechanism = chosen(values)
-        joints = joint_names(values)[len(mechanism.base):]
+        joints = driven_joint_names(values)
         self.parts = (
             rate_parts(
-                joints, mechanism.twist, values['frame_prefix'], is_stamped=self._is_stamped
+                joints, chosen(values).twist, values['frame_prefix'], is_stamped=self._is_stamped
             )
             if self.interface == 'velocity'
             else torque_parts(joints)

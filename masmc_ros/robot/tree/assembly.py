@@ -242,14 +242,14 @@ def _controlled(
     """Return the names of the joints that are controlled."""
     for name in joints:
         joint = description.joints[name]
-        trouble = {
-            'fixed': joint.kind == 'fixed' and 'does not move',
-            'mimic': joint.mimics and f"moves with '{joint.mimics}', which is not supported",
-            'wheel': name in wheels and 'is a wheel',
-            'held': name in held and 'is held',
-        }
-        for what in filter(None, trouble.values()):
-            raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")
+        for is_wrong, what in (
+            (joint.kind == 'fixed', 'does not move'),
+            (joint.mimics, f"moves with '{joint.mimics}', which is not supported"),
+            (name in wheels, 'is a wheel'),
+            (name in held, 'is held'),
+        ):
+            if is_wrong:
+                raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}")
     return set(joints) or {
         name
         for name, joint in description.joints.items()

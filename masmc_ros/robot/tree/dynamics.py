@@ -118,6 +118,26 @@ def _into_child(r: Rotation, p: Vector, w: Vector, v: Vector) -> tuple[Vector, V
 
 
 @formula
+def _from_parent(
+    placement: Any, motion: Any, parent: int, body: int, first: int, lane: int
+) -> tuple[Vector, Vector]:
+    """Return the spatial motion [:, first to first + 6] of a body's parent in its own frame."""
+    return _into_child(
+        read_row(placement.rotation, body, 0, lane, ROTATION),
+        read_row(placement.offset, body, 0, lane, VECTOR),
+        read_row(motion, parent, first, lane, VECTOR),
+        read_row(motion, parent, first + 3, lane, VECTOR),
+    )
+
+
+@formula
+def _into_parent(r: Rotation, p: Vector, moment: Vector, force: Vector) -> tuple[Vector, Vector]:
+    """Return a wrench about the child's origin as one about the parent's, in its frame."""
+    turned = rotate(r, force)
+    return add(rotate(r, moment), cross(p, turned)), turned
+
+
+@formula
 def _crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vector]:
     """Return the spatial cross product of two motions (w, v) x (sw, sv)."""
     return cross(w, sw), add(cross(w, sv), cross(v, sw))
@@ -212,10 +232,12 @@ def inverse_dynamics(
         for lane in range(lanes):
             along = read_row(carried, body, part, lane, VECTOR)
             forces[rates + body - 1, lane] = inner(axis, along)
-            r = read_row(placement.rotation, body, 0, lane, ROTATION)
-            p = read_row(placement.offset, body, 0, lane, VECTOR)
-            force = rotate(r, read_row(carried, body, 3, lane, VECTOR))
-            moment = add(rotate(r, read_row(carried, body, 0, lane, VECTOR)), cross(p, force))
+            moment, force = _into_parent(
+                read_row(placement.rotation, body, 0, lane, ROTATION),
+                read_row(placement.offset, body, 0, lane, VECTOR),
+                read_row(carried, body, 0, lane, VECTOR),
+                read_row(carried, body, 3, lane, VECTOR),
+            )
             for i in range(3):
                 carried[parent, i, lane] += moment[i]
                 carried[parent, 3 + i, lane] += force[i]
@@ -281,14 +303,7 @@ def _velocities(tree: Tree, placement: Placement, rates: Any, motion: Any, first
         axis = read_row(tree.axis, body, 0, 0, VECTOR)
         parent, kind = tree.parent[body], tree.kind[body]
         for lane in range(lanes):
-            r = read_row(placement.rotation, body, 0, lane, ROTATION)
-            p = read_row(placement.offset, body, 0, lane, VECTOR)
-            w, v = _into_child(
-                r,
-                p,
-                read_row(motion, parent, first, lane, VECTOR),
-                read_row(motion, parent, first + 3, lane, VECTOR),
-            )
+            w, v = _from_parent(placement, motion, parent, body, first, lane)
             sw, sv = _joint_part(kind, axis, rates[joints + body - 1, lane])
             write_row(motion, body, first, lane, add(w, sw))
             write_row(motion, body, first + 3, lane, add(v, sv))
@@ -323,14 +338,7 @@ def _move(
         axis = read_row(tree.axis, body, 0, 0, VECTOR)
         parent, kind, joint = tree.parent[body], tree.kind[body], joints + body - 1
         for lane in range(lanes):
-            r = read_row(placement.rotation, body, 0, lane, ROTATION)
-            p = read_row(placement.offset, body, 0, lane, VECTOR)
-            alpha, a = _into_child(
-                r,
-                p,
-                read_row(motion, parent, 12, lane, VECTOR),
-                read_row(motion, parent, 15, lane, VECTOR),
-            )
+            alpha, a = _from_parent(placement, motion, parent, body, 12, lane)
             sw, sv = _joint_part(kind, axis, acceleration[joint, lane])
             rw, rv = _joint_part(kind, axis, reference[joint, lane])
             turned, moved = _crossed(
@@ -395,10 +403,12 @@ def inertia(tree: Tree, moments: Any, placement: Placement, matrix: Any) -> None
         while at != 0:
             parent = tree.parent[at]
             for lane in range(lanes):
-                r = read_row(placement.rotation, at, 0, lane, ROTATION)
-                p = read_row(placement.offset, at, 0, lane, VECTOR)
-                force = rotate(r, read_row(carried, 0, 3, lane, VECTOR))
-                moment = add(rotate(r, read_row(carried, 0, 0, lane, VECTOR)), cross(p, force))
+                moment, force = _into_parent(
+                    read_row(placement.rotation, at, 0, lane, ROTATION),
+                    read_row(placement.offset, at, 0, lane, VECTOR),
+                    read_row(carried, 0, 0, lane, VECTOR),
+                    read_row(carried, 0, 3, lane, VECTOR),
+                )
                 write_row(carried, 0, 0, lane, moment)
                 write_row(carried, 0, 3, lane, force)
             at = parent

@@ -26,7 +26,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
@@ -338,7 +338,6 @@ class _Reader:
         child = element.child(tag)
         if child is None:
             self._refuse(element, about, f'no <{tag}>')
-        assert child is not None
         return child
 
     def _number(
@@ -373,7 +372,7 @@ class _Reader:
             return Pose()
         return Pose(self._vector(origin, 'xyz', about), self._vector(origin, 'rpy', about))
 
-    def _refuse(self, element: _Element, about: str, what: str) -> None:
+    def _refuse(self, element: _Element, about: str, what: str) -> NoReturn:
         raise InputError(f'{self._where}, line {element.line}: {about}: {what}')
 
 
