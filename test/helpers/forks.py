@@ -29,7 +29,7 @@ import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from surroundings import domain, domain_variables, surroundings
+from surroundings import domain, domain_variables, ended, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _NODES = ('plant', 'recorder', 'controller', 'trajectory')
@@ -114,12 +114,5 @@ def _listen(*topics: str) -> int:
 @contextmanager
 def forks(folder: Path) -> Iterator[Forks]:
     """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with domain() as number:
-        started = Forks(number, folder)
-        try:
-            yield started
-        except BaseException:
-            started.tell()
-            raise
-        finally:
-            started.end()
+    with domain() as number, ended(Forks(number, folder)) as started:
+        yield started

@@ -22,10 +22,12 @@ import itertools
 import os
 import random
 import sys
+from typing import Protocol, TypeVar
 
 from masmc_ros.cli.private_domain import locked_domain
 
 _DOMAINS = range(20, 60)
+AnyStarted = TypeVar('AnyStarted', bound='Started')
 _turn = itertools.count(random.randrange(len(_DOMAINS)))
 
 
@@ -43,6 +45,28 @@ def surroundings() -> dict[str, str]:
 def domain_variables(domain: int) -> dict[str, str]:
     """Return environment variables of a domain that does not leave this machine."""
     return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+class Started(Protocol):
+    """Processes of a test."""
+
+    def tell(self) -> None:
+        """Print what they printed."""
+
+    def end(self) -> None:
+        """End those that still run."""
+
+
+@contextmanager
+def ended(started: AnyStarted) -> Iterator[AnyStarted]:
+    """Yield processes that end with the test, and tell what they printed where it fails."""
+    try:
+        yield started
+    except BaseException:
+        started.tell()
+        raise
+    finally:
+        started.end()
 
 
 @contextmanager

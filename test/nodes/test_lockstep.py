@@ -16,10 +16,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 import signal
 
-from log_contents import read_log
+from log_contents import LogContents, read_log
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.scenario.scenario import load_scenario
@@ -97,20 +98,52 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[bytes]]:
     return simulated(PAPER, log, 'duration=1.5')
 
 
-@pytest.mark.parametrize('namespace', ['', '/left'])
-def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, namespace: str) -> None:
-    log = tmp_path / 'live.mcap'
-    with processes(tmp_path) as started:
+def of_every_node(**settings: object) -> dict[str, object]:
+    """Return settings as `ros_arguments` takes those that all nodes are to have."""
+    return {f'{node}__{name}': value for name, value in settings.items() for node in NODES}
+
+
+def separate(folder: Path, duration: float, *remap: str, **settings: object) -> Path:
+    """Run the paper's scenario in a process for each node; return the log."""
+    log = folder / 'live.mcap'
+    with processes(folder) as started:
         arguments = ros_arguments(
             PAPER,
-            **{f'{node}__duration': 1.5 for node in NODES},
+            **of_every_node(duration=duration),
             plant__wait_for='[controller, trajectory, recorder]',
             recorder__output=log,
+            **settings,
         )
-        remap = ['-r', f'__ns:={namespace}'] if namespace else []
         started.start_all(*arguments, *remap)
         assert set(started.wait().values()) == {0}, started.output()
-    live = read_log(log, namespace or '/').messages
+    return log
+
+
+def two_robots(folder: Path, **settings: str) -> Iterator[tuple[str, LogContents]]:
+    """
+    Run two robots at once, each in a namespace and a process; yield each with its log.
+
+    `settings` are of every node, with {robot} for the robot's name.
+    """
+    with processes(folder) as started:
+        for robot in ('left', 'right'):
+            own = {name: value.format(robot=robot) for name, value in settings.items()}
+            arguments = ros_arguments(
+                PAPER,
+                **of_every_node(**own),
+                plant__wait_for='[controller, trajectory, recorder]',
+                recorder__output=folder / f'{robot}.mcap',
+            )
+            started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
+        assert set(started.wait().values()) == {0}, started.output()
+    for robot in ('left', 'right'):
+        yield robot, read_log(folder / f'{robot}.mcap', f'/{robot}')
+
+
+@pytest.mark.parametrize('namespace', ['', '/left'])
+def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, namespace: str) -> None:
+    remap = ['-r', f'__ns:={namespace}'] if namespace else []
+    live = read_log(separate(tmp_path, 1.5, *remap), namespace or '/').messages
     check_same(live, paper)
     check_transforms(live, paper, PAPER)
 
@@ -205,18 +238,7 @@ def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
-    with processes(tmp_path) as started:
-        for robot in ('left', 'right'):
-            arguments = ros_arguments(
-                PAPER,
-                **{f'{node}__duration': 1.5 for node in NODES},
-                plant__wait_for='[controller, trajectory, recorder]',
-                recorder__output=tmp_path / f'{robot}.mcap',
-            )
-            started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
-        assert set(started.wait().values()) == {0}, started.output()
-    for robot in ('left', 'right'):
-        log = read_log(tmp_path / f'{robot}.mcap', f'/{robot}')
+    for _, log in two_robots(tmp_path, duration='1.5'):
         # Each has its own: nothing of the other one's time and frames.
         for topic in ('joint_states', 'clock', 'tf'):
             assert log.messages[topic] == paper[topic], topic
@@ -225,19 +247,7 @@ def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) 
 @pytest.mark.slow
 def test_two_robots_in_one_tree_of_frames(tmp_path: Path) -> None:
     """They share /tf, and a log holds those of its own robot."""
-    with processes(tmp_path) as started:
-        for robot in ('left', 'right'):
-            arguments = ros_arguments(
-                PAPER,
-                **{f'{node}__duration': 0.5 for node in NODES},
-                **{f'{node}__frame_prefix': f'{robot}/' for node in NODES},
-                plant__wait_for='[controller, trajectory, recorder]',
-                recorder__output=tmp_path / f'{robot}.mcap',
-            )
-            started.start('composed', '--record', *arguments, '-r', f'__ns:=/{robot}')
-        assert set(started.wait().values()) == {0}, started.output()
-    for robot in ('left', 'right'):
-        log = read_log(tmp_path / f'{robot}.mcap', f'/{robot}')
+    for robot, log in two_robots(tmp_path, duration='0.5', frame_prefix='{robot}/'):
         assert '/tf' in {channel.topic for channel in log.summary.channels.values()}
         frames = f'{robot}/base_link'.encode()
         assert len([raw for raw in log.messages['tf'] if frames in raw]) == 501

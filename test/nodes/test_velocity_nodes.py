@@ -39,7 +39,7 @@ from masmc_ros.report.parameters import run_robot
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import NODES, PAPER, peer, processes, ros_arguments
+from processes import PAPER, peer, processes, ros_arguments
 import pytest
 from robots import task_positions
 from sensor_msgs.msg import JointState
@@ -49,6 +49,7 @@ from test_faults import are_refused, counts_at_least, GARBAGE
 from test_lockstep import (
     check_a_successor_takes_up_the_run,
     DECIMATED_TOPICS,
+    separate,
     settings_of,
     SHOWN_TOPICS,
     simulated,
@@ -106,17 +107,7 @@ def test_lockstep_gives_the_bits_of_the_simulation(
     stamped: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = {**RATES, **stamped}
-    log = tmp_path / 'live.mcap'
-    with processes(tmp_path) as started:
-        arguments = ros_arguments(
-            PAPER,
-            **{f'{node}__duration': 1.0 for node in NODES},
-            plant__wait_for='[controller, trajectory, recorder]',
-            recorder__output=log,
-            **settings,
-        )
-        started.start_all(*arguments)
-        assert set(started.wait().values()) == {0}, started.output()
+    log = separate(tmp_path, 1.0, **settings)
     contents = read_log(log)
     computed = simulated(
         PAPER, tmp_path / 'simulated.mcap', 'duration=1.0', *settings_of(settings)
