@@ -21,8 +21,7 @@ from typing import Any, NamedTuple
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -38,8 +37,8 @@ class Tick(NamedTuple):
     velocity: Numbers  # v
     reference_velocity: Numbers  # v_r
     reference_acceleration: Numbers  # a_r
-    error: Numbers  # e = x - x_d of the task
-    error_rate: Numbers  # edot
+    error: Numbers  # e of the task, x - x_d
+    error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
     surface: Numbers  # s = edot + sigma e
     regressor: Any  # Y(q, v, v_r, a_r)
 
@@ -56,20 +55,19 @@ def tick_of(
     """
     Return the tick of a measured state and of x_d, xdot_d and xddot_d.
 
-    v_r = J^-1 xdot_r and a_r = J^-1 (xddot_r - Jdot v_r) with (13) and (14).
+    xdot_r and xddot_r by (14); v_r and a_r, for which J v_r = xdot_r, are the mechanism's.
     """
     model = mechanism.model_of(settings, lane)
     sigma = get(settings, 'sigma', lane)
-    x = mechanism.task_position(model, posture, position)
-    x_dot = mechanism.task_velocity(model, posture, v)
-    error = each(minus, x, desired[0])
-    rate = each(minus, x_dot, desired[1])
-    v_r = mechanism.motion_from_task(
-        model, posture, each(reference_velocity, desired[1], error, sigma)
+    follows = mechanism.tracking(model, posture, position, v, desired)
+    v_r, a_r = mechanism.reference_motion(
+        model,
+        posture,
+        position,
+        v,
+        each(reference_velocity, follows.velocity, follows.error, sigma),
+        each(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
     )
-    drift = mechanism.task_drift(model, posture, v, v_r)
-    x_ddot_r = each(reference_acceleration, desired[2], rate, sigma)
-    a_r = mechanism.motion_from_task(model, posture, each(minus, x_ddot_r, drift))
     return Tick(
         get(settings, 'period', lane),
         model,
@@ -78,22 +76,9 @@ def tick_of(
         v,
         v_r,
         a_r,
-        error,
-        rate,
-        each(sliding_surface, error, rate, sigma),
+        follows.error,
+        follows.velocity_error,
+        each(sliding_surface, follows.error, follows.velocity_error, sigma),
         mechanism.regressor(model, posture, v, v_r, a_r),
     )
 
-
-@formula
-def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, h, like = of
-    v = mechanism.motion_from_task(model, posture, unit(like, j))
-    return mechanism.task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
-
-
-@formula
-def task_inertia(model: Any, posture: Any, theta: Numbers, like: Numbers) -> Any:
-    """Return H_x = J^-T H J^-1 of (11) by its columns, kg; `like` has an entry for each axis."""
-    h = mechanism.inertia(model, posture, theta)
-    return tabulate(_task_inertia_column, like, (model, posture, h, like))

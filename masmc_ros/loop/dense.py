@@ -20,7 +20,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from masmc_ros.law.plug_in import TickInput
-from masmc_ros.law.tick import task_inertia as inertia_of_task
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
@@ -78,7 +77,7 @@ def _dense(settings: Any, now: Any) -> Any:
         tabulate(_jacobian_column, rates, (model, posture, rates)),
         tabulate(_inverse_column, rates, (model, posture, tick.error)),
         tabulate(_reduced_inertia_column, rates, (model, h, rates)),
-        inertia_of_task(model, posture, tick.nominal, tick.error),
+        mechanism.task_inertia(model, posture, tick.nominal, tick.error),
         tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
         mechanism.is_singular(model, posture),
     )

@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.law.tick import task_inertia
 from masmc_ros.loop import records
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.record import fill, get
@@ -37,7 +36,8 @@ import numpy as np
 def _task_inertia(plant: Any, now: Any) -> Any:
     model = formulas.model_of(plant[0], 0)
     bend = formulas.posture(model, get(now[0], 'position', 0))
-    return task_inertia(model, bend, get(plant[0], 'theta', 0), get(now[0], 'error', 0))
+    theta, error = get(plant[0], 'theta', 0), get(now[0], 'error', 0)
+    return formulas.task_inertia(model, bend, theta, error)
 
 
 def least_task_inertia(

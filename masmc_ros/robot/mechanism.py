@@ -16,15 +16,19 @@
 The contract of a mechanism: what the laws and the plant ask of a kind of robot.
 
 A mechanism has *joints* that take a torque, *positions* of which the first few are the base's
-pose and the others the joints' angles, *axes* of its task, as many as joints, and *parameters*
-theta in which its dynamics are linear. Its equations are written in velocities of its own
-choice, `motion`, a constant linear map of the joints' rates, with the forces conjugate to them.
+pose and the others the joints' positions, *axes* of its task, as many as joints or fewer, and
+*parameters* theta in which its dynamics are linear. Its equations are written in velocities of
+its own choice, `motion`, a constant linear map of the joints' rates, with the forces conjugate to
+them.
 
 What it is called and has, without formulas, is a `Mechanism` (`declaration.py`), which names the
 module with the formulas: all of this file, under these names. They are chosen by the type of
 `model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
 units, radians; world frame and REP-103 where a formula speaks of a task. Built-in mechanisms
 stand beside this file, others come by entry points (`registry.py`).
+
+`square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
+joints, whose errors are differences of coordinates; a mechanism with one imports them.
 
 Beside the formulas the module has, in plain Python or as kernels over arrays:
 
@@ -46,7 +50,7 @@ Beside the formulas the module has, in plain Python or as kernels over arrays:
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from masmc_ros.numerics.dispatch import by_class, by_tag, contract
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
@@ -55,7 +59,7 @@ Numbers = tuple[float, ...]
 """A vector; its length is the mechanism's number of what it has an entry for."""
 
 _of_record = contract(by_tag('mechanism', formulas_of_tag))
-_of_model = contract(by_class(formulas_of_model))
+of_model = contract(by_class(formulas_of_model))
 
 
 @_of_record
@@ -63,114 +67,165 @@ def model_of(record: Any, lane: int) -> Any:
     """Return the lengths that a record of this mechanism holds."""
 
 
-@_of_model
+@of_model
 def posture(model: Any, position: Numbers) -> Any:
     """Return what the other formulas need of the positions: sines and cosines."""
 
 
-@_of_model
+@of_model
 def posture_of_joints(model: Any, angles: Numbers) -> Any:
     """Return the same with the base at the origin, from the joints' angles alone."""
 
 
-@_of_model
+@of_model
 def motion(model: Any, rates: Numbers) -> Numbers:
     """Return the mechanism's velocities from the joints' rates."""
 
 
-@_of_model
+@of_model
 def joint_rates(model: Any, motion: Numbers) -> Numbers:
     """Return the joints' rates (or their derivatives) from velocities (or theirs)."""
 
 
-@_of_model
+@of_model
 def joint_torques(model: Any, forces: Numbers) -> Numbers:
     """Return the joints' torques that do the work of forces."""
 
 
-@_of_model
+@of_model
 def forces(model: Any, torques: Numbers) -> Numbers:
     """Return the forces that do the work of the joints' torques."""
 
 
-@_of_model
+@of_model
 def position_rates(model: Any, posture: Any, rates: Numbers) -> Numbers:
     """Return the derivative of the positions from the joints' rates."""
 
 
-@_of_model
+@of_model
 def task_position(model: Any, posture: Any, position: Numbers) -> Numbers:
-    """Return the task's coordinates x."""
+    """Return the task's coordinates x, as many as axes."""
 
 
-@_of_model
+@of_model
 def task_velocity(model: Any, posture: Any, motion: Numbers) -> Numbers:
     """Return J v."""
 
 
-@_of_model
-def task_drift(model: Any, posture: Any, motion: Numbers, reference: Numbers) -> Numbers:
-    """Return Jdot(v) v_r."""
+class Tracking(NamedTuple):
+    """
+    How a state follows what is desired of the task.
+
+    Velocities of the task are what J v is: rates of coordinates, or where an axis turns a frame,
+    components of its angular velocity, which are no coordinate's rates.
+    """
+
+    error: Numbers  # e, zero where x is x_d
+    error_derivative: Numbers  # de/dt
+    velocity_error: Numbers  # J v less the desired velocity
+    velocity: Numbers  # desired
+    acceleration: Numbers  # desired, its derivative
 
 
-@_of_model
+@of_model
+def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
+    """Return e, of the positions and of x_d."""
+
+
+@of_model
+def tracking(
+    model: Any,
+    posture: Any,
+    position: Numbers,
+    motion: Numbers,
+    desired: tuple[Numbers, Numbers, Numbers],
+) -> Tracking:
+    """Return how a state follows x_d and its first and second derivatives."""
+
+
+@of_model
+def reference_motion(
+    model: Any,
+    posture: Any,
+    position: Numbers,
+    motion: Numbers,
+    velocity: Numbers,
+    acceleration: Numbers,
+) -> tuple[Numbers, Numbers]:
+    """
+    Return v_r and a_r, finite everywhere.
+
+    J v_r is the task's velocity where nothing is singular, and a_r the derivative of v_r along the
+    true motion while the task's acceleration is that given. What the task leaves free is the
+    mechanism's, with what damps it in a_r.
+    """
+
+
+@of_model
+def motion_error(
+    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+) -> Numbers:
+    """Return sigma = v - v_r, whose J sigma is the surface s."""
+
+
+@of_model
+def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
+    """Return H_x, what the task feels of the inertia, by its columns; s has as many entries."""
+
+
+@of_model
 def motion_from_task(model: Any, posture: Any, rates: Numbers) -> Numbers:
     """Return J^-1 xdot, finite everywhere; damped where `is_singular`."""
 
 
-@_of_model
+@of_model
 def forces_from_task(model: Any, posture: Any, force: Numbers) -> Numbers:
     """Return J' F."""
 
 
-@_of_model
-def task_from_forces(model: Any, posture: Any, forces: Numbers) -> Numbers:
-    """Return J^-T f."""
-
-
-@_of_model
+@of_model
 def is_singular(model: Any, posture: Any) -> bool:
     """Tell whether J cannot be inverted as it is."""
 
 
-@_of_model
+@of_model
 def regressor(
     model: Any, posture: Any, motion: Numbers, reference: Numbers, acceleration: Numbers
 ) -> Any:
-    """Return Y(q, v, v_r, a_r): H a_r + V v_r = Y theta."""
+    """Return Y(q, v, v_r, a_r): H a_r + V v_r and the forces against gravity = Y theta."""
 
 
-@_of_model
+@of_model
 def regressor_times(model: Any, y: Any, theta: Numbers) -> Numbers:
     """Return Y theta, forces."""
 
 
-@_of_model
+@of_model
 def regressor_transpose_times(model: Any, y: Any, motion: Numbers) -> Numbers:
     """Return Y' v, an entry per parameter."""
 
 
-@_of_model
+@of_model
 def inertia(model: Any, posture: Any, theta: Numbers) -> Any:
     """Return H."""
 
 
-@_of_model
+@of_model
 def inertia_times(model: Any, inertia: Any, acceleration: Numbers) -> Numbers:
     """Return H vdot, forces."""
 
 
-@_of_model
+@of_model
 def inertia_solve(model: Any, inertia: Any, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
 
 
-@_of_model
+@of_model
 def coriolis(model: Any, posture: Any, theta: Numbers, motion: Numbers) -> Numbers:
-    """Return V v, forces; Hdot - 2 V is skew-symmetric."""
+    """Return V v and the forces against gravity; Hdot - 2 V is skew-symmetric."""
 
 
-@_of_model
+@of_model
 def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
     """
     Return the first pivot of the inertia's consistency matrix that is not positive, and x.
@@ -180,26 +235,26 @@ def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
     """
 
 
-@_of_model
+@of_model
 def consistency_normal(model: Any, x: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 
-@_of_model
+@of_model
 def rate_command(model: Any, motion: Numbers) -> Numbers:
     """Return the velocities as drives are commanded: the base's own, then the joints' rates."""
 
 
-@_of_model
+@of_model
 def commanded_joint_rates(model: Any, command: Numbers) -> Numbers:
     """Return the joints' rates that a command of rates comes to."""
 
 
-@_of_model
+@of_model
 def dead_reckoned(model: Any, pose: Numbers, turned: Numbers) -> Numbers:
     """Return the base's pose after the joints have turned by so many radians."""
 
 
-@_of_model
+@of_model
 def counts_turns(model: Any, resolution: Numbers) -> bool:
     """Tell whether the encoders by which the base's pose is reckoned have a finite resolution."""

@@ -46,8 +46,17 @@ from masmc_ros.robot.declaration import (
     Shape,
     Velocity,
 )
+from masmc_ros.robot.square_task import (
+    motion_error,
+    reference_motion,
+    task_error,
+    task_inertia,
+    tracking,
+)
 import numpy as np
 from numpy.typing import NDArray
+
+__all__ = ['motion_error', 'reference_motion', 'task_error', 'task_inertia', 'tracking']
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]

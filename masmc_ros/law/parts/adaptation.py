@@ -15,7 +15,7 @@
 """
 What lets adaptation last: dead zone, leakage, e-modification and projection.
 
-With g = Y' J^-1 s the gradient of (23), theta_0 the nominal estimate and f in [0, 1] what
+With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal estimate and f in [0, 1] what
 the dead zone and a saturated torque leave of it, one tick is
 
     theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
@@ -195,7 +195,9 @@ def adapt(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
     """Move theta_hat on by one tick, before the projection."""
-    w = mechanism.motion_from_task(tick.model, tick.posture, tick.surface)
+    w = mechanism.motion_error(
+        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
+    )
     gradient = mechanism.regressor_transpose_times(tick.model, tick.regressor, w)
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))

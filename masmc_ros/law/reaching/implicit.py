@@ -34,7 +34,7 @@ import math
 from typing import Any
 
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
-from masmc_ros.law.tick import task_inertia, Tick
+from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import Field, get, put
@@ -135,7 +135,7 @@ def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance
 @formula
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the reaching force, and remember s+ and the disturbance estimate."""
-    inertia = task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
     k_s1, k_s2 = get(settings, 'k_s1', lane), get(settings, 'k_s2', lane)
     disturbance = disturbance_estimate(
         inertia,

@@ -26,6 +26,13 @@ from typing import Any
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
+from masmc_ros.robot.square_task import (
+    motion_error,
+    reference_motion,
+    task_error,
+    task_inertia,
+    tracking,
+)
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
 from masmc_ros.robot.two_link.constants import constants, out_of_reach, start
 from masmc_ros.robot.two_link.description import description
@@ -41,9 +48,14 @@ __all__ = [
     'description',
     'frame_origins',
     'frame_transforms',
+    'motion_error',
     'out_of_reach',
     'outline',
+    'reference_motion',
     'start',
+    'task_error',
+    'task_inertia',
+    'tracking',
 ]
 
 Pose = tuple[float, float, float]

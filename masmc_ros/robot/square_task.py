@@ -1,0 +1,98 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A task of as many axes as joints, whose errors are differences of coordinates.
+
+Formulas of the contract for mechanisms with such a task, which beside the rest of the contract
+have the two that stand first here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.mechanism import Numbers, of_model, Tracking
+
+
+@of_model
+def task_drift(model: Any, posture: Any, motion: Numbers, reference: Numbers) -> Numbers:
+    """Return Jdot(v) v_r."""
+
+
+@of_model
+def task_from_forces(model: Any, posture: Any, forces: Numbers) -> Numbers:
+    """Return J^-T f."""
+
+
+@formula
+def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
+    """Return e = x - x_d."""
+    return each(minus, mechanism.task_position(model, posture, position), desired)
+
+
+@formula
+def tracking(
+    model: Any,
+    posture: Any,
+    position: Numbers,
+    motion: Numbers,
+    desired: tuple[Numbers, Numbers, Numbers],
+) -> Tracking:
+    """Return e, edot twice, and the desired velocity and acceleration as they are."""
+    error = task_error(model, posture, position, desired[0])
+    rate = each(minus, mechanism.task_velocity(model, posture, motion), desired[1])
+    return Tracking(error, rate, rate, desired[1], desired[2])
+
+
+@formula
+def reference_motion(
+    model: Any,
+    posture: Any,
+    position: Numbers,
+    motion: Numbers,
+    velocity: Numbers,
+    acceleration: Numbers,
+) -> tuple[Numbers, Numbers]:
+    """Return v_r = J^-1 xdot_r and a_r = J^-1 (xddot_r - Jdot v_r)."""
+    v_r = mechanism.motion_from_task(model, posture, velocity)
+    drift = task_drift(model, posture, motion, v_r)
+    a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift))
+    return v_r, a_r
+
+
+@formula
+def motion_error(
+    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+) -> Numbers:
+    """Return J^-1 s."""
+    return mechanism.motion_from_task(model, posture, surface)
+
+
+@formula
+def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, h, like = of
+    v = mechanism.motion_from_task(model, posture, unit(like, j))
+    return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
+
+
+@formula
+def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
+    """Return H_x = J^-T H J^-1 of (11) by its columns, kg."""
+    h = mechanism.inertia(model, posture, theta)
+    return tabulate(_task_inertia_column, surface, (model, posture, h, surface))
