@@ -45,9 +45,9 @@ def _jacobian_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
 
 
 @formula
-def _inverse_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, like = of
-    v = mechanism.motion_from_task(model, posture, unit(like, j))
+def _inverse_column(of: tuple[Any, Any, Numbers, Numbers], j: int) -> Numbers:
+    model, posture, axes, like = of
+    v = mechanism.motion_from_task(model, posture, unit(axes, j), like)
     return mechanism.joint_rates(model, v)
 
 
@@ -75,7 +75,7 @@ def _dense(settings: Any, now: Any) -> Any:
         mechanism.joint_rates(model, tick.reference_velocity),
         mechanism.joint_rates(model, tick.reference_acceleration),
         tabulate(_jacobian_column, rates, (model, posture, rates)),
-        tabulate(_inverse_column, rates, (model, posture, tick.error)),
+        tabulate(_inverse_column, tick.error, (model, posture, tick.error, rates)),
         tabulate(_reduced_inertia_column, rates, (model, h, rates)),
         mechanism.task_inertia(model, posture, tick.nominal, tick.error),
         tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),

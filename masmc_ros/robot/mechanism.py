@@ -24,8 +24,9 @@ them.
 What it is called and has, without formulas, is a `Mechanism` (`declaration.py`), which names the
 module with the formulas: all of this file, under these names. They are chosen by the type of
 `model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
-units, radians; world frame and REP-103 where a formula speaks of a task. Built-in mechanisms
-stand beside this file, others come by entry points (`registry.py`).
+units, radians; world frame and REP-103 where a formula speaks of a task. `like` is a vector as
+long as the result. Built-in mechanisms stand beside this file, others come by entry points
+(`registry.py`).
 
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
@@ -174,12 +175,12 @@ def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> 
 
 
 @of_model
-def motion_from_task(model: Any, posture: Any, rates: Numbers) -> Numbers:
+def motion_from_task(model: Any, posture: Any, rates: Numbers, like: Numbers) -> Numbers:
     """Return J^-1 xdot, finite everywhere; damped where `is_singular`."""
 
 
 @of_model
-def forces_from_task(model: Any, posture: Any, force: Numbers) -> Numbers:
+def forces_from_task(model: Any, posture: Any, force: Numbers, like: Numbers) -> Numbers:
     """Return J' F."""
 
 
@@ -201,7 +202,7 @@ def regressor_times(model: Any, y: Any, theta: Numbers) -> Numbers:
 
 
 @of_model
-def regressor_transpose_times(model: Any, y: Any, motion: Numbers) -> Numbers:
+def regressor_transpose_times(model: Any, y: Any, motion: Numbers, like: Numbers) -> Numbers:
     """Return Y' v, an entry per parameter."""
 
 
@@ -236,7 +237,7 @@ def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
 
 
 @of_model
-def consistency_normal(model: Any, x: Numbers) -> Numbers:
+def consistency_normal(model: Any, x: Numbers, like: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 

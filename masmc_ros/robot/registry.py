@@ -43,6 +43,10 @@ NAME = 'robot.mechanism'
 """Parameter of every node that needs the robot."""
 
 
+URDF = 'robot.urdf'
+"""Parameter of every such node that describes any robot; it chooses the mechanism then."""
+
+
 def names() -> tuple[str, ...]:
     """Names of all mechanisms, built in and plugged in."""
     return (*BUILT_IN, *plugged_in(ENTRY_POINTS))
@@ -61,13 +65,28 @@ def load(name: str) -> Mechanism:
 
 
 def chosen(values: Mapping[str, Any]) -> Mechanism:
-    """Return the mechanism that values name, checked or not; the default one for no known name."""
+    """
+    Return the mechanism that values name, checked or not; the default one for no known name.
+
+    Where they have a URDF, it is that robot.
+    """
+    if values.get(URDF):
+        # Only who has such a robot waits for its formulas.
+        from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+
+        return tree_mechanism(values)
     name = values.get(NAME)
     return load(name) if isinstance(name, str) and name in names() else DEFAULT
 
 
-def parameter() -> Parameter:
-    """Return the declaration of what chooses among them."""
-    return Parameter(
-        NAME, DEFAULT.name, 'Kind of robot, which has its own robot parameters', choices=names()
+def parameters() -> tuple[Parameter, ...]:
+    """Return the declarations of what chooses among them."""
+    return (
+        Parameter(
+            NAME,
+            DEFAULT.name,
+            'Kind of robot, which has its own robot parameters',
+            choices=names(),
+        ),
+        Parameter(URDF, '', 'File of a URDF, or its text: any robot, in place of those kinds'),
     )

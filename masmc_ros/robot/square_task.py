@@ -70,9 +70,9 @@ def reference_motion(
     acceleration: Numbers,
 ) -> tuple[Numbers, Numbers]:
     """Return v_r = J^-1 xdot_r and a_r = J^-1 (xddot_r - Jdot v_r)."""
-    v_r = mechanism.motion_from_task(model, posture, velocity)
+    v_r = mechanism.motion_from_task(model, posture, velocity, motion)
     drift = task_drift(model, posture, motion, v_r)
-    a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift))
+    a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift), motion)
     return v_r, a_r
 
 
@@ -81,13 +81,13 @@ def motion_error(
     model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return J^-1 s."""
-    return mechanism.motion_from_task(model, posture, surface)
+    return mechanism.motion_from_task(model, posture, surface, motion)
 
 
 @formula
 def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
     model, posture, h, like = of
-    v = mechanism.motion_from_task(model, posture, unit(like, j))
+    v = mechanism.motion_from_task(model, posture, unit(like, j), like)
     return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
 
 

@@ -48,7 +48,7 @@ def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
         *TIMING,
         *PREFIX,
         _PACING,
-        mechanisms.parameter(),
+        *mechanisms.parameters(),
         *mechanism.parameters,
         joint_names_parameter(mechanism),
     )

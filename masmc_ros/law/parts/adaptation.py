@@ -15,8 +15,8 @@
 """
 What lets adaptation last: dead zone, leakage, e-modification and projection.
 
-With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal estimate and f in [0, 1] what
-the dead zone and a saturated torque leave of it, one tick is
+With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal estimate and f in
+[0, 1] what the dead zone and a saturated torque leave of it, one tick is
 
     theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
 
@@ -198,7 +198,9 @@ def adapt(
     w = mechanism.motion_error(
         tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
     )
-    gradient = mechanism.regressor_transpose_times(tick.model, tick.regressor, w)
+    gradient = mechanism.regressor_transpose_times(
+        tick.model, tick.regressor, w, tick.nominal
+    )
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))
     freezes = (get(settings, 'freeze_when_saturated', lane) != 0) & (torque != raw)
@@ -263,7 +265,7 @@ def projected(
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
             return taken(estimate, nominal)
-        entries = mechanism.consistency_normal(model, x)
+        entries = mechanism.consistency_normal(model, x, nominal)
         bound = 0.0
         for j in range(n):
             normal[j] = entries[j]

@@ -44,5 +44,5 @@ ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
 def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
     """Return Y theta + J' u in N m: of a model, and of a force u (N) on the task's axes."""
     model = mechanism.regressor_times(tick.model, tick.regressor, theta)
-    force = mechanism.forces_from_task(tick.model, tick.posture, u)
+    force = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
     return mechanism.joint_torques(tick.model, each(plus, model, force))

@@ -182,5 +182,7 @@ def note_disturbance(
     memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
 ) -> None:
     """Keep the law's disturbance estimate (N) as torques for the next expectation."""
-    force = mechanism.forces_from_task(model, posture, disturbance)
+    force = mechanism.forces_from_task(
+        model, posture, disturbance, get(memory, 'rates', lane)
+    )
     put(memory, 'felt', lane, mechanism.joint_torques(model, force))

@@ -141,13 +141,13 @@ def task_drift(model: Geometry, posture: Posture, motion: Quad, reference: Quad)
 
 
 @formula
-def motion_from_task(model: Geometry, posture: Posture, rates: Quad) -> Quad:
+def motion_from_task(model: Geometry, posture: Posture, rates: Quad, like: Quad) -> Quad:
     """Return J^-1 xdot."""
     return kinematics.quasi_from_task(model, posture, rates[0], rates[1], rates[2], rates[3])
 
 
 @formula
-def forces_from_task(model: Geometry, posture: Posture, force: Quad) -> Quad:
+def forces_from_task(model: Geometry, posture: Posture, force: Quad, like: Quad) -> Quad:
     """Return J' F."""
     return kinematics.quasi_force_from_task(
         model, posture, force[0], force[1], force[2], force[3]
@@ -183,7 +183,9 @@ def regressor_times(model: Geometry, y: Regressor, theta: Theta) -> Quad:
 
 
 @formula
-def regressor_transpose_times(model: Geometry, y: Regressor, motion: Quad) -> Theta:
+def regressor_transpose_times(
+    model: Geometry, y: Regressor, motion: Quad, like: Theta
+) -> Theta:
     """Return Y' v."""
     return dynamics.regressor_transpose_times(y, motion[0], motion[1], motion[2], motion[3])
 
@@ -222,7 +224,7 @@ def weakest_motion(model: Geometry, theta: Theta) -> tuple[float, Quad]:
 
 
 @formula
-def consistency_normal(model: Geometry, x: Quad) -> Theta:
+def consistency_normal(model: Geometry, x: Quad, like: Theta) -> Theta:
     """Return the vector n with n' theta = x' Q(theta) x."""
     return consistency.normal(model, x[0], x[1], x[2], x[3])
 

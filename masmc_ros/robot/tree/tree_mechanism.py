@@ -1,0 +1,435 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Any robot that a URDF describes as a mechanism: its parameters, names, frames and drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+import xml.etree.ElementTree as ElementTree
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot.declaration import (
+    Coordinate,
+    Group,
+    Mechanism,
+    ODOM_FRAME,
+    Outline,
+    Point,
+    Quantity,
+    register,
+    Shape,
+    Velocity,
+)
+from masmc_ros.robot.tree import formulas as kernels
+from masmc_ros.robot.tree.assembly import BASES, Frame, tree_robot, TreeRobot
+from masmc_ros.robot.tree.dynamics import Placement, world_poses
+from masmc_ros.robot.tree.model import packed
+from masmc_ros.robot.tree.rotation_vector import vector_of
+from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NAME = 'tree'
+"""As `robot.mechanism` has it."""
+
+URDF = 'robot.urdf'
+
+PARAMETERS = (
+    Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
+    Parameter('robot.base_frame', '', "Link whose frame is the base's; the root where empty"),
+    Parameter('robot.wheels', (), 'Joints of the wheels, right and left'),
+    Parameter(
+        'robot.wheel_radius', 0.0, 'Radius of the wheels; 0 is their height', unit='m', minimum=0.0
+    ),
+    Parameter('robot.tip_frame', '', 'Link whose pose is the task; the last one where empty'),
+    Parameter('robot.joints', (), 'Joints that are controlled; all that can be where empty'),
+    Parameter('robot.held_joints', (), 'Joints that are held'),
+    Parameter('robot.held_positions', (0.0,), 'Where they are held, or 0 for all'),
+    Parameter(
+        'robot.armature', 0.01, "Inertia of every joint's rotor at the joint", unit='kg·m²',
+        minimum=0.0,
+    ),
+    Parameter(
+        'robot.posture', (0.0,), 'Positions to which joints tend where the task lets them, or 0'
+    ),
+    Parameter(
+        'robot.posture_gain', 0.5, 'Rate at which they do', unit='1/s', minimum=0.0
+    ),
+    Parameter(
+        'robot.base_mobility', 1.0, "Part of the task that falls to the base against the joints'",
+        minimum=0.0, exclusive_minimum=True,
+    ),
+    Parameter(
+        'robot.damping', 5.0, 'Rate at which motion that the task does not see is damped',
+        unit='1/s', minimum=0.0,
+    ),
+    Parameter(
+        'robot.least_pivot', 1.0e-3, 'Measure of singularity below which the task is damped',
+        minimum=0.0, exclusive_minimum=True,
+    ),
+)  # fmt: skip
+"""Of a tree, beside URDF, which chooses it."""
+
+_POSE = (
+    Coordinate('base_x_joint', 'x', 'x', 'm'),
+    Coordinate('base_y_joint', 'y', 'y', 'm'),
+    Coordinate('base_yaw_joint', 'yaw', 'yaw'),
+)
+
+_AHEAD = Velocity('forward speed', 'm/s', 0)
+_ASIDE = Velocity('sideways speed', 'm/s', 1)
+_AROUND = Velocity('yaw rate', 'rad/s', 5)
+_TWISTS = {'fixed': (), 'differential': (_AHEAD, _AROUND),
+           'omnidirectional': (_AHEAD, _ASIDE, _AROUND)}  # fmt: skip
+
+_DRIVES = {
+    'fixed': (),
+    'differential': (),
+    'omnidirectional': (
+        Coordinate('base_forward_joint', 'forward', 'forward', 'm'),
+        Coordinate('base_sideways_joint', 'sideways', 'sideways', 'm'),
+        Coordinate('base_turn_joint', 'turn', 'turn'),
+    ),
+}
+"""What takes forces where no wheels do."""
+
+_AXES = (
+    Quantity('x_tip', 'm'),
+    Quantity('y_tip', 'm'),
+    Quantity('z_tip', 'm'),
+    Quantity('rx_tip', 'rad'),
+    Quantity('ry_tip', 'rad'),
+    Quantity('rz_tip', 'rad'),
+)
+
+_MOMENTS = (
+    ('mass', 'kg'), ('mx', 'kg·m'), ('my', 'kg·m'), ('mz', 'kg·m'), ('mxx', 'kg·m²'),
+    ('myy', 'kg·m²'), ('mzz', 'kg·m²'), ('mxy', 'kg·m²'), ('myz', 'kg·m²'), ('mzx', 'kg·m²'),
+)  # fmt: skip
+"""Moments of a body, in the order of `spatial`."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TreeMechanism(Mechanism):
+    """A mechanism of a URDF."""
+
+    robot: TreeRobot
+    description: Description
+    text: str
+    """The URDF."""
+    tip: str
+    """Link that has the task."""
+
+    @cached_property
+    def formulas(self) -> Any:
+        """Return the formulas of all trees, and what needs names and the URDF of this one."""
+        own = {
+            name: getattr(self, f'_{name}')
+            for name in (
+                'constants', 'start', 'out_of_reach', 'base_motion', 'frame_origins',
+                'frame_transforms', 'description', 'outline',
+            )
+        }  # fmt: skip
+        return SimpleNamespace(**{**vars(kernels), **own})
+
+    def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
+        """Return the model as one vector, and the bodies' moments one after the other."""
+        robot = self.robot
+        base, joints = robot.tree.base, len(robot.joints)
+        mobility = np.ones(base + joints)
+        mobility[:base] = values['base_mobility']
+        tip = robot.frames[self.tip]
+        rest = _as_many(values['posture'], joints, 'robot.posture')
+        lengths = packed(
+            robot.tree,
+            _wheel_rates(robot),
+            (tip.body, tip.rotation, tip.offset),
+            mobility,
+            np.concatenate([np.zeros(base), rest]),
+            values['posture_gain'],
+            values['damping'],
+            values['least_pivot'],
+        )
+        return lengths, robot.moments.ravel()
+
+    def _start(
+        self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
+    ) -> tuple[float, ...]:
+        return (*pose, *angles)
+
+    def _out_of_reach(self, lengths: Array, task: Array) -> None:
+        """Tell nothing: what cannot be reached is followed as far as the arm goes."""
+
+    def _base_motion(self, position: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return poses and twists of the base."""
+        pose, twist = np.zeros((len(position), 7)), np.zeros((len(position), 6))
+        yaw = position[:, 2]
+        pose[:, :2] = position[:, :2]
+        pose[:, 5], pose[:, 6] = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+        s, c = np.sin(yaw), np.cos(yaw)
+        twist[:, 0] = velocity[:, 0] * c + velocity[:, 1] * s
+        if self.robot.tree.base == BASES['omnidirectional']:
+            twist[:, 1] = velocity[:, 1] * c - velocity[:, 0] * s
+        twist[:, 5] = velocity[:, 2]
+        return pose, twist
+
+    def _placed(self, position: Array) -> dict[str, tuple[Array, Array]]:
+        """Return rotation (3, 3) and origin (3) of every link of one position, in the world."""
+        robot = self.robot
+        base, bodies = robot.tree.base, len(robot.tree.parent)
+        record = np.zeros((len(self.lengths), 1))
+        record[:, 0] = self._model
+        model = kernels.unpacked(record, 0)
+        placement = kernels.posture(model, tuple(position.tolist()))
+        poses = Placement(np.empty((bodies, 9, 1)), np.empty((bodies, 3, 1)))
+        world_poses(model.tree, placement, poses)
+        found = {}
+        for link, frame in robot.frames.items():
+            r = poses.rotation[frame.body, :, 0].reshape(3, 3)
+            own = np.reshape(frame.rotation, (3, 3))
+            p = poses.offset[frame.body, :, 0] + r @ np.asarray(frame.offset)
+            found[link] = r @ own, p
+        # Wheels turn, though their bodies are the base's.
+        if robot.wheels is not None:
+            for number, name in enumerate(robot.wheels.names):
+                joint = self.description.joints[name]
+                r, p = found[joint.child]
+                turned = _turned(joint.axis, float(position[len(_POSE) + number]))
+                found[joint.child] = r @ turned, p
+        assert base <= len(_POSE)
+        return found
+
+    @cached_property
+    def _model(self) -> Array:
+        defaults = {p.name.removeprefix('robot.'): p.default for p in PARAMETERS}
+        return self._constants(defaults)[0]
+
+    def _frame_origins(self, lengths: Array) -> Array:
+        """Return where the frames are in their parents with all positions zero."""
+        zero = np.zeros((1, len(self.positions)))
+        return self._transforms_of(zero)[0, :, :3]
+
+    def _frame_transforms(self, origins: Array, position: Array) -> Array:
+        return self._transforms_of(position)
+
+    def _transforms_of(self, position: Array) -> Array:
+        out = np.zeros((len(position), len(self.frames), 7))
+        for k, row in enumerate(position):
+            placed = self._placed(row)
+            root = self.frames[0][1]
+            placed[ODOM_FRAME] = np.eye(3), np.zeros(3)
+            for i, (parent, child) in enumerate(self.frames):
+                r, p = placed[parent]
+                own, q = placed[child] if i else placed[root]
+                out[k, i, :3] = r.T @ (q - p)
+                out[k, i, 3:] = _quaternion(r.T @ own)
+        return out
+
+    def _description(
+        self, values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str
+    ) -> str:
+        """Return the URDF as it was given, with other names where others are asked for."""
+        own = [joint.name for joint in self.joints]
+        names = {old: new for old, new in zip(own, driven, strict=True) if old != new}
+        if not frame_prefix and not names:
+            return self.text
+        root = ElementTree.fromstring(self.text)
+        for link in root.iter('link'):
+            link.set('name', frame_prefix + link.get('name', ''))
+        for joint in root.iter('joint'):
+            name = joint.get('name', '')
+            joint.set('name', names.get(name, name))
+            for end in (*joint.iter('parent'), *joint.iter('child')):
+                end.set('link', frame_prefix + end.get('link', ''))
+        return ElementTree.tostring(root, encoding='unicode', xml_declaration=True)
+
+    def _outline(self, lengths: Array, position: Array) -> Outline:
+        """Return the base and the bodies on the way to the tip, seen from above."""
+        placed = self._placed(position)
+        r, origin = placed[self.frames[0][1]]
+        way = [placed[self.tip][1][:2]]
+        link = self.tip
+        above = {joint.child: joint.parent for joint in self.description.joints.values()}
+        while link in above:
+            link = above[link]
+            if self.robot.frames[link].body or link == self.frames[0][1]:
+                way.append(placed[link][1][:2])
+        corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * 0.2
+        body = origin[:2] + corners @ r[:2, :2].T
+        shapes = (Shape('body', body), Shape('links', np.array(way[::-1])))
+        return Outline((float(origin[0]), float(origin[1])), shapes, below=0.4, text=0.1)
+
+
+def _turned(axis: Sequence[float], angle: float) -> Array:
+    x, y, z = axis
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+
+
+def _quaternion(r: Array) -> Array:
+    phi = np.array(vector_of(tuple(r.ravel().tolist())))
+    angle = float(np.linalg.norm(phi))
+    half = 0.5 * angle
+    axis = phi / angle if angle else phi
+    return np.append(axis * np.sin(half), np.cos(half))
+
+
+def _as_many(values: Sequence[float], count: int, name: str) -> Array:
+    """Return an entry for each joint of as many, or of one for all."""
+    if len(values) not in (1, count):
+        raise InputError(f'{name}: {len(values)} numbers; expected 1 or {count}, one a joint')
+    return np.broadcast_to(np.asarray(values, dtype=np.float64), (count,))
+
+
+def _wheel_rates(robot: TreeRobot) -> Array:
+    """Return the rates of what drives the base, by those of the base."""
+    if robot.wheels is None:
+        return np.eye(robot.tree.base)
+    r, b = robot.wheels.radius, robot.wheels.half_track
+    return np.array([[1.0 / r, b / r], [1.0 / r, -b / r]])
+
+
+def described(urdf: str) -> tuple[str, Description, str]:
+    """Return text, description and name of a URDF that is given as a path or as a text."""
+    if urdf.lstrip().startswith('<'):
+        return urdf, read_urdf(urdf, 'robot_description'), 'robot_description'
+    path = Path(urdf).expanduser()
+    description = read_urdf_file(path)
+    return path.read_text(encoding='utf-8'), description, str(path)
+
+
+def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
+    """
+    Return the mechanism of checked or given values of URDF and PARAMETERS.
+
+    Raises InputError for what is no robot.
+    """
+    own = tuple(
+        tuple(value) if isinstance(value, list) else value
+        for value in (values.get(p.name, p.default) for p in PARAMETERS)
+    )
+    return _made(values[URDF], own)
+
+
+@lru_cache(maxsize=16)
+def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
+    values: dict[str, Any] = {
+        p.name: p.check(value) for p, value in zip(PARAMETERS, own, strict=True)
+    }
+    text, description, where = described(urdf)
+    held = values['robot.held_joints']
+    robot = tree_robot(
+        description,
+        where,
+        base=values['robot.base'],
+        base_frame=values['robot.base_frame'],
+        wheels=values['robot.wheels'],
+        wheel_radius=values['robot.wheel_radius'],
+        joints=values['robot.joints'],
+        held=dict(
+            zip(
+                held,
+                _as_many(values['robot.held_positions'], len(held), 'robot.held_positions'),
+                strict=True,
+            )
+        ),
+        armature=values['robot.armature'],
+    )
+    tip = values['robot.tip_frame'] or robot.joints[-1].child
+    if tip not in robot.frames:
+        raise InputError(
+            f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
+        )
+    base = values['robot.base']
+    wheels = () if robot.wheels is None else robot.wheels.names
+    drives = tuple(Coordinate(n, n, n) for n in wheels) or _DRIVES[base]
+    arm = tuple(
+        Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
+        for j in robot.joints
+    )
+    bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
+    lengths = kernels_lengths(robot)
+    joints = len(drives) + len(arm)
+    limits = [0.0] * len(drives) + [j.effort if np.isfinite(j.effort) else 0.0 for j in robot.joints]
+    mechanism = TreeMechanism(
+        name=NAME,
+        base=_POSE,
+        joints=(*drives, *arm),
+        axes=_AXES,
+        theta=tuple(
+            Quantity(f'{body}_{name}', unit) for body in bodies for name, unit in _MOMENTS
+        ),
+        twist=_TWISTS[base],
+        points=(Point('T', 'tip', 'tip', 'the tip', 0),),
+        groups=(
+            *((Group('base', 0, len(drives)),) if drives else ()),
+            Group('arm', len(drives), joints),
+        ),
+        frames=_frames(description, values['robot.base_frame'] or description.root, tip),
+        parameters=PARAMETERS,
+        lengths=tuple(f'{i}' for i in range(lengths)),
+        module=kernels.__name__,
+        defaults={'torque_limit': tuple(limits), 'initial_pose': (0.0, 0.0, 0.0)},
+        origin='origin of the base',
+        singular='its least pivot is below robot.least_pivot',
+        is_planar=base != 'fixed',
+        robot=robot,
+        description=description,
+        text=text,
+        tip=tip,
+    )
+    register(mechanism)
+    return mechanism
+
+
+def kernels_lengths(robot: TreeRobot) -> int:
+    """Return how many numbers the model of a robot has."""
+    size = robot.tree.base + len(robot.joints)
+    zero = np.zeros(size)
+    tip = Frame(0)
+    return len(
+        packed(
+            robot.tree, np.eye(robot.tree.base), (0, tip.rotation, tip.offset), zero, zero, 0, 0, 0
+        )
+    )
+
+
+def _frames(description: Description, base: str, tip: str) -> tuple[tuple[str, str], ...]:
+    """Return parent and child of every transform, that of the tip last."""
+    pairs = [(joint.parent, joint.child) for joint in description.joints.values()]
+    # Links above the base hang on it: it is the base that moves in the world.
+    above = {child: parent for parent, child in pairs}
+    link, turned = base, set()
+    while link in above:
+        turned.add((above[link], link))
+        link = above[link]
+    pairs = [(c, p) if (p, c) in turned else (p, c) for p, c in pairs]
+    ordered, known = [(ODOM_FRAME, base)], {base}
+    while pairs:
+        ready = [pair for pair in pairs if pair[0] in known]
+        ordered += ready
+        known |= {child for _, child in ready}
+        pairs = [pair for pair in pairs if pair not in ready]
+    last = [pair for pair in ordered if pair[1] == tip]
+    return (*(pair for pair in ordered if pair[1] != tip), *last)
+
