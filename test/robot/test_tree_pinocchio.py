@@ -20,6 +20,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 import math
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
 from typing import Any
 
 from masmc_ros.robot.tree import dynamics
@@ -164,6 +169,22 @@ def test_meshes_are_found(name: str) -> None:
     meshes = [resource_path(mesh, folder) for link in links for mesh in link.meshes]
     assert len(meshes) > 5
     assert all(mesh.is_file() for mesh in meshes)
+
+
+def test_the_example_in_the_documents_gives_what_they_say() -> None:
+    pytest.importorskip('pinocchio')
+    text = (Path(__file__).resolve().parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
+    found = re.search(r'```python\n(.*?)```\n\n```text\n(.*?)```', text, re.DOTALL)
+    assert found is not None
+    told = subprocess.run(
+        [sys.executable, '-c', found[1]],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=600.0,
+    )
+    assert told.stdout == found[2]
 
 
 def _compare(
