@@ -89,8 +89,8 @@ setup(
             'sympy',
             'websockets',
         ],
-        # Robots and an oracle for the tests that take long: 350 MB.
-        'robots': ['example-robot-data>=6', 'pin>=4'],
+        # Robots and an oracle for the tests that take long: 1.3 GB.
+        'robots': ['example-robot-data>=6', 'hello-robot-stretch-urdf', 'pin>=4'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Digest of the dynamics of a tree, in this process or for another CPU: `python tree_bits.py`."""
+"""Digests of the dynamics of a tree and its adaptation, here or elsewhere: `tree_bits.py`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ import hashlib
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import tree_robot
 from masmc_ros.robot.tree.dynamics import Placement
+from masmc_ros.robot.tree.natural_adaptation import natural_step
 from masmc_ros.robot.tree.urdf import read_urdf
 import numpy as np
 
@@ -75,5 +76,18 @@ def digest() -> str:
     return hashlib.sha256(b''.join(map(np.ndarray.tobytes, found))).hexdigest()
 
 
+def adapted_digest() -> str:
+    """Return the digest of moments that are adapted for some steps, some of them too long."""
+    robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text')
+    found = []
+    for each in robot.moments:
+        moments = tuple(each.tolist())
+        for step in range(50):
+            gradient = tuple(((step * 7 + i * 11) % 13 - 6.0) / 3.0 for i in range(10))
+            moments = natural_step(moments, gradient, (step % 10) / 20.0)
+            found.append(moments)
+    return hashlib.sha256(np.array(found).tobytes()).hexdigest()
+
+
 if __name__ == '__main__':
-    print(digest())
+    print(digest(), adapted_digest())

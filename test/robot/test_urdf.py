@@ -70,6 +70,7 @@ def test_reads_links_joints_and_lines() -> None:
     assert (shoulder.lower, shoulder.upper, shoulder.speed, shoulder.effort) == (-1, 1, 2, 10)
     robot = tree_robot(found, 'robot.urdf')
     assert [joint.name for joint in robot.joints] == ['shoulder', 'elbow']
+    assert [each.tolist() for each in robot.limits] == [[-1, 0], [1, 0.3], [2, 2], [10, 10]]
     assert robot.frames['hand'].body == 2
     assert robot.frames['hand'].offset == (0.0, 0.0, 0.2)
 
@@ -99,6 +100,8 @@ def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
         ('xyz="0 0 2"', 'xyz="0 0 0"', "joint 'shoulder': axis (0.0, 0.0, 0.0), expected"),
         ('xyz="0 0 2"', 'xyz="0 0"', "line 9: joint 'shoulder': xyz '0 0', expected 3 finite"),
         ('lower="-1"', 'lower="7"', "line 10: joint 'shoulder': lower 7.0 above upper 1.0"),
+        ('effort="10"', 'effort="-3"', "line 10: joint 'shoulder': effort '-3', expected a numb"),
+        ('velocity="2"', 'velocity="fast"', "line 10: joint 'shoulder': velocity 'fast', expecte"),
         ('<limit lower="0" upper="0.3" effort="10" velocity="2"/>', '', "elbow': no <limit>, whi"),
         ('<parent link="lower"/>', '', "joint 'wrist': no <parent>"),
         (
@@ -107,7 +110,9 @@ def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
             "link 'b' hangs on nothing",
         ),
         ('</robot>', '', 'no XML: no element found'),
-        ('<robot ', '<xacro:macro name="m"/><robot ', 'no XML'),
+        ('<robot ', '<robot/><robot ', 'no XML: junk after document element'),
+        ('<robot ', '<xacro:macro name="m"/><robot ', 'is xacro, which makes URDF; give what `xa'),
+        ('<link name="hand"/>', '<link name="hand"><xacro:i/></link>', 'line 6: <xacro:i> is xac'),
         ('  <link name="hand"/>', '<xacro:include filename="h"/>', 'is xacro, which makes URDF'),
         ('robot>\n', 'sdf>\n', 'no XML: mismatched tag'),
     ],

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import heapq
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.portable_math import sin_cos
@@ -54,6 +55,7 @@ from masmc_ros.robot.tree.spatial import (
     Vector,
 )
 from masmc_ros.robot.tree.urdf import Description, Joint, Link, Pose
+from masmc_ros.robot.tree.wheels import driving_wheels, Mount, Wheels
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,9 +65,6 @@ BASES = {
     'omnidirectional': OMNIDIRECTIONAL,
 }
 """Kinds of bases by name."""
-
-_UPRIGHT = 1.0e-3
-"""Sine of the angle by which an axle may differ from the base's y axis."""
 
 _ROUNDED = 1.0e-9
 """Part of a body's second moments by which the least of them may be negative."""
@@ -90,26 +89,17 @@ class Frame:
     offset: Vector = VECTOR
 
 
-@dataclass(frozen=True)
-class Wheels:
-    """
-    Two wheels that drive a base: rates (u + half_track omega) / radius, and with a minus.
+class Limits(NamedTuple):
+    """What joints cannot exceed, an entry for each; infinite where nothing limits it."""
 
-    Attributes
-    ----------
-    names
-        of their joints, right and left.
-    radius, half_track
-        in m.
-    spin
-        moments of inertia about the axles, in kg m2.
-
-    """
-
-    names: tuple[str, str]
-    radius: float
-    half_track: float
-    spin: tuple[float, float]
+    lower: NDArray[np.float64]
+    """In rad or m."""
+    upper: NDArray[np.float64]
+    """In rad or m."""
+    speed: NDArray[np.float64]
+    """In rad/s or m/s, either way."""
+    effort: NDArray[np.float64]
+    """In N m or N, either way."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +118,7 @@ class TreeRobot:
     frames
         of its links by name.
     wheels
-        those of a differential base.
+        those that drive the base; None where its rates are driven as they are.
 
     """
 
@@ -137,6 +127,14 @@ class TreeRobot:
     joints: tuple[Joint, ...]
     frames: Mapping[str, Frame]
     wheels: Wheels | None = None
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of the wheels in their order, then of the controlled joints."""
+        moving = (*(self.wheels.joints if self.wheels else ()), *self.joints)
+        return Limits(
+            *(np.array([getattr(joint, name) for joint in moving]) for name in Limits._fields)
+        )
 
 
 @dataclass
@@ -155,6 +153,7 @@ def tree_robot(
     base_frame: str = '',
     wheels: Sequence[str] = (),
     wheel_radius: float = 0.0,
+    roller_angles: Sequence[float] = (),
     joints: Sequence[str] = (),
     held: Mapping[str, float] | None = None,
     armature: float = 0.0,
@@ -173,9 +172,12 @@ def tree_robot(
     base_frame
         name of the link whose frame is the base's, x ahead and z up; empty for the root.
     wheels
-        names of the joints of right and left wheel of a differential base.
+        names of the joints of right and left wheel of a differential base, or of three or more
+        of an omnidirectional one, whose rates are driven as they are without.
     wheel_radius
         in m; 0 for the height of the axles above the base's frame.
+    roller_angles
+        in rad, of mecanum wheels: see `driving_wheels`.
     joints
         names of those that are controlled; empty for all that can be.
     held
@@ -191,22 +193,27 @@ def tree_robot(
     """
     if base not in BASES:
         raise InputError(f"robot.base '{base}'; {suggestion(base, BASES)}")
-    if len(wheels) != (2 if base == 'differential' else 0):
+    is_right, expected = {
+        'fixed': (not wheels, 'none'),
+        'differential': (len(wheels) == 2, 'the joints of right and left wheel'),
+        'omnidirectional': (not wheels or len(wheels) > 2, 'three or more joints or none'),
+    }[base]
+    if not is_right or len(set(wheels)) != len(wheels):
         raise InputError(
-            f'robot.wheels {list(wheels)}: expected the joints of right and left wheel of a'
-            ' differential base, and none of another'
+            f'robot.wheels {list(wheels)}: expected {expected}, of a base that is {base}'
         )
     _check_names(description, [*wheels, *joints, *(held or {})])
     controlled = _controlled(description, where, wheels, joints, held or {})
     bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
-    found = _wheels(description, where, frames, wheels, wheel_radius) if wheels else None
     _check_moments(bodies, description, where)
-    kind = BASES[base]
+    kind, found = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
     rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
-    if found is not None:
-        rotor[:2, :2] = _spin(found, armature)
+    if wheels:
+        mounts = [_mount(description, where, frames, name) for name in wheels]
+        found = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
+        rotor[:kind, :kind] = found.inertia(armature)
     axes = [VECTOR, *(joint.axis for joint in order)]
     kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in order]
     return TreeRobot(
@@ -394,41 +401,21 @@ def _least(moments: Moments) -> float:
     return float(np.linalg.eigvalsh(central)[0])
 
 
-def _wheels(
-    description: Description,
-    where: str,
-    frames: Mapping[str, Frame],
-    names: Sequence[str],
-    radius: float,
-) -> Wheels:
-    """Return the wheels of a differential base."""
-    right, left = (description.joints[name] for name in names)
-    places = []
-    spins = []
-    for joint in (right, left):
-        frame = frames[joint.child]
-        axis = rotate(frame.rotation, _vector(joint.axis))
-        if frame.body != 0 or abs(abs(axis[1]) - 1.0) > _UPRIGHT**2:
-            raise InputError(
-                f"{where}, line {joint.line}: joint '{joint.name}' is no wheel of a differential"
-                f' base: its axle is along {tuple(round(each, 3) for each in axis)}, expected'
-                " the base's y"
-            )
-        places.append(frame.offset)
-        moments = _moments(description.links[joint.child])
-        spins.append(_about(_vector(joint.axis), moments))
-    (x, y, z), (x_left, y_left, z_left) = places
-    if abs(x) + abs(x_left) + abs(y + y_left) + abs(z - z_left) > _UPRIGHT or y >= 0.0:
-        raise InputError(
-            f'{where}: wheels at {places[0]} and {places[1]}; expected the base frame in the'
-            ' middle between them, the right one at negative y'
-        )
-    if radius <= 0.0 and z <= 0.0:
-        raise InputError(
-            f'{where}: robot.wheel_radius: the axles are {z} m above the base frame, which is'
-            ' not on the ground; expected the radius in m'
-        )
-    return Wheels((right.name, left.name), radius or z, -y, (spins[0], spins[1]))
+def _mount(
+    description: Description, where: str, frames: Mapping[str, Frame], name: str
+) -> Mount:
+    """Return how a wheel is fixed to the base."""
+    joint = description.joints[name]
+    frame, axis = frames[joint.child], _vector(joint.axis)
+    for is_wrong, what in (
+        (joint.kind not in ('continuous', 'revolute'), f'is {joint.kind}'),
+        (bool(joint.mimics), f"moves with '{joint.mimics}'"),
+        (frame.body != 0, 'moves against the base'),
+    ):
+        if is_wrong:
+            raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
+    moments = _moments(description.links[joint.child])
+    return Mount(joint, frame.offset, rotate(frame.rotation, axis), _about(axis, moments))
 
 
 def _about(axis: Vector, moments: Moments) -> float:
@@ -440,11 +427,3 @@ def _about(axis: Vector, moments: Moments) -> float:
         zx * axis[0] + yz * axis[1] + zz * axis[2],
     )
     return float(xx + yy + zz - inner(axis, along))
-
-
-def _spin(wheels: Wheels, armature: float) -> NDArray[np.float64]:
-    """Return the inertia of spinning wheels in u and omega."""
-    b, r = wheels.half_track, wheels.radius
-    right, left = (each + armature for each in wheels.spin)
-    across = (right - left) * b
-    return np.array([[right + left, across], [across, (right + left) * b * b]]) / (r * r)

@@ -30,6 +30,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.robot.tree.packages import resource_path
 
 MOST_BYTES = 10_000_000
 """Longest description in bytes that is read; the longest known has one million."""
@@ -75,6 +76,8 @@ class Link:
         frame at the centre of mass, in the link's.
     inertia
         xx, xy, xz, yy, yz, zz about the centre of mass, in that frame, in kg m2.
+    meshes
+        file names of its meshes as they stand: `packages.resource_path` finds them.
 
     """
 
@@ -83,6 +86,7 @@ class Link:
     mass: float = 0.0
     centre: Pose = field(default_factory=Pose)
     inertia: Numbers = (0.0,) * 6
+    meshes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -182,11 +186,6 @@ def read_urdf(text: str | bytes, where: str) -> Description:
     links: dict[str, Link] = {}
     joints: dict[str, Joint] = {}
     for element in root.children:
-        if element.tag.startswith('xacro:'):
-            raise InputError(
-                f'{where}, line {element.line}: <{element.tag}> is xacro, which makes URDF; give'
-                f' what `xacro {where}` prints'
-            )
         if element.tag == 'link':
             _keep(links, reader.link(element), where)
         elif element.tag == 'joint':
@@ -198,8 +197,22 @@ def read_urdf(text: str | bytes, where: str) -> Description:
     )
 
 
-def read_urdf_file(path: Path) -> Description:
-    """Read a description from a file; see `read_urdf`."""
+def read_urdf_file(uri: str | Path) -> Description:
+    """
+    Read a description from a file.
+
+    Parameters
+    ----------
+    uri
+        its path, or a URI such as `package://NAME/path`: see `packages.resource_path`.
+
+    Raises
+    ------
+    InputError
+        where it is not found, or as `read_urdf` does.
+
+    """
+    path = resource_path(str(uri))
     try:
         with path.open('rb') as file:
             text = file.read(MOST_BYTES + 1)
@@ -215,6 +228,11 @@ def _parsed(text: str | bytes, where: str) -> _Element:
     open_elements: list[_Element] = [_Element('', 0, {})]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        if tag.startswith('xacro:'):
+            raise InputError(
+                f'{where}, line {parser.CurrentLineNumber}: <{tag}> is xacro, which makes URDF;'
+                f' give what `xacro {where}` prints'
+            )
         element = _Element(tag, parser.CurrentLineNumber, attributes)
         open_elements[-1].children.append(element)
         open_elements.append(element)
@@ -258,8 +276,15 @@ class _Reader:
     def link(self, element: _Element) -> Link:
         name = self._name(element)
         inertial = element.child('inertial')
+        meshes = tuple(
+            self._attribute(mesh, 'filename', f"link '{name}'")
+            for shape in element.children
+            for geometry in shape.children
+            for mesh in geometry.children
+            if mesh.tag == 'mesh'
+        )
         if inertial is None:
-            return Link(name, element.line)
+            return Link(name, element.line, meshes=meshes)
         about = f"link '{name}'"
         mass = self._child(inertial, 'mass', about)
         matrix = self._child(inertial, 'inertia', about)
@@ -272,6 +297,7 @@ class _Reader:
                 self._number(matrix, key, about)
                 for key in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
             ),
+            meshes,
         )
 
     def joint(self, element: _Element) -> Joint:

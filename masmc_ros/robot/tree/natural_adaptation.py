@@ -1,0 +1,167 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Natural adaptation of a body's moments: masses stay positive, inertias those of bodies.
+
+Pdot = -P L P / gamma, of the pseudo-inertia P and the gradient L (`spatial.power_gradient`) as a
+symmetric matrix, has the Bregman divergence of -log det as its Lyapunov function and one gain
+for bodies of all sizes (Lee, Kwon and Park 2018). Sampled, with P = C C' and X = T C' L C / gamma,
+
+    P+ = C (1 + X + X^2 / 2)^-1 C'
+
+is of second order in T, and positive definite whatever X is. Matrices are in the order 1, x, y, z.
+"""
+
+from __future__ import annotations
+
+import math
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.tuples import dot, matrix_times
+from masmc_ros.robot.tree.spatial import Moments
+
+Row = tuple[float, float, float, float]
+Rows = tuple[Row, Row, Row, Row]
+
+_LONGEST = 1.0
+"""Norm of X above which a step is shortened: the series follows exp(X) up to there."""
+
+_LEAST = 1.0e-13
+"""Part of a diagonal entry above which a pivot is more than what rounding makes."""
+
+
+@formula
+def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
+    """
+    Return a body's moments after one step of natural adaptation.
+
+    Parameters
+    ----------
+    moments
+        of the body, in kg, kg m and kg m2: see `spatial`.
+    gradient
+        derivative by them of the power that adaptation takes away: `power_gradient`.
+    step
+        sampling period over gain, T / gamma, >= 0.
+
+    Returns
+    -------
+        moments with a positive definite pseudo-inertia. What is none within rounding, such as
+        that of a frame without mass, stays as it is, as it does where a gradient is no number.
+
+    """
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+    (a, b, c, d), is_body = _factor(
+        (mass, 0.0, 0.0, 0.0), (x, xx, 0.0, 0.0), (y, xy, yy, 0.0), (z, zx, yz, zz)
+    )
+    gradient_rows = _gradient_rows(gradient)
+    p, q, r, s = (
+        (a[0], b[0], c[0], d[0]),
+        (0.0, b[1], c[1], d[1]),
+        (0.0, 0.0, c[2], d[2]),
+        (0.0, 0.0, 0.0, d[3]),
+    )
+    e, f, g, h = (
+        matrix_times(gradient_rows, p),
+        matrix_times(gradient_rows, q),
+        matrix_times(gradient_rows, r),
+        matrix_times(gradient_rows, s),
+    )
+    pq, pr, ps, qr, qs, rs = dot(p, f), dot(p, g), dot(p, h), dot(q, g), dot(q, h), dot(r, h)
+    pp, qq, rr, ss = dot(p, e), dot(q, f), dot(r, g), dot(s, h)
+    off = pq * pq + pr * pr + ps * ps + qr * qr + qs * qs + rs * rs
+    size = math.sqrt(pp * pp + qq * qq + rr * rr + ss * ss + 2.0 * off)
+    by = step if step * size <= _LONGEST else _LONGEST / size
+    e, f, g, h = (
+        (by * pp, by * pq, by * pr, by * ps),
+        (by * pq, by * qq, by * qr, by * qs),
+        (by * pr, by * qr, by * rr, by * rs),
+        (by * ps, by * qs, by * rs, by * ss),
+    )
+    root, is_right = _factor(
+        (1.0 + e[0] + dot(e, e) / 2.0, 0.0, 0.0, 0.0),
+        (e[1] + dot(e, f) / 2.0, 1.0 + f[1] + dot(f, f) / 2.0, 0.0, 0.0),
+        (e[2] + dot(e, g) / 2.0, f[2] + dot(f, g) / 2.0, 1.0 + g[2] + dot(g, g) / 2.0, 0.0),
+        (
+            e[3] + dot(e, h) / 2.0,
+            f[3] + dot(f, h) / 2.0,
+            g[3] + dot(g, h) / 2.0,
+            1.0 + h[3] + dot(h, h) / 2.0,
+        ),
+    )
+    # P+ is the product of root^-1 C' with itself.
+    p, q, r, s = _solved(root, a), _solved(root, b), _solved(root, c), _solved(root, d)
+    found = (
+        dot(p, p),
+        dot(p, q),
+        dot(p, r),
+        dot(p, s),
+        dot(q, q),
+        dot(r, r),
+        dot(s, s),
+        dot(q, r),
+        dot(r, s),
+        dot(s, q),
+    )
+    _, is_still_body = _factor(
+        (found[0], 0.0, 0.0, 0.0),
+        (found[1], found[4], 0.0, 0.0),
+        (found[2], found[7], found[5], 0.0),
+        (found[3], found[9], found[8], found[6]),
+    )
+    return found if is_body & is_right & is_still_body else moments
+
+
+@formula
+def _gradient_rows(of: Moments) -> Rows:
+    """Return the symmetric matrix L with tr(L P) = the sum of gradients times moments."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    return (
+        (mass, x / 2.0, y / 2.0, z / 2.0),
+        (x / 2.0, xx, xy / 2.0, zx / 2.0),
+        (y / 2.0, xy / 2.0, yy, yz / 2.0),
+        (z / 2.0, zx / 2.0, yz / 2.0, zz),
+    )
+
+
+@formula
+def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[Rows, bool]:
+    """Return Cholesky's factor of a matrix, of which rows to the diagonal, and if it is one."""
+    a0, a_is_right = _pivot(a[0], a[0])
+    b0, c0, d0 = b[0] / a0, c[0] / a0, d[0] / a0
+    b1, b_is_right = _pivot(b[1] - b0 * b0, b[1])
+    c1, d1 = (c[1] - c0 * b0) / b1, (d[1] - d0 * b0) / b1
+    c2, c_is_right = _pivot(c[2] - c0 * c0 - c1 * c1, c[2])
+    d2 = (d[2] - d0 * c0 - d1 * c1) / c2
+    d3, d_is_right = _pivot(d[3] - d0 * d0 - d1 * d1 - d2 * d2, d[3])
+    rows = ((a0, 0.0, 0.0, 0.0), (b0, b1, 0.0, 0.0), (c0, c1, c2, 0.0), (d0, d1, d2, d3))
+    return rows, a_is_right & b_is_right & c_is_right & d_is_right
+
+
+@formula
+def _pivot(left: float, of: float) -> tuple[float, bool]:
+    """Return the root of what is left of a diagonal entry, and whether it is a pivot."""
+    is_right = (left > _LEAST * of) & (left < math.inf)
+    return math.sqrt(left if is_right else 1.0), is_right
+
+
+@formula
+def _solved(factor: Rows, x: Row) -> Row:
+    """Return factor^-1 x."""
+    a, b, c, d = factor
+    first = x[0] / a[0]
+    second = (x[1] - b[0] * first) / b[1]
+    third = (x[2] - c[0] * first - c[1] * second) / c[2]
+    return first, second, third, (x[3] - d[0] * first - d[1] * second - d[2] * third) / d[3]

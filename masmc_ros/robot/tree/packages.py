@@ -1,0 +1,97 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Files that URIs name: `package://NAME/path`, `file:///path`, and plain paths.
+
+Packages are looked for as ROS 2, ROS 1 and Python keep them; neither is needed for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import sys
+from urllib.parse import unquote
+
+from masmc_ros.errors import InputError
+
+_INDEX = Path('share/ament_index/resource_index/packages')
+"""Of a prefix: a file for each package, which then is in share/."""
+
+
+def resource_path(uri: str, folder: Path | None = None) -> Path:
+    """
+    Return the path that a URI means, whether there is a file or not.
+
+    Parameters
+    ----------
+    uri
+        `package://NAME/path`, `file:///path`, or a path.
+    folder
+        that relative paths start from; None for the current one. Of a mesh it is the folder
+        of the description.
+
+    Raises
+    ------
+    InputError
+        where the package is not found, or the scheme is another.
+
+    """
+    scheme, separator, rest = uri.partition('://')
+    if not separator:
+        return (folder or Path()) / uri
+    if scheme == 'file':
+        return Path(unquote(rest))
+    name, _, path = rest.partition('/')
+    if scheme != 'package' or not name:
+        raise InputError(f'{uri}: expected package://NAME/PATH, file:///PATH or a path')
+    found = next(_folders(name), None)
+    if found is None:
+        raise InputError(
+            f"{uri}: no package '{name}' in the ament indices of AMENT_PREFIX_PATH"
+            f" ({_told('AMENT_PREFIX_PATH')}) and {sys.prefix}, in ROS_PACKAGE_PATH"
+            f" ({_told('ROS_PACKAGE_PATH')}), or among Python's; source the workspace that has"
+            ' it, or give a path'
+        )
+    return found / path
+
+
+def _folders(name: str) -> Iterator[Path]:
+    """Yield the folders of a package of a name."""
+    # Wheels may have a prefix of their own beside Python's packages.
+    own = [Path(sys.prefix), *(Path(each, 'cmeel.prefix') for each in sys.path if each)]
+    for prefix in [*_listed('AMENT_PREFIX_PATH'), *own]:
+        if (prefix / _INDEX / name).is_file():
+            yield prefix / 'share' / name
+    for folder in _listed('ROS_PACKAGE_PATH'):
+        for each in (folder / name, folder):
+            if each.name == name and each.is_dir():
+                yield each
+    # What has no specification, such as __main__, is a ValueError.
+    with suppress(ValueError):
+        spec = find_spec(name) if name.isidentifier() else None
+        if spec is not None:
+            yield from map(Path, spec.submodule_search_locations or ())
+
+
+def _listed(variable: str) -> list[Path]:
+    return [Path(each) for each in os.environ.get(variable, '').split(os.pathsep) if each]
+
+
+def _told(variable: str) -> str:
+    return os.environ.get(variable) or 'not set'

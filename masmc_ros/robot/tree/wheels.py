@@ -1,0 +1,227 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Wheels that drive a base: the linear map between their rates and the base's.
+
+At the ground a wheel's rim moves against the base's frame by -r rate f, with f the rolling
+direction. What touches the ground there does not slip along a: f itself for a plain wheel and
+for one whose rollers are perpendicular to the axle, the axis of the roller on the ground for a
+mecanum wheel. So the rate is v . a / (r f . a), of the velocity v of the wheel's centre (Muir
+and Neuman 1987; Campion, Bastin and d'Andrea-Novel 1996).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, factor, solve
+from masmc_ros.robot.tree.spatial import Vector
+from masmc_ros.robot.tree.urdf import Joint
+import numpy as np
+from numpy.typing import NDArray
+
+_TOLERANCE = 1.0e-3
+"""Sine of an angle, or distance in m, by which wheels may be off."""
+
+_WAYS = ('ahead', 'sideways', 'around')
+
+
+class Mount(NamedTuple):
+    """How a wheel is fixed to the base, in the base's frame."""
+
+    joint: Joint
+    """About which it turns."""
+    centre: Vector
+    """In m."""
+    axle: Vector
+    """Unit vector; about it a positive rate turns."""
+    spin: float
+    """Moment of inertia about the axle, in kg m2."""
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """
+    Wheels that drive a base: two of a differential one, three or more of an omnidirectional one.
+
+    With nu the base's rates, u and omega or u, v and omega, in m/s and rad/s: rates of the
+    wheels = `matrix` nu, nu = `inverse` rates; forces on nu = `matrix`' torques, and `inverse`'
+    forces are the least torques that give them.
+
+    Attributes
+    ----------
+    joints
+        about which they turn: right and left, or in the order in which they were named.
+    radius
+        in m.
+    matrix
+        (N, rates) in rad/m and 1.
+    inverse
+        (rates, N), that of least squares where wheels are more than rates.
+    spin
+        (N) moments of inertia about the axles, in kg m2.
+
+    """
+
+    joints: tuple[Joint, ...]
+    radius: float
+    matrix: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    spin: NDArray[np.float64]
+
+    def inertia(self, armature: float) -> NDArray[np.float64]:
+        """
+        Return the inertia of the spinning wheels in the base's rates.
+
+        Parameters
+        ----------
+        armature
+            inertia of each wheel's rotor, seen from the wheel, in kg m2.
+
+        Returns
+        -------
+            (rates, rates) in kg, kg m and kg m2.
+
+        """
+        return _squares(self.matrix, self.spin + armature)
+
+
+def driving_wheels(
+    base: int,
+    mounts: Sequence[Mount],
+    where: str,
+    radius: float = 0.0,
+    roller_angles: Sequence[float] = (),
+) -> Wheels:
+    """
+    Make wheels of how they are mounted.
+
+    Parameters
+    ----------
+    base
+        DIFFERENTIAL, of which right and left wheel are expected, or OMNIDIRECTIONAL.
+    mounts
+        of the wheels.
+    where
+        where they stand, for messages.
+    radius
+        in m; 0 for the height of the axles above the base's frame.
+    roller_angles
+        of each wheel, in rad: from the rolling direction to the axis of the roller on the
+        ground, counter-clockwise as seen from above; empty for 0 of all.
+
+    Raises
+    ------
+    InputError
+        where the wheels cannot drive such a base.
+
+    """
+    names = [mount.joint.name for mount in mounts]
+    if roller_angles and (base == DIFFERENTIAL or len(roller_angles) != len(mounts)):
+        raise InputError(
+            f'robot.roller_angles {list(roller_angles)}: expected one for each of robot.wheels'
+            f' {names} of an omnidirectional base, or none'
+        )
+    for mount in mounts:
+        x, y, z = mount.axle
+        if abs(z) > _TOLERANCE or (base == DIFFERENTIAL and abs(x) > _TOLERANCE):
+            expected = "the base's y" if base == DIFFERENTIAL else 'the ground'
+            raise InputError(
+                f"{where}, line {mount.joint.line}: joint '{mount.joint.name}' is no wheel of"
+                f' such a base: its axle is along {tuple(round(each, 3) for each in mount.axle)},'
+                f' expected parallel to {expected}'
+            )
+        if abs(mount.centre[2] - mounts[0].centre[2]) > _TOLERANCE:
+            raise InputError(
+                f"{where}, line {mount.joint.line}: joint '{mount.joint.name}': wheels at heights"
+                f' {[each.centre[2] for each in mounts]} m, expected equal ones'
+            )
+    if base == DIFFERENTIAL:
+        (x, y, _), (x_left, y_left, _) = right, left = [mount.centre for mount in mounts]
+        if abs(x) + abs(x_left) + abs(y + y_left) > _TOLERANCE or y >= 0.0:
+            raise InputError(
+                f'{where}: wheels at {right} and {left}; expected the base frame in the middle'
+                ' between them, the right one at negative y'
+            )
+    height = mounts[0].centre[2]
+    if radius <= 0.0 and height <= 0.0:
+        raise InputError(
+            f'{where}: robot.wheel_radius: the axles are {height} m above the base frame, which'
+            ' is not on the ground; expected the radius in m'
+        )
+    radius = radius if radius > 0.0 else height
+    matrix = np.array(
+        [
+            _row(mount, _slope(angle), radius)
+            for mount, angle in zip(mounts, roller_angles or [0.0] * len(mounts), strict=True)
+        ]
+    )
+    if base == DIFFERENTIAL:
+        matrix = np.ascontiguousarray(matrix[:, ::2])
+    return Wheels(
+        tuple(mount.joint for mount in mounts),
+        radius,
+        matrix,
+        _inverse(matrix, f'{where}, line {mounts[0].joint.line}: robot.wheels {names}'),
+        np.array([mount.spin for mount in mounts]),
+    )
+
+
+def _slope(roller_angle: float) -> float:
+    """Return the tangent of a roller's angle."""
+    if not abs(roller_angle) < math.pi / 2.0 - _TOLERANCE:
+        raise InputError(
+            f'robot.roller_angles: {roller_angle}, expected less than pi / 2 = 1.5708 rad'
+        )
+    sine, cosine = sin_cos(roller_angle)
+    return float(sine / cosine)
+
+
+def _row(mount: Mount, slope: float, radius: float) -> tuple[float, float, float]:
+    """Return the rate of a wheel per u, v and omega."""
+    x, y, _ = mount.centre
+    along_x, along_y, _ = mount.axle
+    # The direction that does not slip: f + tan(angle) axle, with f = axle x up.
+    ahead, left = along_y + slope * along_x, slope * along_y - along_x
+    return ahead / radius, left / radius, (x * left - y * ahead) / radius
+
+
+def _squares(matrix: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return G' diag(weights) G, symmetric to the bit, and the same on every machine."""
+    products = matrix[:, :, None] * matrix[:, None, :]
+    return np.asarray((products * weights[:, None, None]).sum(axis=0))
+
+
+def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    """Return (G'G)^-1 G', each wheel a lane."""
+    wheels, rates = matrix.shape
+    squares = _squares(matrix, np.ones(wheels))
+    factored = np.repeat(squares[:, :, None], wheels, axis=2)
+    factor(factored)
+    for rate in range(rates):
+        # What is left of its column when the others' part is taken away, over all of it.
+        if not factored[rate, rate, 0] > _TOLERANCE**2 * squares[rate, rate]:
+            raise InputError(
+                f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles or'
+                ' robot.roller_angles that differ more'
+            )
+    found = np.ascontiguousarray(matrix.T)
+    solve(factored, found)
+    return found

@@ -1,0 +1,152 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Natural adaptation against linear algebra: what it does, and that bodies stay bodies."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from masmc_ros.robot.tree.assembly import pseudo_inertia
+from masmc_ros.robot.tree.natural_adaptation import natural_step
+from masmc_ros.robot.tree.spatial import MOMENTS, Moments
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+Array = NDArray[np.float64]
+MANY = settings(max_examples=1000)
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+gradients = st.tuples(*[finite] * 10)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def body(seed: int) -> tuple[Array, Moments]:
+    """Draw the pseudo-inertia of some points of mass, on any scale, and its moments."""
+    draw = np.random.default_rng(seed)
+    masses = draw.uniform(0.1, 1.0, 8) * 10.0 ** draw.uniform(-3.0, 3.0)
+    points = draw.normal(size=(8, 3)) * 10.0 ** draw.uniform(-2.0, 0.0, 3)
+    points += draw.normal(size=3) * 0.3
+    p = np.einsum('p,pi,pj->ij', masses, *[np.column_stack([points, np.ones(8)])] * 2)
+    return p, moments_of(p)
+
+
+def moments_of(p: Array) -> Moments:
+    pairs = ((3, 3), (0, 3), (1, 3), (2, 3), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+    found: Moments = tuple(float(p[i, j]) for i, j in pairs)  # type: ignore[assignment]
+    return found
+
+
+def gradient_of(seed: int) -> tuple[Array, Moments]:
+    """Draw a symmetric gradient, and its ten entries as derivatives by the moments."""
+    root = np.random.default_rng(seed).normal(size=(4, 4))
+    matrix = root + root.T
+    return matrix, moments_of(2.0 * matrix - np.diag(np.diag(matrix)))
+
+
+def is_of_a_body(moments: Moments) -> bool:
+    """Tell whether the pseudo-inertia of these numbers is positive definite, exactly."""
+    matrix = [[Fraction(float(each)) for each in row] for row in pseudo_inertia(moments)]
+    for pivot in range(4):
+        if matrix[pivot][pivot] <= 0:
+            return False
+        for row in range(pivot + 1, 4):
+            part = matrix[row][pivot] / matrix[pivot][pivot]
+            for column in range(4):
+                matrix[row][column] -= part * matrix[pivot][column]
+    return True
+
+
+@MANY
+@given(seeds, seeds, st.floats(-6.0, 6.0))
+def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> None:
+    p, moments = body(seed)
+    gradient, entries = gradient_of(other)
+    assert np.dot(moments, entries) == pytest.approx(np.trace(gradient @ p), rel=1e-9, abs=1e-9)
+    values, vectors = np.linalg.eigh(p)
+    # Any root will do; this one is symmetric.
+    root = vectors * np.sqrt(values) @ vectors.T
+    x = root @ gradient @ root
+    length = np.linalg.norm(x)
+    step = 10.0**exponent / length
+    x *= min(step, 1.0 / length)
+    expected = root @ np.linalg.inv(np.eye(4) + x + x @ x / 2.0) @ root
+    found = pseudo_inertia(natural_step(moments, entries, step))
+    scale = np.sqrt(np.diag(expected))
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 1e-7
+
+
+@MANY
+@given(seeds, seeds)
+def test_follows_the_natural_gradient(seed: int, other: int) -> None:
+    p, moments = body(seed)
+    gradient, entries = gradient_of(other)
+    change = p @ gradient @ p
+    root = np.linalg.cholesky(p)
+    step = 1.0e-5 / np.linalg.norm(root.T @ gradient @ root)
+    found = (pseudo_inertia(natural_step(moments, entries, step)) - p) / step
+    assert np.abs(found + change).max() < 1e-4 * np.abs(change).max() + 1e-10 * p.max() / step
+
+
+@MANY
+@given(seeds, gradients, st.floats(0.0, allow_infinity=False))
+def test_bodies_stay_bodies_whatever_the_gradient(
+    seed: int, entries: Moments, step: float
+) -> None:
+    moments = body(seed)[1]
+    assert is_of_a_body(moments)
+    assert is_of_a_body(natural_step(moments, entries, step))
+
+
+@settings(max_examples=30)
+@given(seeds, st.tuples(*[st.floats(-1.0, 1.0)] * 10), st.floats(0.0, 100.0))
+def test_bodies_stay_bodies_however_long(seed: int, entries: Moments, step: float) -> None:
+    moments = body(seed)[1]
+    for _ in range(500):
+        moments = natural_step(moments, entries, step)
+    assert np.all(np.isfinite(moments))
+    assert np.linalg.eigvalsh(pseudo_inertia(moments))[0] > -1e-14 * max(moments)
+    assert min(moments[0], *moments[4:7]) > 0.0
+
+
+def test_what_is_no_body_or_no_number_changes_nothing() -> None:
+    moments = body(1)[1]
+    assert natural_step(MOMENTS, gradient_of(1)[1], 0.1) == MOMENTS
+    flat = (1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0)
+    assert natural_step(flat, gradient_of(1)[1], 0.1) == flat
+    for bad in (float('nan'), float('inf')):
+        assert natural_step(moments, (bad,) + (0.0,) * 9, 0.1) == moments
+    assert natural_step(moments, MOMENTS, 0.1) == pytest.approx(moments, rel=1e-13)
+
+
+def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
+    p, true = body(3)
+    moments = tuple(each / 2.0 for each in true)
+    back, rows = np.linalg.inv(np.linalg.cholesky(p)), []
+    for seed in range(40):
+        # Motions that tell of all moments alike, in the body's own measures.
+        alike = back.T @ gradient_of(seed)[0] @ back
+        rows.append(np.array(moments_of(2.0 * alike - np.diag(np.diag(alike)))) / 5.0)
+    before = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
+    for i in range(4_000):
+        # The gradient of the square of what is measured, half of it.
+        error = rows[i % 40] @ np.subtract(moments, true)
+        moments = natural_step(moments, tuple((rows[i % 40] * error).tolist()), 0.5)
+    after = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
+    assert after < 1e-6 * before
+    assert moments == pytest.approx(true, rel=1e-4)

@@ -1,0 +1,241 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wheels of a base: their linear map against what rolling means, the literature, and power."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
+from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, OMNIDIRECTIONAL
+from masmc_ros.robot.tree.urdf import Joint, Pose, read_urdf
+from masmc_ros.robot.tree.wheels import driving_wheels, Mount
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+Array = NDArray[np.float64]
+
+RADIUS = 0.08
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def mount(x: float, y: float, heading: float, spin: float = 0.002, name: str = 'w') -> Mount:
+    """Return a wheel whose axle has so much of a heading in the base's frame."""
+    axle = (math.cos(heading), math.sin(heading), 0.0)
+    joint = Joint(name, 7, 'continuous', 'base', 'wheel', Pose(), (0.0, 0.0, 1.0))
+    return Mount(joint, (x, y, RADIUS), axle, spin)
+
+
+lengths = st.floats(-1.0, 1.0)
+wheels = st.builds(mount, lengths, lengths, st.floats(-math.pi, math.pi), st.floats(0.0, 0.1))
+driven = st.lists(st.tuples(wheels, st.floats(-1.2, 1.2)), min_size=3, max_size=6)
+three = st.tuples(*[st.floats(-5.0, 5.0)] * 3).map(np.array)
+
+
+@given(driven, three, st.integers(0, 2**32 - 1))
+def test_nothing_slips_along_the_rollers_axes_and_power_is_kept(
+    drawn: list[tuple[Mount, float]], rates: Array, seed: int
+) -> None:
+    mounts, angles = zip(*drawn, strict=True)
+    columns = np.array([
+        [a[0], a[1], np.cross(each.centre, a)[2]]
+        for each, angle in drawn
+        for a in [_roller_axis(each, angle) / math.cos(angle)]
+    ])
+    try:
+        found = driving_wheels(OMNIDIRECTIONAL, mounts, 'x', roller_angles=angles)
+    except InputError as told:
+        assert 'x, line 7: robot.wheels' in str(told)
+        assert ' cannot drive the base ' in str(told)
+        scale = np.linalg.norm(columns, axis=0)
+        alike = columns / np.where(scale > 0.0, scale, 1.0)
+        assert np.linalg.svd(alike)[1][-1] < 2.0e-3
+        return
+    for each, angle, rate in zip(mounts, angles, found.matrix @ rates, strict=True):
+        centre = np.array([rates[0], rates[1], 0.0]) + np.cross(rates[2] * UP, each.centre)
+        rim = np.cross(rate * np.array(each.axle), -RADIUS * UP)
+        assert np.dot(centre + rim, _roller_axis(each, angle)) == pytest.approx(0.0, abs=1e-12)
+    assert found.matrix * RADIUS == pytest.approx(columns, abs=1e-12)
+    assert found.inverse @ found.matrix == pytest.approx(np.eye(3), abs=1e-8)
+    assert found.inverse == pytest.approx(np.linalg.pinv(found.matrix), rel=1e-6, abs=1e-6)
+    torques = np.random.default_rng(seed).normal(size=len(mounts))
+    forces = found.matrix.T @ torques
+    assert forces @ rates == pytest.approx(torques @ (found.matrix @ rates), rel=1e-9, abs=1e-9)
+    energy = np.sum((found.spin + 0.01) * (found.matrix @ rates) ** 2)
+    assert rates @ found.inertia(0.01) @ rates == pytest.approx(energy, rel=1e-9, abs=1e-12)
+    assert np.array_equal(found.inertia(0.01), found.inertia(0.01).T)
+
+
+def _roller_axis(of: Mount, angle: float) -> Array:
+    """Return the direction in which the ground holds a wheel."""
+    ahead = np.cross(of.axle, UP)
+    return np.asarray(math.cos(angle) * ahead + math.sin(angle) * np.cross(UP, ahead))
+
+
+@given(st.floats(0.1, 0.5), st.floats(0.1, 0.5))
+def test_four_mecanum_wheels_are_those_of_the_literature(along: float, across: float) -> None:
+    # H. Taheri, B. Qiao, N. Ghaeminezhad, Kinematic Model of a Four Mecanum Wheeled Mobile
+    # Robot, 2015: front left, front right, rear left, rear right.
+    places = ((along, across), (along, -across), (-along, across), (-along, -across))
+    found = driving_wheels(
+        OMNIDIRECTIONAL,
+        [mount(x, y, math.pi / 2.0) for x, y in places],
+        'x',
+        roller_angles=[math.pi / 4.0 * sign for sign in (-1, 1, 1, -1)],
+    )
+    arm = along + across
+    assert found.matrix * RADIUS == pytest.approx(
+        np.array([[1, -1, -arm], [1, 1, arm], [1, 1, -arm], [1, -1, arm]]), abs=1e-12
+    )
+    assert found.inverse / RADIUS == pytest.approx(
+        np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1 / arm, 1 / arm, -1 / arm, 1 / arm]]) / 4.0,
+        abs=1e-12,
+    )
+
+
+@given(st.floats(0.1, 0.5), st.floats(-math.pi, math.pi))
+def test_three_omni_wheels_are_those_of_the_literature(arm: float, first: float) -> None:
+    # R. Siegwart, I. Nourbakhsh, Introduction to Autonomous Mobile Robots, 2004, 3.2.5.
+    angles = np.array([first + 2.0 * math.pi / 3.0 * i for i in range(3)])
+    found = driving_wheels(
+        OMNIDIRECTIONAL,
+        [mount(arm * math.cos(a), arm * math.sin(a), a + math.pi) for a in angles],
+        'x',
+    )
+    expected = np.stack([-np.sin(angles), np.cos(angles), np.full(3, arm)], axis=1)
+    assert found.matrix * RADIUS == pytest.approx(expected, abs=1e-12)
+    back = np.stack([-2 * np.sin(angles), 2 * np.cos(angles), np.full(3, 1 / arm)]) / 3.0
+    assert found.inverse / RADIUS == pytest.approx(back, abs=1e-10)
+
+
+@given(st.floats(0.1, 0.5), st.sampled_from([1.0, -1.0]), st.sampled_from([1.0, -1.0]))
+def test_two_wheels_are_a_differential_base(half: float, right: float, left: float) -> None:
+    mounts = [
+        mount(0.0, -half, right * math.pi / 2.0, 0.002),
+        mount(0.0, half, left * math.pi / 2.0, 0.003),
+    ]
+    found = driving_wheels(DIFFERENTIAL, mounts, 'x')
+    expected = np.array([[right, right * half], [left, -left * half]]) / RADIUS
+    assert found.matrix == pytest.approx(expected, rel=1e-12)
+    assert found.inverse @ found.matrix == pytest.approx(np.eye(2), abs=1e-12)
+    across = (0.002 - 0.003) * half
+    spin = np.array([[0.005, across], [across, 0.005 * half**2]]) / RADIUS**2
+    assert found.inertia(0.0) == pytest.approx(spin, abs=1e-12)
+
+
+INERTIA = (
+    '<inertial><mass value="{0}"/>'
+    '<inertia ixx="{1}" ixy="0" ixz="0" iyy="{1}" iyz="0" izz="{2}"/></inertial>'
+)
+URDF = '<robot name="car"><link name="base">{}</link>\n{}\n</robot>'.format(
+    INERTIA.format(20.0, 1.0, 1.5),
+    '\n'.join(
+        f'<link name="{name}">{INERTIA.format(1.0, 0.002, 0.003)}</link>'
+        f'<joint name="{name}" type="continuous"><parent link="base"/><child link="{name}"/>'
+        f'<origin xyz="{x} {y} 0.08" rpy="-1.5707963267948966 0 0"/><axis xyz="0 0 1"/>'
+        '<limit effort="6" velocity="13"/></joint>'
+        for name, x, y in (
+            ('front_right', 0.3, -0.2),
+            ('front_left', 0.3, 0.2),
+            ('rear_right', -0.3, -0.2),
+            ('rear_left', -0.3, 0.2),
+        )
+    ),
+)
+CORNERS = ('front_right', 'front_left', 'rear_right', 'rear_left')
+ANGLES = tuple(math.pi / 4.0 * sign for sign in (1, -1, -1, 1))
+
+
+def car(text: str = URDF, **settings: Any) -> TreeRobot:
+    """Return a car on mecanum wheels."""
+    chosen = {
+        'base': 'omnidirectional',
+        'wheels': CORNERS,
+        'roller_angles': ANGLES,
+        'armature': 0.01,
+        **settings,
+    }
+    return tree_robot(read_urdf(text, 'car.urdf'), 'car.urdf', **chosen)
+
+
+def test_a_base_feels_the_spin_of_its_wheels() -> None:
+    robot = car()
+    assert robot.wheels is not None
+    sideways = robot.wheels.matrix @ np.array([0.0, 1.0, 0.0])
+    assert sideways * 0.08 == pytest.approx(np.array([1.0, -1.0, -1.0, 1.0]))
+    assert np.diag(robot.tree.armature) == pytest.approx(
+        np.array([1.0, 1.0, 0.5**2]) * 4.0 * 0.013 / 0.08**2
+    )
+    assert robot.moments[0][0] == 24.0
+    assert robot.limits.speed.tolist() == [13.0] * 4
+    assert robot.limits.effort.tolist() == [6.0] * 4
+    assert robot.limits.upper.tolist() == [math.inf] * 4
+
+
+def test_without_wheels_the_rates_of_an_omnidirectional_base_are_driven() -> None:
+    robot = car(wheels=(), roller_angles=(), joints=('rear_left',))
+    assert robot.wheels is None
+    assert np.diag(robot.tree.armature).tolist() == [0.0, 0.0, 0.0, 0.01]
+    assert robot.limits.effort.tolist() == [6.0]
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'settings', 'expected'),
+    [
+        ('', '', {'wheels': CORNERS[:2]}, "robot.wheels ['front_right', 'front_left']: expecte"),
+        ('', '', {'wheels': (*CORNERS, 'rear_left')}, 'expected three or more joints or none, o'),
+        ('', '', {'base': 'fixed'}, 'expected none, of a base that is fixed'),
+        ('', '', {'wheels': (*CORNERS[:3], 'rear_lef')}, "no joint 'rear_lef'; did you mean rear"),
+        ('', '', {'roller_angles': ANGLES[:3]}, 'robot.roller_angles [0.785'),
+        ('', '', {'roller_angles': (*ANGLES[:3], 1.6)}, 'robot.roller_angles: 1.6, expected less'),
+        (
+            '',
+            '',
+            {'roller_angles': ()},
+            "car.urdf, line 2: robot.wheels ['front_right', 'front_left', 'rear_right',"
+            " 'rear_left'] cannot drive the base sideways by itself; expected axles or"
+            ' robot.roller_angles that differ more',
+        ),
+        ('rpy="-1.57', 'rpy="-1.5', {}, "car.urdf, line 2: joint 'front_right' is no wheel of su"),
+        ('-0.3 0.2 0.08', '-0.3 0.2 0.09', {}, "car.urdf, line 5: joint 'rear_left': wheels at h"),
+        (' 0.08"', ' -0.08"', {}, 'car.urdf: robot.wheel_radius: the axles are -0.08 m above'),
+        ('"continuous"', '"fixed"', {}, "line 2: joint 'front_right' is fixed: it is no wheel"),
+        (
+            '<parent link="base"/><child link="rear_left"',
+            '<parent link="front_left"/><child link="rear_left"',
+            {'wheels': ('front_right', 'rear_right', 'rear_left'), 'roller_angles': ANGLES[:3]},
+            "line 5: joint 'rear_left' moves against the base: it is no wheel",
+        ),
+        (
+            '',
+            '',
+            {'base': 'differential', 'wheels': CORNERS[:2], 'roller_angles': ()},
+            'expected the base frame in the middle between them',
+        ),
+    ],
+)
+def test_wheels_that_cannot_drive_are_refused_in_a_line(
+    old: str, new: str, settings: dict[str, Any], expected: str
+) -> None:
+    assert old in URDF
+    with pytest.raises(InputError) as told:
+        car(URDF.replace(old, new), **settings)
+    assert expected in str(told.value)
+    assert '\n' not in str(told.value)
