@@ -102,6 +102,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *(p for term in REACHING.values() for p in term.parameters),
             *model.PARAMETERS,
             *adaptation.PARAMETERS,
+            *mechanism.law_parameters,
             *command_limits.PARAMETERS,
             *velocity_estimator.PARAMETERS,
             COMMAND_INTERFACE,

@@ -161,6 +161,8 @@ class Mechanism:
         at last to the frame of the first point.
     parameters : sequence
         of the robot, lengths and masses, named `robot.`.
+    law_parameters : sequence
+        of the controller, which laws on such a robot have beside their own.
     lengths
         names of its constant lengths, the fields of `MODEL`.
     module
@@ -194,6 +196,7 @@ class Mechanism:
     parameters: tuple[Parameter, ...]
     lengths: tuple[str, ...]
     module: str
+    law_parameters: tuple[Parameter, ...] = ()
     defaults: Mapping[str, Numbers] = field(default_factory=dict)
     start_names: tuple[str, ...] = ()
     fixed_joints: tuple[str, ...] = ()

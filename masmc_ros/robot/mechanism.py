@@ -207,6 +207,23 @@ def regressor_transpose_times(model: Any, y: Any, motion: Numbers, like: Numbers
 
 
 @of_model
+def theta_step(
+    model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
+) -> Numbers:
+    """
+    Return theta after one period of adaptation that follows a gradient, before all else.
+
+    `settings` are the law's, with Gamma as `gamma` and what else the mechanism declares for laws.
+    `gradient_step.py` has this formula and the next for theta whose entries are free.
+    """
+
+
+@of_model
+def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
+    """Tell whether `theta_step` leaves a theta that bodies can have, with nothing to project."""
+
+
+@of_model
 def inertia(model: Any, posture: Any, theta: Numbers) -> Any:
     """Return H."""
 

@@ -46,6 +46,7 @@ from masmc_ros.robot.declaration import (
     Shape,
     Velocity,
 )
+from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
     reference_motion,
@@ -56,7 +57,15 @@ from masmc_ros.robot.square_task import (
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ['motion_error', 'reference_motion', 'task_error', 'task_inertia', 'tracking']
+__all__ = [
+    'keeps_bodies',
+    'motion_error',
+    'reference_motion',
+    'task_error',
+    'task_inertia',
+    'theta_step',
+    'tracking',
+]
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]

@@ -21,8 +21,9 @@ import math
 from pathlib import Path
 
 from hypothesis import given
-from masmc_ros.law.parts.adaptation import beyond_dead_zone, moved_estimate
+from masmc_ros.law.parts.adaptation import beyond_dead_zone, pulled_estimate
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -42,7 +43,8 @@ def test_one_tick_is_explicit_in_the_gradient_and_implicit_in_the_leakage(
     estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
 ) -> None:
     """theta+ = theta - T g / gamma - T rate (theta+ - theta_0)."""
-    found = moved_estimate(estimate, nominal, gradient, gamma, period, rate)
+    moved = gradient_step(estimate, gradient, gamma, period)
+    found = pulled_estimate(moved, nominal, period, rate)
     pull = period * rate * (found - nominal)
     size = abs(estimate) + abs(nominal) + abs(period * gradient / gamma) + 1.0
     expected = estimate - period * gradient / gamma - pull
@@ -54,7 +56,7 @@ def test_one_tick_is_explicit_in_the_gradient_and_implicit_in_the_leakage(
 def test_no_rate_of_leakage_overshoots(
     estimate: float, nominal: float, period: float, rate: float
 ) -> None:
-    found = moved_estimate(estimate, nominal, 0.0, 1.0, period, rate)
+    found = pulled_estimate(estimate, nominal, period, rate)
     low, high = sorted((estimate, nominal))
     rounding = 1e-15 * (abs(low) + abs(high))
     assert low - rounding <= found <= high + rounding

@@ -21,7 +21,6 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.law.parts.adaptation import moved_estimate
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
 from masmc_ros.law.reaching.reaching import reaching_force
 from masmc_ros.law.reaching.saturation import saturation
@@ -29,6 +28,7 @@ from masmc_ros.law.reaching.sigmoid import sigmoid
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.reaching.tanh import smooth
 from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
+from masmc_ros.robot.gradient_step import gradient_step
 import pytest
 from robots import between, PROPERTY
 from scenario import Scenario, whole
@@ -152,7 +152,7 @@ def test_the_update_is_one_euler_step_of_23(
     estimate: float, gradient: float, gamma: float, period: float
 ) -> None:
     exact = Fraction(estimate) - Fraction(period) * Fraction(gradient) / Fraction(gamma)
-    found = moved_estimate(estimate, 7.0, gradient, gamma, period, 0.0)
+    found = gradient_step(estimate, gradient, gamma, period)
     size = abs(estimate) + abs(period * gradient / gamma)
     assert abs(Fraction(found) - exact) <= Fraction(1e-15 * size + 1e-300)
 

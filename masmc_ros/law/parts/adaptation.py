@@ -20,7 +20,8 @@ With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal est
 
     theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
 
-explicit in the gradient and implicit in what pulls back, which no rate can make unstable;
+explicit in the gradient (a mechanism may have a better step of its own, `theta_step`) and
+implicit in what pulls back, which no rate can make unstable;
 projection follows. docs/adaptation.md has the sources and what each part is for.
 """
 
@@ -122,15 +123,8 @@ def beyond_dead_zone(distance: float, width: float) -> float:
 
 
 @formula
-def moved_estimate(
-    estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
-) -> float:
-    """
-    Return the next estimate of one parameter, pulled to the nominal one at a rate in 1/s.
-
-    `gradient` is f g, `gamma` the parameter's entry of Gamma, `period` in s.
-    """
-    moved = estimate - period * gradient / gamma
+def pulled_estimate(moved: float, nominal: float, period: float, rate: float) -> float:
+    """Return an estimate of one parameter pulled to the nominal one, at a rate in 1/s for T s."""
     pulled = nominal + (moved - nominal) / (1.0 + period * rate)
     return pulled if rate > 0.0 else moved
 
@@ -208,15 +202,15 @@ def adapt(
     rate = get(settings, 'leakage', lane)
     e_modification = get(settings, 'e_modification', lane)
     rate = rate + e_modification * share * distance if e_modification > 0.0 else rate
-    following = each(
-        moved_estimate,
+    moved = mechanism.theta_step(
+        tick.model,
+        settings,
+        lane,
         get(memory, 'estimate', lane),
-        tick.nominal,
         each(_share, gradient, share),
-        get(settings, 'gamma', lane),
         tick.period,
-        rate,
     )
+    following = each(pulled_estimate, moved, tick.nominal, tick.period, rate)
     put(memory, 'estimate', lane, following)
 
 
@@ -224,9 +218,10 @@ def adapt(
 def project(settings: Any, memory: Any, lane: int) -> None:
     """Move theta_hat to where bodies can have it, where a projection is in force."""
     lower = get(settings, 'projection_lower', lane)
-    if lower > 0.0:
+    model = mechanism.model_of(settings, lane)
+    if (lower > 0.0) & (not mechanism.keeps_bodies(model, settings, lane)):
         theta = projected(
-            mechanism.model_of(settings, lane),
+            model,
             get(memory, 'estimate', lane),
             get(settings, 'nominal', lane),
             get(settings, 'gamma', lane),

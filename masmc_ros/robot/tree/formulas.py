@@ -37,12 +37,15 @@ from typing import Any, NamedTuple
 from masmc_ros.numerics.arrays import read_row, taken, write_row
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, tabulate
+from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.dynamics import FIXED, GRAVITY, place, Placement, point_jacobian
 from masmc_ros.robot.tree.model import TreeModel, unpacked
+from masmc_ros.robot.tree.natural_adaptation import natural_step
 from masmc_ros.robot.tree.rotation_vector import (
     angular_motion,
     orientation_error,
@@ -50,7 +53,16 @@ from masmc_ros.robot.tree.rotation_vector import (
     rotation_of,
     vector_of,
 )
-from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, turn, Vector
+from masmc_ros.robot.tree.spatial import (
+    add,
+    MOMENTS,
+    product,
+    rotate,
+    ROTATION,
+    Rotation,
+    turn,
+    Vector,
+)
 import numpy as np
 
 MODEL = TreeModel
@@ -60,6 +72,10 @@ POSE = 3
 
 AXES = 6
 """Of the task."""
+
+ADAPTATIONS = ('natural', 'gradient')
+NATURAL = 0
+"""Places of what `adaptation` chooses among."""
 
 class Regressor(NamedTuple):
     """Y(q, v, v_r, a_r), which is never formed."""
@@ -590,6 +606,43 @@ def regressor_transpose_times(
 ) -> Numbers:
     """Return Y' v."""
     return taken(_gradients(model, y, motion), like)
+
+
+@formula
+def theta_step(
+    model: TreeModel, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
+) -> Numbers:
+    """
+    Return the moments after a step of natural adaptation, or of each number for itself.
+
+    The gain of a body is the entry of `gamma` for its mass.
+    """
+    gamma = get(settings, 'gamma', lane)
+    if get(settings, 'adaptation', lane) != NATURAL:
+        return each(gradient_step, theta, gradient, gamma, period)
+    found: Numbers = _natural(theta, gradient, gamma, period)
+    return found
+
+
+@formula
+def keeps_bodies(model: TreeModel, settings: Any, lane: int) -> bool:
+    """Tell whether adaptation is natural."""
+    return get(settings, 'adaptation', lane) == NATURAL
+
+
+@kernel
+def _natural(theta: Numbers, gradient: Numbers, gamma: Numbers, period: float) -> Numbers:
+    out = np.empty(len(theta))
+    moments, along = _moments(theta), _moments(gradient)
+    for body in range(len(theta) // 10):
+        moved = natural_step(
+            read_row(moments, body, 0, 0, MOMENTS),
+            read_row(along, body, 0, 0, MOMENTS),
+            period / gamma[10 * body],
+        )
+        for i in range(10):
+            out[10 * body + i] = moved[i]
+    return taken(out, theta)
 
 
 @kernel

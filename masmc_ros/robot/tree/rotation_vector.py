@@ -145,7 +145,7 @@ def vector_of(r: Rotation) -> Vector:
 
 @formula
 def orientation_error(r: Rotation, desired: Rotation) -> Vector:
-    """Return half the sum of R_d x R by columns: the axis from R_d to R, times the angle's sine."""
+    """Return half the sum of R_d x R by columns: axis from R_d to R, times the angle's sine."""
     return (
         0.5
         * (

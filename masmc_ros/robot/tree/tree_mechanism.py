@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 import xml.etree.ElementTree as ElementTree
@@ -42,6 +41,7 @@ from masmc_ros.robot.tree import formulas as kernels
 from masmc_ros.robot.tree.assembly import BASES, Frame, tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import Placement, world_poses
 from masmc_ros.robot.tree.model import packed
+from masmc_ros.robot.tree.packages import resource_path
 from masmc_ros.robot.tree.rotation_vector import vector_of
 from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
@@ -60,6 +60,12 @@ PARAMETERS = (
     Parameter('robot.wheels', (), 'Joints of the wheels, right and left'),
     Parameter(
         'robot.wheel_radius', 0.0, 'Radius of the wheels; 0 is their height', unit='m', minimum=0.0
+    ),
+    Parameter(
+        'robot.roller_angles',
+        (0.0,),
+        "Angle of each omnidirectional wheel's rollers, or of all: 0, or a mecanum wheel's",
+        unit='rad',
     ),
     Parameter('robot.tip_frame', '', 'Link whose pose is the task; the last one where empty'),
     Parameter('robot.joints', (), 'Joints that are controlled; all that can be where empty'),
@@ -89,6 +95,16 @@ PARAMETERS = (
     ),
 )  # fmt: skip
 """Of a tree, beside URDF, which chooses it."""
+
+_LAW_PARAMETERS = (
+    Parameter(
+        'adaptation',
+        'natural',
+        'Moments of bodies adapt so that they stay those of bodies, or each number for itself',
+        choices=kernels.ADAPTATIONS,
+        read_only=False,
+    ),
+)
 
 _POSE = (
     Coordinate('base_x_joint', 'x', 'x', 'm'),
@@ -211,8 +227,7 @@ class TreeMechanism(Mechanism):
             found[link] = r @ own, p
         # Wheels turn, though their bodies are the base's.
         if robot.wheels is not None:
-            for number, name in enumerate(robot.wheels.names):
-                joint = self.description.joints[name]
+            for number, joint in enumerate(robot.wheels.joints):
                 r, p = found[joint.child]
                 turned = _turned(joint.axis, float(position[len(_POSE) + number]))
                 found[joint.child] = r @ turned, p
@@ -303,17 +318,14 @@ def _as_many(values: Sequence[float], count: int, name: str) -> Array:
 
 def _wheel_rates(robot: TreeRobot) -> Array:
     """Return the rates of what drives the base, by those of the base."""
-    if robot.wheels is None:
-        return np.eye(robot.tree.base)
-    r, b = robot.wheels.radius, robot.wheels.half_track
-    return np.array([[1.0 / r, b / r], [1.0 / r, -b / r]])
+    return np.eye(robot.tree.base) if robot.wheels is None else robot.wheels.matrix
 
 
 def described(urdf: str) -> tuple[str, Description, str]:
     """Return text, description and name of a URDF that is given as a path or as a text."""
     if urdf.lstrip().startswith('<'):
         return urdf, read_urdf(urdf, 'robot_description'), 'robot_description'
-    path = Path(urdf).expanduser()
+    path = resource_path(urdf)
     description = read_urdf_file(path)
     return path.read_text(encoding='utf-8'), description, str(path)
 
@@ -337,14 +349,19 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         p.name: p.check(value) for p, value in zip(PARAMETERS, own, strict=True)
     }
     text, description, where = described(urdf)
-    held = values['robot.held_joints']
+    held, wheels = values['robot.held_joints'], values['robot.wheels']
     robot = tree_robot(
         description,
         where,
         base=values['robot.base'],
         base_frame=values['robot.base_frame'],
-        wheels=values['robot.wheels'],
+        wheels=wheels,
         wheel_radius=values['robot.wheel_radius'],
+        roller_angles=_as_many(
+            values['robot.roller_angles'], len(wheels), 'robot.roller_angles'
+        ).tolist()
+        if values['robot.base'] == 'omnidirectional' and wheels
+        else (),
         joints=values['robot.joints'],
         held=dict(
             zip(
@@ -361,8 +378,13 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
             f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
         )
     base = values['robot.base']
-    wheels = () if robot.wheels is None else robot.wheels.names
-    drives = tuple(Coordinate(n, n, n) for n in wheels) or _DRIVES[base]
+    driven = () if robot.wheels is None else robot.wheels.joints
+    if len(driven) > robot.tree.base:
+        raise InputError(
+            f'robot.wheels: {len(driven)} for {robot.tree.base} rates of the base, which is not'
+            ' supported; leave them out, and share the forces on the base out to the wheels'
+        )
+    drives = tuple(Coordinate(j.name, j.name, j.name) for j in driven) or _DRIVES[base]
     arm = tuple(
         Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
         for j in robot.joints
@@ -370,7 +392,9 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
     lengths = kernels_lengths(robot)
     joints = len(drives) + len(arm)
-    limits = [0.0] * len(drives) + [j.effort if np.isfinite(j.effort) else 0.0 for j in robot.joints]
+    efforts = robot.limits.effort
+    limits = np.zeros(joints)
+    limits[joints - len(efforts):] = np.where(np.isfinite(efforts), efforts, 0.0)
     mechanism = TreeMechanism(
         name=NAME,
         base=_POSE,
@@ -387,9 +411,10 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         ),
         frames=_frames(description, values['robot.base_frame'] or description.root, tip),
         parameters=PARAMETERS,
+        law_parameters=_LAW_PARAMETERS,
         lengths=tuple(f'{i}' for i in range(lengths)),
         module=kernels.__name__,
-        defaults={'torque_limit': tuple(limits), 'initial_pose': (0.0, 0.0, 0.0)},
+        defaults={'torque_limit': tuple(limits.tolist()), 'initial_pose': (0.0, 0.0, 0.0)},
         origin='origin of the base',
         singular='its least pivot is below robot.least_pivot',
         is_planar=base != 'fixed',
