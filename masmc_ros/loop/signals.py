@@ -20,7 +20,7 @@ Declared here once. A run is an array of such records, one a tick; a node has on
 
 from __future__ import annotations
 
-from masmc_ros.numerics.record import Field
+from masmc_ros.numerics.field import Field
 
 SIGNALS = (
     Field('position', 'positions', 'Positions as measured', 'm, rad'),
