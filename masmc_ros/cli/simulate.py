@@ -81,15 +81,15 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             if writer is not None:
                 writer.write(stretch)
                 if not errors and ticks > _PROGRESS_FROM:
-                    _tell_size(path, writer.size / len(stretch.torque), ticks)
+                    _tell_size(path, writer.size / len(stretch), ticks)
             if again is not None:
                 again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
             active.append(stretch.active)
-            if not len(stretch.rates):
+            if not stretch.commands_rates:
                 torques.append(stretch.torque)
-            singular += stretch.singular
-            progress.update(len(stretch.torque))
+            singular += int(stretch.singular.sum())
+            progress.update(len(stretch))
     _print_table(source, simulation, errors, torques, active, stretch)
     if again is not None:
         print(again.verdict(set_anew=bool(settings)))

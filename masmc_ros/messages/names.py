@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
 from masmc_ros.robot.names import all_joints
 from masmc_ros.robot.registry import DEFAULT
@@ -39,7 +40,6 @@ __all__ = [
     'STATE_TOPIC',
     'TASK_AXES',
     'TELEMETRY',
-    'TELEMETRY_SIZES',
     'telemetry_topic',
 ]
 
@@ -66,16 +66,8 @@ DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
-TELEMETRY_SIZES = {
-    'tracking_error': 'axes',
-    'sliding_surface': 'axes',
-    'parameter_estimate': 'parameters',
-    'raw_torque': 'joints',
-}
-"""Label of each telemetry message, and of what it carries a value each."""
-
-TELEMETRY = {label: DEFAULT.sizes[size] for label, size in TELEMETRY_SIZES.items()}
-"""The same with the number of values, where nothing else is told."""
+TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in TOLD}
+"""Label of each telemetry message and its number of values, where nothing else is told."""
 
 
 def telemetry_topic(label: str) -> str:

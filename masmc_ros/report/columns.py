@@ -16,16 +16,17 @@
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from masmc_ros.log.read.reader import Run
-from masmc_ros.messages.names import DERIVATIVES
+from masmc_ros.log.read.reader import Run, TimeSeries
+from masmc_ros.loop.signals import Signal, TOLD
+from masmc_ros.numerics.field import ONE
+from masmc_ros.robot.declaration import Quantity
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_Part = tuple[Floats, NDArray[np.bool_]]
 
 
 class Column(NamedTuple):
@@ -40,92 +41,116 @@ class Column(NamedTuple):
         return f'{self.quantity}_{self.unit}'
 
 
+class Table(NamedTuple):
+    """
+    The numbers of a run, a row a state.
+
+    Attributes
+    ----------
+    columns
+        (k) what they are.
+    values
+        (n, k).
+    known
+        (n, k) which of them the log has.
+
+    """
+
+    columns: tuple[Column, ...]
+    values: Floats
+    known: NDArray[np.bool_]
+
+
+class _Part(NamedTuple):
+    """Neighbouring columns (k), and their numbers: (n, k) of the states, or of their own times."""
+
+    columns: tuple[Column, ...]
+    numbers: Floats | TimeSeries | None
+
+
+def table_of(run: Run) -> Table:
+    """
+    Return the numbers of a run: of torques, of rates, or of both where both were sent.
+
+    What was sent at other times than the states stands with the last state before it; of
+    several there, the last counts.
+    """
+    parts = tuple(_parts(run))
+    values, known = zip(*(_rows(run.times, part) for part in parts), strict=True)
+    columns = tuple(column for part in parts for column in part.columns)
+    return Table(columns, np.hstack(values), np.hstack(known))
+
+
+def components(run: Run, signal: Signal) -> tuple[Quantity, ...]:
+    """Return what the components of a signal belong to; nothing that has a name for one of ONE."""
+    mechanism = run.mechanism
+    positions = tuple(
+        Quantity(name, each.unit, each.label)
+        for name, each in zip(run.joint_names, mechanism.positions, strict=True)
+    )
+    return {
+        'axes': mechanism.axes,
+        'joints': positions[len(mechanism.base):],
+        'positions': positions,
+        'parameters': mechanism.theta,
+        ONE: (Quantity('', ''),),
+    }[str(signal.size)]
+
+
+def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> tuple[Column, ...]:
+    """Return columns of a quantity, one for each that it is of; of one unit, or of one each."""
+    units = [unit] * len(of) if isinstance(unit, str) else unit
+    return tuple(
+        Column(f'{quantity}_{name}' if name else quantity, _unit(each))
+        for name, each in zip(of, units, strict=True)
+    )
+
+
 def _unit(text: str) -> str:
     """Return a unit as names of columns have it: kg_m2 for kg·m²."""
     return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
-def columns_of(run: Run) -> tuple[Column, ...]:
-    """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
-    mechanism = run.mechanism
+def _parts(run: Run) -> Iterator[_Part]:
+    mechanism, joints = run.mechanism, run.joint_names
     units = [each.unit for each in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
-    torques, rates = _sent(run)
-    joints = run.joint_names
     driven = joints[len(mechanism.base):]
-    twist = [
-        Column(f'command_{each.name.replace(" ", "_")}', _unit(each.unit))
-        for each in mechanism.twist
-    ]
-    rated = driven[len(twist):]
-    derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
-    return (
-        Column('time', 's'),
-        *(Column(f'position_{j}', unit) for j, unit in zip(joints, units, strict=True)),
-        *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(joints, units, strict=True)),
-        *(Column(f'applied_effort_{joint}', 'N_m') for joint in driven),
-        *((Column(f'command_{joint}', 'N_m') for joint in driven) if torques else ()),
-        # What drives are told that take no torques.
-        *((*twist, *(Column(f'command_{j}', 'rad_per_s') for j in rated)) if rates else ()),
-        *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, axes)),
-        *(Column(f'error_{axis}', 'm') for axis in axes),
-        *(Column(f'surface_{axis}', 'm_per_s') for axis in axes),
-        *(Column(f'estimate_{each.name}', _unit(each.unit)) for each in mechanism.theta),
-        # What a law asked for, before its torques were limited.
-        *((Column(f'raw_torque_{joint}', 'N_m') for joint in driven) if torques else ()),
+    yield _Part((Column('time', 's'),), run.times[:, None])
+    yield _Part(_columns('position', joints, units), run.position)
+    yield _Part(_columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity)
+    yield _Part(_columns('applied_effort', driven, 'N·m'), run.applied_effort)
+    if not run.commands_rates:
+        yield _Part(_columns('command', driven, 'N·m'), run.torque)
+    # What drives are told that take no torques.
+    if len(run.cmd_vel.times) or len(run.arm_rates.times):
+        twist = mechanism.twist
+        names = [each.name.replace(' ', '_') for each in twist]
+        yield _Part(_columns('command', names, [each.unit for each in twist]), run.cmd_vel)
+        yield _Part(_columns('command', driven[len(twist):], 'rad/s'), run.arm_rates)
+    derivatives = (('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s²'))
+    yield _Part(
+        tuple(c for name, unit in derivatives for c in _columns(f'reference_{name}', axes, unit)),
+        run.reference,
     )
+    for signal in TOLD:
+        if not (signal.of_torques and run.commands_rates):
+            of = components(run, signal)
+            units = [signal.unit or each.unit for each in of]
+            columns = _columns(signal.name, [each.name for each in of], units)
+            yield _Part(columns, run.telemetry.get(signal.name))
 
 
-def _sent(run: Run) -> tuple[bool, bool]:
-    """Return whether a run has columns of torques and columns of rates."""
-    return not run.commands_rates, bool(len(run.cmd_vel) or len(run.arm_rates))
-
-
-def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
-    """
-    Return the numbers of a run (n, len(columns_of(run))), and which of them the log has.
-
-    What was sent at other times than the states stands with the last state before it; of
-    several there, the last counts.
-    """
-    states = np.column_stack((run.times, run.position, run.velocity, run.applied_effort))
-    reference = run.reference
-    mechanism = run.mechanism
-    axes, joints, twist = map(len, (mechanism.axes, mechanism.joints, mechanism.twist))
-    if reference is None:
-        reference = np.full((len(run.times), DERIVATIVES * axes), np.nan)
-
-    def at_states(times: Floats | None, sent: Floats | None, width: int) -> _Part:
-        return _at_states(run.times, times, sent, width)
-
-    torques, rates = _sent(run)
-    parts = [(states, ~np.isnan(states))]
-    if torques:
-        parts.append(at_states(run.torque_times, run.torque, joints))
-    if rates:
-        parts.append(at_states(run.cmd_vel_times, run.cmd_vel, twist))
-        parts.append(at_states(run.arm_rate_times, run.arm_rates, joints - twist))
-    parts += (
-        (reference, ~np.isnan(reference)),
-        at_states(run.tracking_error_times, run.tracking_error, axes),
-        at_states(run.sliding_surface_times, run.sliding_surface, axes),
-        at_states(
-            run.parameter_estimate_times, run.parameter_estimate, len(mechanism.theta)
-        ),
-    )
-    if torques:
-        parts.append(at_states(run.raw_torque_times, run.raw_torque, joints))
-    values, known = zip(*parts, strict=True)
-    return np.hstack(values), np.hstack(known)
-
-
-def _at_states(states: Floats, times: Floats | None, sent: Floats | None, width: int) -> _Part:
-    """Return what was sent (m, width) in the rows of the states (n), and which rows have it."""
-    values = np.zeros((len(states), width))
-    known = np.zeros((len(states), width), bool)
-    if times is not None and sent is not None:
-        rows = np.searchsorted(states, times, side='right') - 1
+def _rows(states: Floats, part: _Part) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return numbers in the rows of the states (n), and which rows have them."""
+    numbers = part.numbers
+    if isinstance(numbers, np.ndarray):
+        return numbers, ~np.isnan(numbers)
+    values = np.zeros((len(states), len(part.columns)))
+    known = np.zeros(values.shape, bool)
+    if numbers is not None:
+        rows = np.searchsorted(states, numbers.times, side='right') - 1
         is_after = rows >= 0
-        values[rows[is_after]] = sent[is_after]
+        values[rows[is_after]] = numbers.values[is_after]
         known[rows[is_after]] = True
     return values, known

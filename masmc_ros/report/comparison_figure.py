@@ -82,7 +82,7 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     ]
     styles = dict(enumerate(line_styles(len(compared))))
     # What chatters covers everything, so that it goes to the back.
-    order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque))
+    order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque.values))
     for depth, i in enumerate(order):
         style = {**styles[i], 'zorder': 2.0 + depth / len(order)}
         for axes, panel in zip(drawn, panels, strict=True):
@@ -136,16 +136,16 @@ def _torques(group: Group, each: Compared) -> tuple[Floats, Floats] | None:
     run = each.run
     if group not in run.mechanism.groups:
         return None
-    return run.torque_times - run.times[0], run.torque[:, group.joints]
+    return run.torque.times - run.times[0], run.torque.values[:, group.joints]
 
 
 def _base(places: tuple[int, ...], each: Compared) -> tuple[Floats, Floats]:
     run = each.run
-    return run.cmd_vel_times - run.times[0], run.cmd_vel[:, list(places)]
+    return run.cmd_vel.times - run.times[0], run.cmd_vel.values[:, list(places)]
 
 
 def _own_rates(each: Compared) -> tuple[Floats, Floats]:
-    return each.run.arm_rate_times - each.run.times[0], each.run.arm_rates
+    return each.run.arm_rates.times - each.run.times[0], each.run.arm_rates.values
 
 
 def _draw(axes: Axes, times: Floats, vectors: Floats, style: dict[str, Any]) -> None:

@@ -31,8 +31,8 @@ class Recomputed:
         """Take the logged run."""
         self._run = run
         self._states = _stamps(run.times)
-        self._torques = _stamps(run.torque_times)
-        self._twists, self._arm_rates = _stamps(run.cmd_vel_times), _stamps(run.arm_rate_times)
+        self._torques = _stamps(run.torque.times)
+        self._twists, self._arm_rates = _stamps(run.cmd_vel.times), _stamps(run.arm_rates.times)
         self._same = {'states': 0, 'commands': 0}
         self._first: tuple[int, str] | None = None
 
@@ -40,18 +40,18 @@ class Recomputed:
         """Compare consecutive ticks; to be called for all of them in turn."""
         first = stretch.first
         stamps = np.array(
-            [timing.stamp(tick) for tick in range(first, first + len(stretch.torque))], np.int64
+            [timing.stamp(tick) for tick in range(first, first + len(stretch))], np.int64
         )
         run = self._run
         logged = np.hstack([run.position, run.velocity, run.applied_effort])
         computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
         self._compare('states', self._states, logged, stamps, computed)
-        if len(stretch.rates):
+        if stretch.commands_rates:
             base, own = np.hsplit(stretch.rates, [len(run.mechanism.twist)])
-            self._compare('commands', self._twists, run.cmd_vel, stamps, base)
-            self._compare('commands', self._arm_rates, run.arm_rates, stamps, own)
+            self._compare('commands', self._twists, run.cmd_vel.values, stamps, base)
+            self._compare('commands', self._arm_rates, run.arm_rates.values, stamps, own)
         else:
-            self._compare('commands', self._torques, run.torque, stamps, stretch.torque)
+            self._compare('commands', self._torques, run.torque.values, stamps, stretch.torque)
 
     def verdict(self, *, set_anew: bool) -> str:
         """Return one line on what was found; `set_anew` where other parameters were set."""

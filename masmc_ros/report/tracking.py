@@ -62,8 +62,9 @@ def tracking(run: Run) -> Tracking:
     actual = None if robot is None else robot.task_positions(run.position)
     axes = len(run.mechanism.axes)
     desired = None if run.reference is None else run.reference[:, :axes]
-    if run.tracking_error is not None and run.tracking_error_times is not None:
-        times, error = run.tracking_error_times, run.tracking_error
+    told = run.telemetry.get('error')
+    if told is not None:
+        times, error = told.times, told.values
     elif actual is not None and desired is not None:
         known = np.isfinite(desired).all(axis=1)
         times, error = run.times[known], (actual - desired)[known]
