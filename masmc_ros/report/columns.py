@@ -17,12 +17,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run, TimeSeries
-from masmc_ros.loop.signals import Signal, TOLD
-from masmc_ros.numerics.field import ONE
-from masmc_ros.robot.declaration import Quantity
+from masmc_ros.loop.signals import TOLD
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,13 +60,6 @@ class Table(NamedTuple):
     known: NDArray[np.bool_]
 
 
-class _Part(NamedTuple):
-    """Neighbouring columns (k), and their numbers: (n, k) of the states, or of their own times."""
-
-    columns: tuple[Column, ...]
-    numbers: Floats | TimeSeries | None
-
-
 def table_of(run: Run) -> Table:
     """
     Return the numbers of a run: of torques, of rates, or of both where both were sent.
@@ -75,35 +67,18 @@ def table_of(run: Run) -> Table:
     What was sent at other times than the states stands with the last state before it; of
     several there, the last counts.
     """
-    parts = tuple(_parts(run))
-    values, known = zip(*(_rows(run.times, part) for part in parts), strict=True)
-    columns = tuple(column for part in parts for column in part.columns)
-    return Table(columns, np.hstack(values), np.hstack(known))
+    columns, numbers = zip(*_parts(run), strict=True)
+    values, known = zip(*(
+        _rows(run.times, each, len(heads)) for heads, each in zip(columns, numbers, strict=True)
+    ), strict=True)
+    return Table(tuple(chain(*columns)), np.hstack(values), np.hstack(known))
 
 
-def components(run: Run, signal: Signal) -> tuple[Quantity, ...]:
-    """Return what the components of a signal belong to; nothing that has a name for one of ONE."""
-    mechanism = run.mechanism
-    positions = tuple(
-        Quantity(name, each.unit, each.label)
-        for name, each in zip(run.joint_names, mechanism.positions, strict=True)
-    )
-    return {
-        'axes': mechanism.axes,
-        'joints': positions[len(mechanism.base):],
-        'positions': positions,
-        'parameters': mechanism.theta,
-        ONE: (Quantity('', ''),),
-    }[str(signal.size)]
-
-
-def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> tuple[Column, ...]:
+def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> list[Column]:
     """Return columns of a quantity, one for each that it is of; of one unit, or of one each."""
     units = [unit] * len(of) if isinstance(unit, str) else unit
-    return tuple(
-        Column(f'{quantity}_{name}' if name else quantity, _unit(each))
-        for name, each in zip(of, units, strict=True)
-    )
+    names = [f'{quantity}_{name}' if name else quantity for name in of]
+    return [Column(name, _unit(each)) for name, each in zip(names, units, strict=True)]
 
 
 def _unit(text: str) -> str:
@@ -111,43 +86,46 @@ def _unit(text: str) -> str:
     return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
-def _parts(run: Run) -> Iterator[_Part]:
+def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | TimeSeries | None]]:
+    """Yield neighbouring columns and their numbers: (n, k) of the states, or at other times."""
     mechanism, joints = run.mechanism, run.joint_names
     units = [each.unit for each in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
     driven = joints[len(mechanism.base):]
-    yield _Part((Column('time', 's'),), run.times[:, None])
-    yield _Part(_columns('position', joints, units), run.position)
-    yield _Part(_columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity)
-    yield _Part(_columns('applied_effort', driven, 'N·m'), run.applied_effort)
+    yield [Column('time', 's')], run.times[:, None]
+    yield _columns('position', joints, units), run.position
+    yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
+    yield _columns('applied_effort', driven, 'N·m'), run.applied_effort
     if not run.commands_rates:
-        yield _Part(_columns('command', driven, 'N·m'), run.torque)
+        yield _columns('command', driven, 'N·m'), run.torque
     # What drives are told that take no torques.
-    if len(run.cmd_vel.times) or len(run.arm_rates.times):
+    if len(run.cmd_vel) or len(run.arm_rates):
         twist = mechanism.twist
         names = [each.name.replace(' ', '_') for each in twist]
-        yield _Part(_columns('command', names, [each.unit for each in twist]), run.cmd_vel)
-        yield _Part(_columns('command', driven[len(twist):], 'rad/s'), run.arm_rates)
-    derivatives = (('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s²'))
-    yield _Part(
-        tuple(c for name, unit in derivatives for c in _columns(f'reference_{name}', axes, unit)),
-        run.reference,
-    )
+        yield _columns('command', names, [each.unit for each in twist]), run.cmd_vel
+        yield _columns('command', driven[len(twist):], 'rad/s'), run.arm_rates
+    reference = [
+        column
+        for name, unit in (('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s²'))
+        for column in _columns(f'reference_{name}', axes, unit)
+    ]
+    yield reference, run.reference
     for signal in TOLD:
         if not (signal.of_torques and run.commands_rates):
-            of = components(run, signal)
+            of = run.components(signal)
             units = [signal.unit or each.unit for each in of]
-            columns = _columns(signal.name, [each.name for each in of], units)
-            yield _Part(columns, run.telemetry.get(signal.name))
+            told = run.telemetry.get(signal.name)
+            yield _columns(signal.name, [each.name for each in of], units), told
 
 
-def _rows(states: Floats, part: _Part) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return numbers in the rows of the states (n), and which rows have them."""
-    numbers = part.numbers
+def _rows(
+    states: Floats, numbers: Floats | TimeSeries | None, width: int
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return numbers in the rows of the states (n, width), and which rows have them."""
     if isinstance(numbers, np.ndarray):
         return numbers, ~np.isnan(numbers)
-    values = np.zeros((len(states), len(part.columns)))
-    known = np.zeros(values.shape, bool)
+    values = np.zeros((len(states), width))
+    known = np.zeros((len(states), width), bool)
     if numbers is not None:
         rows = np.searchsorted(states, numbers.times, side='right') - 1
         is_after = rows >= 0

@@ -23,7 +23,6 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import EACH, Signal, TOLD
-from masmc_ros.report.columns import components
 from masmc_ros.report.comparison_figure import Compared
 from masmc_ros.report.parameters import Change, run_changes
 from masmc_ros.report.samples import packed_path
@@ -136,10 +135,10 @@ def _told(
     series, name = run.telemetry[signal.name], signal.symbol or signal.name
     if signal.unit == EACH:
         quantity = name
-        names = [f'{each.html} ({each.unit})' for each in components(run, signal)]
+        names = [f'{each.html} ({each.unit})' for each in run.components(signal)]
     else:
         quantity = f'{name} ({signal.unit})'
-        of = components(run, signal)
+        of = run.components(signal)
         names = [f'{name} of {each.html}' if each.html else name for each in of]
     drawn = lines(names, series.times - run.times[0], series.values)
     return Plot(signal.name, signal.title, time_plot(drawn, quantity, span, changes))

@@ -37,7 +37,7 @@ from masmc_ros.log.read.decode import (
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, sample_reference
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import Signal, TOLD
 from masmc_ros.messages.arm_velocity import ARM_VELOCITY
 from masmc_ros.messages.effort import EFFORT
 from masmc_ros.messages.layout import NANOSECONDS
@@ -52,7 +52,8 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.numerics.field import ONE
+from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
 from masmc_ros.robot.registry import DEFAULT, load
 from masmc_ros.robot.registry import NAME as MECHANISM
@@ -168,6 +169,21 @@ class Run:
     def commands_rates(self) -> bool:
         """Whether rates were commanded, and no torques."""
         return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
+
+    def components(self, signal: Signal) -> tuple[Quantity, ...]:
+        """Return what each component of a signal belongs to: an axis, a joint, a parameter."""
+        mechanism = self.mechanism
+        positions = tuple(
+            Quantity(name, each.unit, each.label)
+            for name, each in zip(self.joint_names, mechanism.positions, strict=True)
+        )
+        return {
+            'axes': mechanism.axes,
+            'joints': positions[len(mechanism.base):],
+            'positions': positions,
+            'parameters': mechanism.theta,
+            ONE: (Quantity('', ''),),
+        }[str(signal.size)]
 
 
 def is_log(path: Path) -> bool:
