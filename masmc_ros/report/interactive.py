@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import cycle, product
 from typing import NamedTuple
@@ -106,6 +106,17 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         figure = time_plot(lines(names, times, values), quantity, span, changes)
         plots.append(Plot(name, title, figure))
 
+    def add_told(signals: Iterable[Signal]) -> None:
+        for signal in signals:
+            series, of = run.telemetry[signal.name], run.components(signal)
+            quantity = symbol = signal.symbol or signal.name
+            names = [f'{each.html} ({each.unit})' for each in of]
+            if signal.unit != EACH:
+                quantity = f'{symbol} ({signal.unit})'
+                names = [f'{symbol} of {each.html}' if each.html else symbol for each in of]
+            times = series.times - begun
+            add(signal.name, signal.title, quantity, names, times, series.values)
+
     if len(tracked.error):
         for point in run.mechanism.points:
             errors = tracked.error[:, point.axes] * _MILLIMETRES
@@ -114,7 +125,7 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
             add(f'error_{point.symbol}', title, 'error (mm)', names, tracked.times, errors)
     told = [signal for signal in TOLD if signal.title and signal.name in run.telemetry]
     of_task = [signal for signal in told if signal.size == 'axes']
-    plots += [_told(run, signal, span, changes) for signal in of_task]
+    add_told(of_task)
     if run.commands_rates:
         plots += _rates(run, span, changes)
     if len(run.torque):
@@ -125,23 +136,8 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
     else:
         times = run.times - begun
         add('torque', 'Torques applied', 'torque (N·m)', drives, times, run.applied_effort)
-    return plots + [_told(run, signal, span, changes) for signal in told if signal not in of_task]
-
-
-def _told(
-    run: Run, signal: Signal, span: tuple[float, float], changes: Sequence[Change]
-) -> Plot:
-    """Return the plot of what the controller told of a signal."""
-    series, name = run.telemetry[signal.name], signal.symbol or signal.name
-    if signal.unit == EACH:
-        quantity = name
-        names = [f'{each.html} ({each.unit})' for each in run.components(signal)]
-    else:
-        quantity = f'{name} ({signal.unit})'
-        of = run.components(signal)
-        names = [f'{name} of {each.html}' if each.html else name for each in of]
-    drawn = lines(names, series.times - run.times[0], series.values)
-    return Plot(signal.name, signal.title, time_plot(drawn, quantity, span, changes))
+    add_told(signal for signal in told if signal not in of_task)
+    return plots
 
 
 def _raw_torques(run: Run) -> list[Line]:
