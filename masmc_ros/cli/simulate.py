@@ -29,10 +29,10 @@ from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.report.labels import law_label
-from masmc_ros.report.metrics import measure, second_half
-from masmc_ros.report.recomputed import Recomputed
-from masmc_ros.report.table import text_table
+from masmc_ros.report.measure.labels import law_label
+from masmc_ros.report.measure.metrics import measure, second_half
+from masmc_ros.report.measure.recomputed import Recomputed
+from masmc_ros.report.measure.table import text_table
 from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
 import numpy as np

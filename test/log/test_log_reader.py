@@ -25,8 +25,8 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.signals import TOLD
+from masmc_ros.messages.commands.effort import EffortCdr
 from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import OdometryCdr

@@ -20,11 +20,10 @@ from dataclasses import replace
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.page import report_page
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
 import numpy as np
 from report_html import lines, Page
 from report_runs import paper_like, telling, with_change

@@ -26,14 +26,14 @@ from logged_runs import numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run, TimeSeries
-from masmc_ros.report.comparison_figure import Compared, comparison_figure
-from masmc_ros.report.error_figure import error_figure
-from masmc_ros.report.figures import draw_figures, figure_names
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
+from masmc_ros.report.draw.comparison import comparison_figure
+from masmc_ros.report.draw.error import error_figure
+from masmc_ros.report.draw.figures import draw_figures, figure_names
+from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.report import write_report
-from masmc_ros.report.style import paper_style, png
-from masmc_ros.report.tracking import tracking
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.registry import DEFAULT
 from masmc_ros.robot.two_link.drawing import arm_points

@@ -26,15 +26,14 @@ from logged_runs import numbers as numbers_of_a_run
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.commands.arm_velocity import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr
 from masmc_ros.messages.topics import TWIST
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.page import report_page
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
 import numpy as np
 import pytest
 from report_html import lines, numbers, Page

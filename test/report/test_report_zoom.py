@@ -25,9 +25,9 @@ from typing import Any
 from browser import look, needs_chromium
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.report.measure.tracking import tracking
+from masmc_ros.report.page.samples import MOST
 from masmc_ros.report.report import write_report
-from masmc_ros.report.samples import MOST
-from masmc_ros.report.tracking import tracking
 import numpy as np
 import pytest
 from report_runs import run_of, ticks

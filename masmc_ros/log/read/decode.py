@@ -23,13 +23,13 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
-from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
-from masmc_ros.messages.labelled_command import (
+from masmc_ros.messages.commands.labelled_command import (
     CommandKind,
     LABEL_SIZE,
     LabelledCdr,
     NANOSECOND_DIGITS,
 )
+from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.layout import (
     checked_stamp,
     END_OF_TIME,

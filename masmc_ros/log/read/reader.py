@@ -38,8 +38,8 @@ from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, sample_reference
 from masmc_ros.loop.signals import Signal, TOLD
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.commands.arm_velocity import ARM_VELOCITY
+from masmc_ros.messages.commands.effort import EFFORT
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,

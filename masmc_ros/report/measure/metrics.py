@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.parameters import run_changes
-from masmc_ros.report.settling import settling_time
-from masmc_ros.report.tracking import Tracking, tracking
+from masmc_ros.report.measure.parameters import run_changes
+from masmc_ros.report.measure.settling import settling_time
+from masmc_ros.report.measure.tracking import Tracking, tracking
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.registry import DEFAULT
 import numpy as np

@@ -23,11 +23,18 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import EACH, Signal, TOLD
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.parameters import Change, run_changes
-from masmc_ros.report.samples import packed_path
-from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, scatter, time_plot
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.measure.parameters import Change, run_changes
+from masmc_ros.report.measure.tracking import Compared, Tracking
+from masmc_ros.report.page.samples import packed_path
+from masmc_ros.report.page.time_plot import (
+    COLOURS,
+    INK,
+    Line,
+    lines,
+    page_layout,
+    scatter,
+    time_plot,
+)
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from numpy.typing import NDArray

@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.parameters import run_robot
+from masmc_ros.report.measure.parameters import run_robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +49,14 @@ class Tracking:
     error: Floats
     actual: Floats | None
     desired: Floats | None
+
+
+class Compared(NamedTuple):
+    """One run of a comparison."""
+
+    label: str
+    run: Run
+    tracked: Tracking
 
 
 def tracking(run: Run) -> Tracking:

@@ -12,22 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The controller's torques as a message."""
+"""The controller's rates of single joints as a message; the base's come beside, as a twist."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from masmc_ros.messages.labelled_command import CommandKind, LabelledCdr
-from masmc_ros.messages.names import DRIVEN_JOINTS
+from masmc_ros.messages.commands.labelled_command import CommandKind, LabelledCdr
+from masmc_ros.messages.names import RATED_JOINTS
 
-EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
-"""Torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
+ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', RATED_JOINTS)
+"""Rates in rad/s, labelled `velocity@SECONDS.NANOSECONDS`."""
 
 
-class EffortCdr(LabelledCdr):
-    """Torques of the driven joints in N m, in `data`."""
+class ArmVelocityCdr(LabelledCdr):
+    """Rates of the joints that the base does not move by, in rad/s, in `data`."""
 
-    def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
+    def __init__(self, joints: Sequence[str] = RATED_JOINTS) -> None:
         """Make a command of zeros, for joints of these names, that answers the state of time 0."""
-        super().__init__(EFFORT.named(joints))
+        super().__init__(ARM_VELOCITY.named(joints))

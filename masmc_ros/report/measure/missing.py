@@ -30,8 +30,8 @@ from masmc_ros.messages.names import (
     STATE_TOPIC,
     telemetry_topic,
 )
-from masmc_ros.report.parameters import run_robot
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.measure.parameters import run_robot
+from masmc_ros.report.measure.tracking import Tracking
 import numpy as np
 
 

@@ -21,10 +21,9 @@ from functools import partial
 import math
 from typing import Any, NamedTuple
 
-from masmc_ros.log.read.reader import Run
-from masmc_ros.report.metrics import total_variation
-from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.draw.style import line_styles, new_figure, PAGE, plain, time_axis
+from masmc_ros.report.measure.metrics import total_variation
+from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.robot.declaration import Group, Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -43,14 +42,6 @@ _LINE = 8
 _MILLIMETRES = 1.0e3
 _LOWEST = 2.0
 """Percentile of the values at which a logarithmic axis begins: zero crossings go below."""
-
-
-class Compared(NamedTuple):
-    """One run of a comparison."""
-
-    label: str
-    run: Run
-    tracked: Tracking
 
 
 class _Panel(NamedTuple):
