@@ -20,7 +20,8 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from masmc_ros.log.read.reader import Run, TimeSeries
+from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import TOLD
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +30,12 @@ Floats = NDArray[np.float64]
 
 
 class Column(NamedTuple):
-    """A column; its name ends with its unit, `per` for a stroke."""
+    """A column."""
 
-    quantity: str
+    name: str
+    """What stands above it; it ends with the unit."""
     unit: str
-
-    @property
-    def name(self) -> str:
-        """Return what stands above it."""
-        return f'{self.quantity}_{self.unit}'
+    """With `per` for a stroke, and no points or raised figures."""
 
 
 class Table(NamedTuple):
@@ -77,8 +75,10 @@ def table_of(run: Run) -> Table:
 def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> list[Column]:
     """Return columns of a quantity, one for each that it is of; of one unit, or of one each."""
     units = [unit] * len(of) if isinstance(unit, str) else unit
-    names = [f'{quantity}_{name}' if name else quantity for name in of]
-    return [Column(name, _unit(each)) for name, each in zip(names, units, strict=True)]
+    return [
+        Column('_'.join(filter(None, (quantity, name, _unit(each)))), _unit(each))
+        for name, each in zip(of, units, strict=True)
+    ]
 
 
 def _unit(text: str) -> str:
@@ -86,13 +86,13 @@ def _unit(text: str) -> str:
     return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
-def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | TimeSeries | None]]:
+def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
     """Yield neighbouring columns and their numbers: (n, k) of the states, or at other times."""
     mechanism, joints = run.mechanism, run.joint_names
     units = [each.unit for each in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
     driven = joints[len(mechanism.base):]
-    yield [Column('time', 's')], run.times[:, None]
+    yield _columns('time', [''], 's'), run.times[:, None]
     yield _columns('position', joints, units), run.position
     yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
     yield _columns('applied_effort', driven, 'N·m'), run.applied_effort
@@ -119,7 +119,7 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | TimeSeries | None]
 
 
 def _rows(
-    states: Floats, numbers: Floats | TimeSeries | None, width: int
+    states: Floats, numbers: Floats | Series | None, width: int
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Return numbers in the rows of the states (n, width), and which rows have them."""
     if isinstance(numbers, np.ndarray):

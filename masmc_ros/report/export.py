@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.reader import Run, TimeSeries
+from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import TOLD
 from masmc_ros.report.columns import table_of
@@ -155,7 +156,7 @@ def _commands(run: Run) -> dict[str, np.ndarray]:
     )
 
 
-def _with_times(told: Mapping[str, TimeSeries | None]) -> dict[str, np.ndarray]:
+def _with_times(told: Mapping[str, Series | None]) -> dict[str, np.ndarray]:
     """Return what there is of some series by name, before each its times."""
     return {
         key: array

@@ -20,7 +20,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.log.read.reader import Run, TimeSeries
+from masmc_ros.log.read.decode import Series
+from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.robot.two_link.parameters import ROBOT
 import numpy as np
@@ -43,14 +44,19 @@ def ticks(duration: float = 20.0, period: float = 0.01) -> Floats:
     return np.round(np.arange(count + 1) * period * 1e9) / 1e9
 
 
-def none(width: int) -> TimeSeries:
+def series(times: Floats, values: Floats) -> Series:
+    """Return values at times in s."""
+    return Series(np.rint(times * 1e9).astype(np.int64), values)
+
+
+def none(width: int) -> Series:
     """Return a series without any values."""
-    return TimeSeries(np.zeros(0), np.zeros((0, width)))
+    return series(np.zeros(0), np.zeros((0, width)))
 
 
 def telling(run: Run, **told: tuple[Floats, Floats]) -> Run:
     """Return a run whose controller tells more signals, each as times and values."""
-    more = {name: TimeSeries(*series) for name, series in told.items()}
+    more = {name: series(*each) for name, each in told.items()}
     return replace(run, telemetry={**run.telemetry, **more})
 
 
@@ -74,11 +80,11 @@ def run_of(
         position=np.tile([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2], (n, 1)),
         velocity=np.zeros((n, 7)),
         applied_effort=np.zeros((n, 4)),
-        torque=TimeSeries(times, np.zeros((n, 4)) if torque is None else torque),
+        torque=series(times, np.zeros((n, 4)) if torque is None else torque),
         cmd_vel=none(2),
         arm_rates=none(2),
         reference=reference,
-        telemetry={'error': TimeSeries(times, error)},
+        telemetry={'error': series(times, error)},
         parameters={'controller': {**PARAMETERS, **parameters}},
         changes=(),
         restarted=(),
@@ -121,8 +127,8 @@ def later(run: Run, late: float) -> Run:
     return replace(
         run,
         times=run.times + late,
-        torque=TimeSeries(run.torque.times + late, run.torque.values),
-        telemetry={'error': TimeSeries(error.times + late, error.values)},
+        torque=series(run.torque.times + late, run.torque.values),
+        telemetry={'error': series(error.times + late, error.values)},
     )
 
 

@@ -25,7 +25,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.signals import TOLD
-from masmc_ros.messages.commands.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS

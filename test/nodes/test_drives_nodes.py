@@ -24,7 +24,7 @@ from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
-from masmc_ros.messages.commands.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 import numpy as np
 from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest

@@ -28,13 +28,13 @@ from hypothesis.extra import numpy as hnp
 from logged_runs import Numbers, numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.reader import read_run, Run, TimeSeries
+from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.columns import table_of
 from masmc_ros.report.export import FORMATS, write_export
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from report_runs import none, paper_like, run_of, telling
+from report_runs import none, paper_like, run_of, series, telling
 
 COUNT = 60
 ROOT = Path(__file__).resolve().parents[2]
@@ -239,7 +239,7 @@ def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> Non
 def test_document_names_every_column() -> None:
     text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
     run = paper_like()
-    both = replace(run, cmd_vel=TimeSeries(run.times[:1], np.zeros((1, 2))))
+    both = replace(run, cmd_vel=series(run.times[:1], np.zeros((1, 2))))
     for column in table_of(both).columns:
-        assert column.quantity.split('_')[0] in text
+        assert column.name.split('_')[0] in text
         assert f'`{column.unit}`' in text

@@ -25,7 +25,7 @@ from hypothesis import given
 from logged_runs import numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.reader import Run, TimeSeries
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.draw.comparison import comparison_figure
 from masmc_ros.report.draw.error import error_figure
 from masmc_ros.report.draw.figures import draw_figures, figure_names
@@ -41,7 +41,7 @@ import matplotlib
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import none, paper_like, run_of, telling, ticks, without_error
+from report_runs import none, paper_like, run_of, series, telling, ticks, without_error
 from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
@@ -204,7 +204,7 @@ def test_diverged_run_can_be_drawn() -> None:
     run = paper_like()
     error = run.telemetry['error'].values.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
-    unknown = TimeSeries(run.times, np.full_like(run.torque.values, np.nan))
+    unknown = series(run.times, np.full_like(run.torque.values, np.nan))
     diverged = replace(telling(run, error=(run.times, error)), torque=unknown)
     assert len(figures([diverged])) == 4
 

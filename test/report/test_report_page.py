@@ -26,7 +26,7 @@ from logged_runs import numbers as numbers_of_a_run
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.commands.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr
 from masmc_ros.messages.topics import TWIST

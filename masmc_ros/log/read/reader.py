@@ -38,9 +38,7 @@ from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, sample_reference
 from masmc_ros.loop.signals import Signal, TOLD
-from masmc_ros.messages.commands.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.commands.effort import EFFORT
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
@@ -66,28 +64,6 @@ _STATE_TYPE = 'sensor_msgs/msg/JointState'
 
 _TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
 """Of what a run is read from."""
-
-
-@dataclass(frozen=True, eq=False)
-class TimeSeries:
-    """
-    Values of which each has its time.
-
-    Attributes
-    ----------
-    times
-        (n) in s.
-    values
-        (n, k).
-
-    """
-
-    times: Floats
-    values: Floats
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self.times)
 
 
 @dataclass(frozen=True)
@@ -150,11 +126,11 @@ class Run:
     position: Floats
     velocity: Floats
     applied_effort: Floats
-    torque: TimeSeries
-    cmd_vel: TimeSeries
-    arm_rates: TimeSeries
+    torque: Series
+    cmd_vel: Series
+    arm_rates: Series
     reference: Floats | None
-    telemetry: dict[str, TimeSeries]
+    telemetry: dict[str, Series]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
@@ -254,16 +230,16 @@ def _run(path: Path, records: Records) -> Run:
         count = signal.count(mechanism.sizes)
         each = series(telemetry_topic(signal.label), telemetry(signal.label, count))
         if each is not None:
-            told[signal.name] = _in_seconds(each, count)
+            told[signal.name] = _last_pass(each, count)
     return Run(
         path=path,
-        times=states.stamps / NANOSECONDS,
+        times=states.times,
         position=position,
         velocity=velocity,
         applied_effort=effort[:, base:],
-        torque=_in_seconds(efforts, len(names) - base),
-        cmd_vel=_in_seconds(every_twist, len(places)),
-        arm_rates=_in_seconds(every_arm_rate, len(rated)),
+        torque=_last_pass(efforts, len(names) - base),
+        cmd_vel=_last_pass(every_twist, len(places)),
+        arm_rates=_last_pass(every_arm_rate, len(rated)),
         reference=(
             None
             if references is None
@@ -384,9 +360,3 @@ def _begun(topic: Topic, states: Series) -> int:
     """Return the position in the log at which the last pass began; 0 for the only one."""
     back = np.flatnonzero(np.diff(states.stamps) < 0)
     return topic.orders[back[-1] + 1] if len(back) else 0
-
-
-def _in_seconds(series: Series | None, width: int) -> TimeSeries:
-    """Return what `_last_pass` keeps, with times in s."""
-    kept = _last_pass(series, width)
-    return TimeSeries(kept.stamps / NANOSECONDS, kept.values)

@@ -29,8 +29,7 @@ from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.signals import TOLD
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.messages.commands.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.commands.effort import EFFORT
+from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (
