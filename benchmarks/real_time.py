@@ -28,7 +28,7 @@ import time
 from typing import Any
 
 from benchmarks.live_nodes import end, realtime_nodes
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 import numpy as np

@@ -21,7 +21,7 @@ from pathlib import Path
 import sys
 
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.report.missing import unread
+from masmc_ros.report.measure.missing import unread
 from masmc_ros.report.report import check_report, write_report
 from tqdm import tqdm
 

@@ -29,10 +29,10 @@ from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.report.labels import law_label
-from masmc_ros.report.metrics import measure, second_half
-from masmc_ros.report.recomputed import Recomputed
-from masmc_ros.report.table import text_table
+from masmc_ros.report.measure.labels import law_label
+from masmc_ros.report.measure.metrics import measure, second_half
+from masmc_ros.report.measure.recomputed import Recomputed
+from masmc_ros.report.measure.table import text_table
 from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
 import numpy as np
@@ -81,15 +81,15 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             if writer is not None:
                 writer.write(stretch)
                 if not errors and ticks > _PROGRESS_FROM:
-                    _tell_size(path, writer.size / len(stretch.torque), ticks)
+                    _tell_size(path, writer.size / len(stretch), ticks)
             if again is not None:
                 again.compare(stretch, simulation.timing)
             errors.append(stretch.error)
             active.append(stretch.active)
-            if not len(stretch.rates):
+            if not stretch.commands_rates:
                 torques.append(stretch.torque)
-            singular += stretch.singular
-            progress.update(len(stretch.torque))
+            singular += int(stretch.singular.sum())
+            progress.update(len(stretch))
     _print_table(source, simulation, errors, torques, active, stretch)
     if again is not None:
         print(again.verdict(set_anew=bool(settings)))

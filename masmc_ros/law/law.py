@@ -40,7 +40,7 @@ from masmc_ros.law.declared import Declared
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, contract
-from masmc_ros.numerics.record import Field
+from masmc_ros.numerics.field import Field
 
 
 @formula

@@ -25,7 +25,8 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import Field, get, lane_count, put
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.tuples import each, tail, thirds
 from masmc_ros.robot import mechanism
 

@@ -27,7 +27,8 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.registry import parameters, REACHING
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
-from masmc_ros.numerics.record import Field, fill, new_record
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant import tick as plant_tick

@@ -15,26 +15,58 @@
 """
 The named signals of a tick: what passes between plant, controller, log and report.
 
-Declared here once. A run is an array of such records, one a tick; a node has one.
+Declared here once. A run is an array of such records, one a tick; a node has one. What has a
+label is told on a topic of its own, and by that in logs, reports and exports.
 """
 
 from __future__ import annotations
 
-from masmc_ros.numerics.record import Field
+from dataclasses import dataclass
+
+from masmc_ros.numerics.field import Field
+
+EACH = ''
+"""Unit of a signal whose components have the units of what they belong to."""
+
+
+@dataclass(frozen=True)
+class Signal(Field):
+    """A field of the record of a tick; its unit is '1' for pure numbers."""
+
+    of_plant: bool = False
+    """Whether the plant makes it, and not the controller."""
+    label: str = ''
+    """Of its messages, and of their topic; none for what other messages tell, or none do."""
+    of_torques: bool = False
+    """Whether it means something only where torques are commanded."""
+    title: str = ''
+    """Of its plot in the report; none where it is part of another."""
+    symbol: str = ''
+    """Of a component, in that plot."""
+
 
 SIGNALS = (
-    Field('position', 'positions', 'Positions as measured', 'm, rad'),
-    Field('velocity', 'positions', 'Velocities as measured', 'm/s, rad/s'),
-    Field('true_position', 'positions', 'Positions as they are', 'm, rad'),
-    Field('true_velocity', 'positions', 'Velocities as they are', 'm/s, rad/s'),
-    Field('applied', 'joints', 'Torque held over the interval that ended at the tick', 'N·m'),
-    Field('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
-    Field('raw_torque', 'joints', 'Torque that the law asked for, before limits', 'N·m'),
-    Field('torque', 'joints', 'Torque commanded', 'N·m'),
-    Field('rates', 'joints', 'Rates commanded in place of a torque', 'm/s, rad/s'),
-    Field('error', 'axes', 'e = x - x_d', 'm'),
-    Field('surface', 'axes', 's = edot + sigma e', 'm/s'),
-    Field('estimate', 'parameters', 'theta_hat in the torque'),
-    Field('singular', description='Whether the task is close to singular', kind='i8'),
+    Signal('position', 'positions', 'Positions as measured', 'm, rad', of_plant=True),
+    Signal('velocity', 'positions', 'Velocities as measured', 'm/s, rad/s', of_plant=True),
+    Signal('true_position', 'positions', 'Positions as they are', 'm, rad', of_plant=True),
+    Signal('true_velocity', 'positions', 'Velocities as they are', 'm/s, rad/s', of_plant=True),
+    Signal('applied', 'joints', 'Torque over the interval that ended', 'N·m', of_plant=True),
+    Signal('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
+    Signal('torque', 'joints', 'Torque commanded', 'N·m'),
+    Signal('rates', 'joints', 'Rates commanded in place of a torque', 'm/s, rad/s'),
+    Signal('error', 'axes', 'e = x - x_d', 'm', label='tracking_error'),
+    Signal('surface', 'axes', 's = ė + σ e', 'm/s', label='sliding_surface',
+           title='Sliding surface', symbol='s'),
+    Signal('estimate', 'parameters', 'θ̂ in the torque', EACH, label='parameter_estimate',
+           title='Estimates of the base inertial parameters', symbol='estimate'),
+    Signal('raw_torque', 'joints', 'what the law asked for before the limits of `effort_commands`',
+           'N·m', label='raw_torque', of_torques=True),
+    Signal('singular', description='Whether the task is close to singular', unit='1', kind='i8'),
 )
-"""Every signal, in the order of their making."""
+"""Every signal; of those that are told, the order is that of topics, columns and plots."""
+
+OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
+"""Names of those that the plant makes."""
+
+TOLD = tuple(signal for signal in SIGNALS if signal.label)
+"""What the controller tells of its ticks, a topic each."""

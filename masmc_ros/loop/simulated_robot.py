@@ -29,6 +29,7 @@ from masmc_ros.law.command_interface import (
 )
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
+from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
@@ -156,8 +157,7 @@ class SimulatedRobot:
         self.delayed = delay_line(self.settings, self.mechanism)
         self._values = values
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
-            self.now[name][0, :, 0]
-            for name in ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
+            self.now[name][0, :, 0] for name in OF_PLANT
         )
         takes_rates = self.settings['takes_rates'][0, 0]
         self._command = self.now['rates' if takes_rates else 'torque'][0, :, 0]

@@ -25,18 +25,15 @@ from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
+from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
-from masmc_ros.loop.stretch import Change, joined, Stretch
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
-
-_OF_PLANT = ('position', 'velocity', 'true_position', 'true_velocity', 'applied')
-_COMPUTED = ('raw_torque', 'torque', 'error', 'surface', 'estimate', 'singular')
-_VECTORS = (*_OF_PLANT, *_COMPUTED[:-1])
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
@@ -95,17 +92,20 @@ class Simulation:
         end = first + len(reference)
         changes = tuple(change for change in self._changes if first <= change.tick < end)
         edges = sorted({first, end, *(change.tick for change in changes)})
-        parts = []
+        signals = np.zeros(len(reference), self.plant.now.dtype)
+        active = np.zeros(len(reference), bool)
         for start, stop in pairwise(edges):
             for change in changes:
                 if change.tick == start:
                     self._make(change)
+            rows = slice(start - first, stop - first)
             compiles = self._is_active and self.controller.is_compiled
             advance = self._compiled if compiles else self._interpreted
-            samples = reference[start - first:stop - first]
-            followed = self._followed(start, samples)
-            parts.append(advance(start, samples, followed, final=final and stop == end))
-        return parts[0] if not changes else joined(parts, changes)
+            followed = self._followed(start, reference[rows])
+            advance(start, followed, signals[rows], final=final and stop == end)
+            active[rows] = self._is_active
+        signals['reference'][:, :, 0] = reference
+        return Stretch(first, signals, active, self.controller.commands_rates, changes)
 
     def _make(self, change: Change) -> None:
         if change.values:
@@ -143,19 +143,14 @@ class Simulation:
         return followed
 
     def _check_finite(self, stretch: Stretch) -> None:
-        finite = np.isfinite(stretch.torque).all(axis=1)
-        finite &= np.isfinite(stretch.true_position).all(axis=1)
-        if len(stretch.rates):
-            finite &= np.isfinite(stretch.rates).all(axis=1)
+        found = np.hstack([stretch.torque, stretch.rates, stretch.true_position])
+        finite = np.isfinite(found).all(axis=1)
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
-    def _compiled(
-        self, first: int, reference: Array, followed: Array, *, final: bool
-    ) -> Stretch:
+    def _compiled(self, first: int, followed: Array, signals: Any, *, final: bool) -> None:
         plant, controller = self.plant, self.controller
-        signals = np.empty(len(reference), plant.now.dtype)
         closed_loop(
             plant.settings,
             plant.memory,
@@ -168,39 +163,19 @@ class Simulation:
             followed,
             signals,
         )
-        plant.tick = first + len(reference)
-        return self._told(first, signals, reference, active=True)
+        plant.tick = first + len(followed)
 
-    def _interpreted(
-        self, first: int, reference: Array, followed: Array, *, final: bool
-    ) -> Stretch:
+    def _interpreted(self, first: int, followed: Array, signals: Any, *, final: bool) -> None:
         """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
-        n = len(reference)
         plant, controller, is_active = self.plant, self.controller, self._is_active
-        signals = np.zeros(n, plant.now.dtype)
-        for k in range(n):
-            row, now = signals[k], controller.now[0]
+        for k, row in enumerate(signals):
             if is_active:
                 controller.tick(plant.position, plant.velocity, followed[k])
-                for name in _COMPUTED:
-                    row[name] = now[name]
+                signals[k] = controller.now[0]
             else:
                 row['estimate'][:, 0] = controller.estimate
                 row['error'], row['surface'] = np.nan, np.nan
-            for name in _OF_PLANT:
+            for name in OF_PLANT:
                 row[name] = plant.now[0][name]
-            if not (final and k == n - 1):
+            if not (final and k == len(signals) - 1):
                 plant.advance(row['torque'][:, 0] if is_active else None)
-        return self._told(first, signals, reference, active=is_active)
-
-    def _told(self, first: int, signals: Any, reference: Array, *, active: bool) -> Stretch:
-        n, rates = len(signals), signals['rates'][:, :, 0]
-        return Stretch(
-            first,
-            **{name: signals[name][:, :, 0] for name in _VECTORS},
-            reference=reference,
-            active=np.full(n, active),
-            # Rates that are commanded are compiled; at rest they are zero, and so are torques.
-            rates=rates if self.controller.commands_rates else rates[:0],
-            singular=int(signals['singular'].sum()),
-        )

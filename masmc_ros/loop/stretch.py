@@ -16,16 +16,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
+
+_NAMES = {signal.name for signal in SIGNALS}
 
 
 class Change(NamedTuple):
@@ -40,54 +43,35 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Consecutive ticks of a run; rows are ticks, SI units, radians."""
+    """
+    Consecutive ticks of a run; rows are ticks.
+
+    Each of SIGNALS is an attribute (n, components) by its name; `reference` is the trajectory's
+    . Where the controller is not active, nothing is commanded,
+    error and surface are not-a-number, and the estimate is that of the next activation.
+    """
 
     first: int
     """Tick of row 0."""
-    position: Array
-    """(n, positions) as measured, in the order of joint_states."""
-    velocity: Array
-    """(n, positions) as measured, in the same order."""
-    true_position: Array
-    """(n, positions) as they are."""
-    true_velocity: Array
-    """(n, positions) as they are."""
-    applied: Array
-    """(n, joints) torque held over the interval that ended at the tick."""
-    raw_torque: Array
-    """(n, joints) torque that the law asked for, before the controller's limits."""
-    torque: Array
-    """(n, joints) command computed at the tick."""
+    signals: NDArray[np.void]
+    """(n) records of SIGNALS, of one lane."""
     active: NDArray[np.bool_]
-    """(n) whether a torque was computed; where not, nothing is commanded, error and surface are
-    not known, and the estimate is that of the next activation."""
-    rates: Array
-    """(n, joints) commanded at the tick in place of a torque: the base's own velocities in m/s and
-    rad/s, then the rates of the other joints in rad/s; (0, joints) where a torque is."""
-    reference: Array
-    """(n, 3 axes) x_d, xdot_d, xddot_d."""
-    error: Array
-    """(n, axes) e, of the measured state."""
-    surface: Array
-    """(n, axes) s."""
-    estimate: Array
-    """(n, parameters) theta_hat used in the tick's torque."""
-    singular: int
-    """Number of ticks at which the task was close to singular."""
+    """(n) whether a command was computed."""
+    commands_rates: bool
+    """Whether `rates` are commanded, and not `torque`; what is not is 0."""
     changes: tuple[Change, ...] = ()
     """Of the controller's parameters, at ticks of the stretch."""
+
+    def __len__(self) -> int:
+        """Return the number of ticks."""
+        return len(self.signals)
+
+    def __getattr__(self, name: str) -> Array:
+        """Return a signal (n, components) by its name."""
+        if name not in _NAMES:
+            raise AttributeError(f'{name}: no signal of a tick')
+        return self.signals[name].reshape(len(self.signals), -1)
 
     def true_error(self, robot: Robot) -> Array:
         """Return x - x_d (n, axes) of the true state in m, for the true robot."""
         return robot.task_positions(self.true_position) - self.reference[:, :self.error.shape[1]]
-
-
-def joined(parts: Sequence[Stretch], changes: tuple[Change, ...]) -> Stretch:
-    """Return consecutive stretches as one, with the changes on its way."""
-    rows = {
-        field.name: np.concatenate([getattr(part, field.name) for part in parts])
-        for field in fields(Stretch)
-        if isinstance(getattr(parts[0], field.name), np.ndarray)
-    }
-    singular = sum(part.singular for part in parts)
-    return Stretch(first=parts[0].first, singular=singular, changes=changes, **rows)

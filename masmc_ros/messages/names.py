@@ -12,36 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The joints, frames and labels that the messages of a run carry."""
+"""The joints, topics and labels that the messages of a run carry."""
 
 from __future__ import annotations
 
-from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.robot.names import all_joints
 from masmc_ros.robot.registry import DEFAULT
-
-__all__ = [
-    'ACTUAL_PATH_TOPIC',
-    'ARM_VELOCITY_TOPIC',
-    'BASE_FRAME',
-    'BASE_JOINTS',
-    'CLOCK_TOPIC',
-    'CMD_VEL_TOPIC',
-    'COMMAND_TOPIC',
-    'DERIVATIVES',
-    'DESCRIPTION_TOPIC',
-    'DESIRED_PATH_TOPIC',
-    'DRIVEN_JOINTS',
-    'JOINTS',
-    'ODOM_FRAME',
-    'RATED_JOINTS',
-    'REFERENCE_TOPIC',
-    'STATE_TOPIC',
-    'TASK_AXES',
-    'TELEMETRY',
-    'TELEMETRY_SIZES',
-    'telemetry_topic',
-]
 
 JOINTS = all_joints(DEFAULT)
 """Of a joint state, where nothing else is told."""
@@ -66,16 +43,8 @@ DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
-TELEMETRY_SIZES = {
-    'tracking_error': 'axes',
-    'sliding_surface': 'axes',
-    'parameter_estimate': 'parameters',
-    'raw_torque': 'joints',
-}
-"""Label of each telemetry message, and of what it carries a value each."""
-
-TELEMETRY = {label: DEFAULT.sizes[size] for label, size in TELEMETRY_SIZES.items()}
-"""The same with the number of values, where nothing else is told."""
+TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in TOLD}
+"""Label of each telemetry message and its number of values, where nothing else is told."""
 
 
 def telemetry_topic(label: str) -> str:

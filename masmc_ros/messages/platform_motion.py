@@ -20,7 +20,7 @@ from functools import cache
 from typing import Any
 
 from masmc_ros.messages.layout import Layout, Message, NANOSECONDS, StampedMessage
-from masmc_ros.messages.names import BASE_FRAME, ODOM_FRAME
+from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
 import numpy as np
 from numpy.typing import NDArray
 

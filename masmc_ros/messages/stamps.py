@@ -20,9 +20,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.effort import EFFORT
-from masmc_ros.messages.labelled_command import CommandKind, LABEL_SIZE, LabelledCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, CommandKind, EFFORT, LABEL_SIZE, LabelledCdr
 from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
@@ -121,19 +122,14 @@ TOPICS = (
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
     *(
         Topic(
-            telemetry_topic(label),
+            telemetry_topic(signal.label),
             FLOAT_ARRAY,
             'controller →',
-            {
-                'tracking_error': 'e (4) in m, after [sec, nanosec]',
-                'sliding_surface': 's (4) in m/s, after [sec, nanosec]',
-                'parameter_estimate': 'θ̂ (7) used in the torque, after [sec, nanosec]',
-                'raw_torque': 'what the law asked for (4) in N·m, before the limits of '
-                '`effort_commands`, after [sec, nanosec]',
-            }[label],
+            f'{signal.description} ({TELEMETRY[signal.label]})'
+            f'{" in " * bool(signal.unit)}{signal.unit}, after [sec, nanosec]',
             is_latched=False,
         )
-        for label in TELEMETRY
+        for signal in TOLD
     ),
     *(
         Topic(

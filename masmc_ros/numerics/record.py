@@ -28,36 +28,20 @@ field: the compiler chooses formulas by it, and keeps what it makes of them apar
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
+from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.generated import Compiler, generated
 from numba import types
 from numba.core import cgutils
 import numpy as np
 from numpy.typing import NDArray
 
-ONE = ''
-"""Size of a field that is one number."""
-
 _TAG = ':'
 
 _CACHE_LINE = 64
 
 ir = cgutils.ir  # llvmlite's, with which Numba itself builds instructions
-
-
-class Field(NamedTuple):
-    """A declared field of a record."""
-
-    name: str
-    size: str | int = ONE
-    """Name of the number of components, or that number; ONE for a single number."""
-    description: str = ''
-    unit: str = ''
-    kind: str = 'f8'
-    """NumPy's code of the type of a component: f8 or i8."""
-    initial: float = 0.0
-    """Value of every component in a new record."""
 
 
 def record_type(
@@ -85,12 +69,9 @@ def record_type(
     for field in fields:
         known.setdefault(field.name, field)
 
-    def shape(size: str | int) -> tuple[int, ...]:
-        components = sizes[size] if isinstance(size, str) and size else size
-        return (int(components), lanes) if components else (lanes,)
-
     members: list[tuple[Any, ...]] = [
-        (field.name, field.kind, shape(field.size)) for field in known.values()
+        (field.name, field.kind, (field.count(sizes), lanes) if field.size else (lanes,))
+        for field in known.values()
     ]
     # One byte at the end each, so that no number is moved by it.
     members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]

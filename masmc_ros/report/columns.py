@@ -16,28 +16,69 @@
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
+from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.messages.names import DERIVATIVES
+from masmc_ros.loop.signals import TOLD
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-_Part = tuple[Floats, NDArray[np.bool_]]
 
 
 class Column(NamedTuple):
-    """A column; its name ends with its unit, `per` for a stroke."""
+    """A column."""
 
-    quantity: str
+    name: str
+    """What stands above it; it ends with the unit."""
     unit: str
+    """With `per` for a stroke, and no points or raised figures."""
 
-    @property
-    def name(self) -> str:
-        """Return what stands above it."""
-        return f'{self.quantity}_{self.unit}'
+
+class Table(NamedTuple):
+    """
+    The numbers of a run, a row a state.
+
+    Attributes
+    ----------
+    columns
+        (k) what they are.
+    values
+        (n, k).
+    known
+        (n, k) which of them the log has.
+
+    """
+
+    columns: tuple[Column, ...]
+    values: Floats
+    known: NDArray[np.bool_]
+
+
+def table_of(run: Run) -> Table:
+    """
+    Return the numbers of a run: of torques, of rates, or of both where both were sent.
+
+    What was sent at other times than the states stands with the last state before it; of
+    several there, the last counts.
+    """
+    columns, numbers = zip(*_parts(run), strict=True)
+    values, known = zip(*(
+        _rows(run.times, each, len(heads)) for heads, each in zip(columns, numbers, strict=True)
+    ), strict=True)
+    return Table(tuple(chain(*columns)), np.hstack(values), np.hstack(known))
+
+
+def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> list[Column]:
+    """Return columns of a quantity, one for each that it is of; of one unit, or of one each."""
+    units = [unit] * len(of) if isinstance(unit, str) else unit
+    return [
+        Column('_'.join(filter(None, (quantity, name, _unit(each)))), _unit(each))
+        for name, each in zip(of, units, strict=True)
+    ]
 
 
 def _unit(text: str) -> str:
@@ -45,87 +86,49 @@ def _unit(text: str) -> str:
     return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
-def columns_of(run: Run) -> tuple[Column, ...]:
-    """Return the columns of a run: those of torques, of rates, or of both where both were sent."""
-    mechanism = run.mechanism
+def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
+    """Yield neighbouring columns and their numbers: (n, k) of the states, or at other times."""
+    mechanism, joints = run.mechanism, run.joint_names
     units = [each.unit for each in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
-    torques, rates = _sent(run)
-    joints = run.joint_names
     driven = joints[len(mechanism.base):]
-    twist = [
-        Column(f'command_{each.name.replace(" ", "_")}', _unit(each.unit))
-        for each in mechanism.twist
+    yield _columns('time', [''], 's'), run.times[:, None]
+    yield _columns('position', joints, units), run.position
+    yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
+    yield _columns('applied_effort', driven, 'N·m'), run.applied_effort
+    if not run.commands_rates:
+        yield _columns('command', driven, 'N·m'), run.torque
+    # What drives are told that take no torques.
+    if len(run.cmd_vel) or len(run.arm_rates):
+        twist = mechanism.twist
+        names = [each.name.replace(' ', '_') for each in twist]
+        yield _columns('command', names, [each.unit for each in twist]), run.cmd_vel
+        yield _columns('command', driven[len(twist):], 'rad/s'), run.arm_rates
+    reference = [
+        column
+        for name, unit in (('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s²'))
+        for column in _columns(f'reference_{name}', axes, unit)
     ]
-    rated = driven[len(twist):]
-    derivatives = (('position', 'm'), ('velocity', 'm_per_s'), ('acceleration', 'm_per_s2'))
-    return (
-        Column('time', 's'),
-        *(Column(f'position_{j}', unit) for j, unit in zip(joints, units, strict=True)),
-        *(Column(f'velocity_{j}', f'{u}_per_s') for j, u in zip(joints, units, strict=True)),
-        *(Column(f'applied_effort_{joint}', 'N_m') for joint in driven),
-        *((Column(f'command_{joint}', 'N_m') for joint in driven) if torques else ()),
-        # What drives are told that take no torques.
-        *((*twist, *(Column(f'command_{j}', 'rad_per_s') for j in rated)) if rates else ()),
-        *(Column(f'reference_{d}_{a}', unit) for (d, unit), a in product(derivatives, axes)),
-        *(Column(f'error_{axis}', 'm') for axis in axes),
-        *(Column(f'surface_{axis}', 'm_per_s') for axis in axes),
-        *(Column(f'estimate_{each.name}', _unit(each.unit)) for each in mechanism.theta),
-        # What a law asked for, before its torques were limited.
-        *((Column(f'raw_torque_{joint}', 'N_m') for joint in driven) if torques else ()),
-    )
+    yield reference, run.reference
+    for signal in TOLD:
+        if not (signal.of_torques and run.commands_rates):
+            of = run.components(signal)
+            units = [signal.unit or each.unit for each in of]
+            told = run.telemetry.get(signal.name)
+            yield _columns(signal.name, [each.name for each in of], units), told
 
 
-def _sent(run: Run) -> tuple[bool, bool]:
-    """Return whether a run has columns of torques and columns of rates."""
-    return not run.commands_rates, bool(len(run.cmd_vel) or len(run.arm_rates))
-
-
-def table_of(run: Run) -> tuple[Floats, NDArray[np.bool_]]:
-    """
-    Return the numbers of a run (n, len(columns_of(run))), and which of them the log has.
-
-    What was sent at other times than the states stands with the last state before it; of
-    several there, the last counts.
-    """
-    states = np.column_stack((run.times, run.position, run.velocity, run.applied_effort))
-    reference = run.reference
-    mechanism = run.mechanism
-    axes, joints, twist = map(len, (mechanism.axes, mechanism.joints, mechanism.twist))
-    if reference is None:
-        reference = np.full((len(run.times), DERIVATIVES * axes), np.nan)
-
-    def at_states(times: Floats | None, sent: Floats | None, width: int) -> _Part:
-        return _at_states(run.times, times, sent, width)
-
-    torques, rates = _sent(run)
-    parts = [(states, ~np.isnan(states))]
-    if torques:
-        parts.append(at_states(run.torque_times, run.torque, joints))
-    if rates:
-        parts.append(at_states(run.cmd_vel_times, run.cmd_vel, twist))
-        parts.append(at_states(run.arm_rate_times, run.arm_rates, joints - twist))
-    parts += (
-        (reference, ~np.isnan(reference)),
-        at_states(run.tracking_error_times, run.tracking_error, axes),
-        at_states(run.sliding_surface_times, run.sliding_surface, axes),
-        at_states(
-            run.parameter_estimate_times, run.parameter_estimate, len(mechanism.theta)
-        ),
-    )
-    if torques:
-        parts.append(at_states(run.raw_torque_times, run.raw_torque, joints))
-    values, known = zip(*parts, strict=True)
-    return np.hstack(values), np.hstack(known)
-
-
-def _at_states(states: Floats, times: Floats | None, sent: Floats | None, width: int) -> _Part:
-    """Return what was sent (m, width) in the rows of the states (n), and which rows have it."""
+def _rows(
+    states: Floats, numbers: Floats | Series | None, width: int
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return numbers in the rows of the states (n, width), and which rows have them."""
+    if isinstance(numbers, np.ndarray):
+        return numbers, ~np.isnan(numbers)
     values = np.zeros((len(states), width))
     known = np.zeros((len(states), width), bool)
-    if times is not None and sent is not None:
-        rows = np.searchsorted(states, times, side='right') - 1
+    if numbers is not None:
+        rows = np.searchsorted(states, numbers.times, side='right') - 1
         is_after = rows >= 0
-        values[rows[is_after]] = sent[is_after]
+        values[rows[is_after]] = numbers.values[is_after]
         known[rows[is_after]] = True
     return values, known

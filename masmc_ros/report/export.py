@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import csv
 from importlib.util import find_spec
 import io
@@ -24,9 +24,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
+from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.report.columns import columns_of, table_of
+from masmc_ros.loop.signals import TOLD
+from masmc_ros.report.columns import table_of
 from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
@@ -102,10 +104,10 @@ def _check_format(file_format: str) -> None:
 
 def _write_csv(run: Run, stream: BinaryIO) -> None:
     """Write a table as CSV: floats in the shortest form that reads as the same number."""
-    values, known = table_of(run)
+    columns, values, known = table_of(run)
     text = io.TextIOWrapper(stream, encoding='utf-8', newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow([column.name for column in columns_of(run)])
+    writer.writerow([column.name for column in columns])
     for first in range(0, len(values), _BLOCK):
         block = values[first:first + _BLOCK].astype(object)
         block[~known[first:first + _BLOCK]] = None
@@ -119,8 +121,8 @@ def _write_parquet(run: Run, stream: BinaryIO) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    values, known = table_of(run)
-    fields = [pa.field(c.name, pa.float64(), metadata={'unit': c.unit}) for c in columns_of(run)]
+    columns, values, known = table_of(run)
+    fields = [pa.field(c.name, pa.float64(), metadata={'unit': c.unit}) for c in columns]
     arrays = [
         pa.array(np.ascontiguousarray(column), mask=~present, from_pandas=False)
         for column, present in zip(values.T, known.T, strict=True)
@@ -137,14 +139,7 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
         'applied_effort': run.applied_effort,
         **_commands(run),
         'reference': run.reference,
-        'error_time_s': run.tracking_error_times,
-        'error': run.tracking_error,
-        'surface_time_s': run.sliding_surface_times,
-        'surface': run.sliding_surface,
-        'estimate_time_s': run.parameter_estimate_times,
-        'estimate': run.parameter_estimate,
-        'raw_torque_time_s': run.raw_torque_times,
-        'raw_torque': run.raw_torque,
+        **_with_times({signal.name: run.telemetry.get(signal.name) for signal in TOLD}),
     }
     there = {name: values for name, values in arrays.items() if values is not None}
     np.savez(stream, allow_pickle=False, **there)
@@ -152,14 +147,23 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
 
 def _commands(run: Run) -> dict[str, np.ndarray]:
     """Return what was commanded, of torques and rates what the log has."""
-    arrays: dict[str, np.ndarray] = {}
-    if not run.commands_rates:
-        arrays.update(command_time_s=run.torque_times, command=run.torque)
-    if len(run.cmd_vel):
-        arrays.update(cmd_vel_time_s=run.cmd_vel_times, cmd_vel=run.cmd_vel)
-    if len(run.arm_rates):
-        arrays.update(arm_rate_time_s=run.arm_rate_times, arm_rate=run.arm_rates)
-    return arrays
+    return _with_times(
+        {
+            'command': None if run.commands_rates else run.torque,
+            'cmd_vel': run.cmd_vel or None,
+            'arm_rate': run.arm_rates or None,
+        }
+    )
+
+
+def _with_times(told: Mapping[str, Series | None]) -> dict[str, np.ndarray]:
+    """Return what there is of some series by name, before each its times."""
+    return {
+        key: array
+        for name, series in told.items()
+        if series is not None
+        for key, array in ((f'{name}_time_s', series.times), (name, series.values))
+    }
 
 
 FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {

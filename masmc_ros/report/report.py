@@ -24,10 +24,8 @@ from pathlib import Path
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.figures import draw_figures
+from masmc_ros.report.draw.figures import draw_figures
 from masmc_ros.report.files import check_folder, make_folder, whole_file
-from masmc_ros.report.labels import labels
 from masmc_ros.report.manifest import (
     Entry,
     entry,
@@ -36,10 +34,11 @@ from masmc_ros.report.manifest import (
     remove_stale,
     write_manifest,
 )
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.page import report_page
-from masmc_ros.report.table import csv_table, markdown_table, text_table
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
 
 _TEXTS = ('report.html', 'table.txt', 'table.md', 'metrics.csv')
 

@@ -23,7 +23,8 @@ from typing import Any
 
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import kernel
-from masmc_ros.numerics.record import Field, fill, get, new_record
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import fill, get, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.names import driven_joint_names

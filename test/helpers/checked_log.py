@@ -21,8 +21,7 @@ from collections.abc import Set
 from pathlib import Path
 
 from log_contents import LogContents, read_log
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.text import text_of
 from mcap.reader import make_reader

@@ -26,7 +26,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of

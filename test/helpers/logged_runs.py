@@ -20,7 +20,7 @@ from typing import NamedTuple
 from masmc_ros.log.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.commands import EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (

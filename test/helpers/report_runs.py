@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.robot.two_link.parameters import ROBOT
@@ -43,6 +44,22 @@ def ticks(duration: float = 20.0, period: float = 0.01) -> Floats:
     return np.round(np.arange(count + 1) * period * 1e9) / 1e9
 
 
+def series(times: Floats, values: Floats) -> Series:
+    """Return values at times in s."""
+    return Series(np.rint(times * 1e9).astype(np.int64), values)
+
+
+def none(width: int) -> Series:
+    """Return a series without any values."""
+    return series(np.zeros(0), np.zeros((0, width)))
+
+
+def telling(run: Run, **told: tuple[Floats, Floats]) -> Run:
+    """Return a run whose controller tells more signals, each as times and values."""
+    more = {name: series(*each) for name, each in told.items()}
+    return replace(run, telemetry={**run.telemetry, **more})
+
+
 def run_of(
     error: Floats,
     times: Floats,
@@ -63,21 +80,11 @@ def run_of(
         position=np.tile([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2], (n, 1)),
         velocity=np.zeros((n, 7)),
         applied_effort=np.zeros((n, 4)),
-        torque=np.zeros((n, 4)) if torque is None else torque,
-        torque_times=times,
-        cmd_vel=np.zeros((0, 2)),
-        cmd_vel_times=np.zeros(0),
-        arm_rates=np.zeros((0, 2)),
-        arm_rate_times=np.zeros(0),
+        torque=series(times, np.zeros((n, 4)) if torque is None else torque),
+        cmd_vel=none(2),
+        arm_rates=none(2),
         reference=reference,
-        tracking_error=error,
-        tracking_error_times=times,
-        sliding_surface=None,
-        sliding_surface_times=None,
-        parameter_estimate=None,
-        parameter_estimate_times=None,
-        raw_torque=None,
-        raw_torque_times=None,
+        telemetry={'error': series(times, error)},
         parameters={'controller': {**PARAMETERS, **parameters}},
         changes=(),
         restarted=(),
@@ -111,7 +118,18 @@ def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any)
 
 def without_error(run: Run) -> Run:
     """Return a run whose log lacks the controller's own errors."""
-    return replace(run, tracking_error=None, tracking_error_times=None)
+    return replace(run, telemetry={})
+
+
+def later(run: Run, late: float) -> Run:
+    """Return a run with errors whose stamps are later by some seconds."""
+    error = run.telemetry['error']
+    return replace(
+        run,
+        times=run.times + late,
+        torque=series(run.torque.times + late, run.torque.values),
+        telemetry={'error': series(error.times + late, error.values)},
+    )
 
 
 def with_change(run: Run, time: float, node: str, **values: Any) -> Run:

@@ -89,35 +89,20 @@ class Scenario:
         )
 
 
-@dataclass
 class Run:
-    """What a run leaves behind; rows are ticks."""
+    """What a run leaves behind, each of SIGNALS by its name; rows are ticks."""
 
-    true_position: Array
-    true_velocity: Array
-    position: Array
-    velocity: Array
-    applied: Array
-    raw_torque: Array
-    torque: Array
-    error: Array
-    surface: Array
-    estimate: Array
-    singular: int = 0
-
-
-SIGNALS = (
-    'true_position',
-    'true_velocity',
-    'position',
-    'velocity',
-    'applied',
-    'raw_torque',
-    'torque',
-    'error',
-    'surface',
-    'estimate',
-)
+    def __init__(self, signals: Any) -> None:
+        """Take the records of all ticks (n)."""
+        self.singular = int(signals['singular'].sum())
+        for name in signals.dtype.names:
+            if name != 'singular':
+                rows = np.ascontiguousarray(signals[name][:, :, 0])
+                if name in _AFTER_THE_LAST:
+                    # The last command is not applied: what it would lead to is not known.
+                    unknown = np.full((1, rows.shape[1]), _AFTER_THE_LAST[name])
+                    rows = np.vstack([rows, unknown])
+                setattr(self, name, rows)
 
 
 _AFTER_THE_LAST = {
@@ -191,11 +176,7 @@ class Loop:
     @property
     def run(self) -> Run:
         """Say what was computed so far."""
-        rows = {name: np.ascontiguousarray(self.signals[name][:, :, 0]) for name in SIGNALS}
-        # The last command is not applied: what it would lead to is not known.
-        for name, unknown in _AFTER_THE_LAST.items():
-            rows[name] = np.vstack([rows[name], np.full((1, rows[name].shape[1]), unknown)])
-        return Run(**rows, singular=int(self.signals['singular'].sum()))
+        return Run(self.signals)
 
     def stretch(self, first: int, last: int) -> None:
         """Compute ticks first ... last - 1 in one compiled call."""

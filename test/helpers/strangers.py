@@ -21,8 +21,7 @@ import random
 import struct
 from typing import Any
 
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,

@@ -25,7 +25,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
@@ -66,7 +66,7 @@ def twist(forward: float, turn: float) -> TwistCdr:
 
 def stamps(run: Run) -> list[int]:
     """Return the stamps of the commands for the platform in ticks."""
-    return [round(time * 1e9 / TICK) for time in run.cmd_vel_times]
+    return [round(time * 1e9 / TICK) for time in run.cmd_vel.times]
 
 
 def test_plain_twists_go_with_the_commands_for_the_arm(tmp_path: Path) -> None:
@@ -80,9 +80,9 @@ def test_plain_twists_go_with_the_commands_for_the_arm(tmp_path: Path) -> None:
     )
     run = read_run(path)
     assert stamps(run) == [0, 1, 2, 3, 4]
-    assert run.cmd_vel.tolist() == [[n, -n] for n in range(5)]
-    assert run.arm_rates[:, 0].tolist() == [n * TICK for n in range(5)]
-    assert run.torque.shape == (0, 4)
+    assert run.cmd_vel.values.tolist() == [[n, -n] for n in range(5)]
+    assert run.arm_rates.values[:, 0].tolist() == [n * TICK for n in range(5)]
+    assert run.torque.values.shape == (0, 4)
     assert run.commands_rates
 
 
@@ -99,7 +99,7 @@ def test_a_twist_that_nobody_takes_is_left_out(tmp_path: Path) -> None:
     bad.linear[1] = np.nan
     write(path, [(0, twist(5.0, 6.0)), (TICK, bad), (TICK, twist(7.0, 8.0))], [0, TICK])
     run = read_run(path)
-    assert run.cmd_vel.tolist() == [[5.0, 6.0], [7.0, 8.0]]
+    assert run.cmd_vel.values.tolist() == [[5.0, 6.0], [7.0, 8.0]]
     assert stamps(run) == [0, 1]
 
 
@@ -115,7 +115,7 @@ def test_stamped_twists_have_their_own_stamps(prefix: str, tmp_path: Path) -> No
     write(path, messages, [0], TWIST_STAMPED)
     run = read_run(path)
     assert stamps(run) == [0, 1, 2]
-    assert run.cmd_vel.tolist() == [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]
+    assert run.cmd_vel.values.tolist() == [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]
 
 
 def test_another_type_is_refused(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_the_page_shows_rates(simulated: Path, tmp_path: Path) -> None:
     run = read_run(simulated)
     for samples, values in zip(
         (*lines(speed).values(), *lines(rates).values()),
-        np.hstack([run.cmd_vel, run.arm_rates]).T,
+        np.hstack([run.cmd_vel.values, run.arm_rates.values]).T,
         strict=True,
     ):
         np.testing.assert_array_equal(samples['y'], values.astype(np.float32))
@@ -170,14 +170,14 @@ def test_the_export_has_rates(simulated: Path, tmp_path: Path, file_format: str)
     if file_format == 'npz':
         found = np.load(path)
         assert 'command' not in found
-        assert (found['cmd_vel'] == run.cmd_vel).all()
-        assert (found['arm_rate'] == run.arm_rates).all()
+        assert (found['cmd_vel'] == run.cmd_vel.values).all()
+        assert (found['arm_rate'] == run.arm_rates.values).all()
         assert (found['cmd_vel_time_s'] == run.times).all()
         return
     with path.open(newline='', encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))
     assert not any(name.startswith('command_') and name.endswith('N_m') for name in rows[0])
-    expected = np.hstack([run.cmd_vel, run.arm_rates])
+    expected = np.hstack([run.cmd_vel.values, run.arm_rates.values])
     for name, column in zip(
         (
             'command_forward_speed_m_per_s',

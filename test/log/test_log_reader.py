@@ -24,10 +24,11 @@ from logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.loop.signals import TOLD
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.effort import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import JOINTS, TELEMETRY
+from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.topics import ODOMETRY
@@ -49,18 +50,19 @@ def test_round_trip(tmp_path: Path, namespace: str) -> None:
     seconds = written.stamps / 1e9
     assert run.path == path
     assert np.array_equal(run.times, seconds)
-    assert np.array_equal(run.torque_times, seconds)
+    assert np.array_equal(run.torque.times, seconds)
     assert np.array_equal(run.position, written.position)
     assert np.array_equal(run.velocity, written.velocity)
     assert np.array_equal(run.applied_effort, written.effort[:, 3:])
-    assert np.array_equal(run.torque, written.torque)
+    assert np.array_equal(run.torque.values, written.torque)
     assert run.reference is not None
     assert np.array_equal(run.reference, written.reference)
-    for label in TELEMETRY:
-        assert np.array_equal(getattr(run, label), written.telemetry[label])
-        assert np.array_equal(getattr(run, f'{label}_times'), seconds)
+    for signal in TOLD:
+        told = run.telemetry[signal.name]
+        assert np.array_equal(told.values, written.telemetry[signal.label])
+        assert np.array_equal(told.times, seconds)
     assert run.topics[f'{namespace}joint_states'] == 1200
-    assert len(run.topics) == 3 + len(TELEMETRY)
+    assert len(run.topics) == 3 + len(TOLD)
     assert run.metadata == {'origin': [{'law': 'smc'}]}
     assert run.attachments == {'paper.yaml': b'plant: {}'}
 
@@ -70,12 +72,10 @@ def test_states_alone_are_a_run(tmp_path: Path) -> None:
     write_run(path, numbers(10), everything=False)
     run = read_run(path)
     assert len(run.times) == 10
-    assert run.torque.shape == (0, 4)
-    assert run.torque_times.shape == (0,)
+    assert run.torque.values.shape == (0, 4)
+    assert run.torque.times.shape == (0,)
     assert run.reference is None
-    assert run.tracking_error is None
-    assert run.tracking_error_times is None
-    assert run.parameter_estimate is None
+    assert run.telemetry == {}
 
 
 def rosbags_message(type_name: str, **fields: Any) -> bytes:
@@ -130,12 +130,11 @@ def test_messages_of_other_senders_among_ours(tmp_path: Path) -> None:
     assert run.times.tolist() == [0.0, 1.0]
     assert run.position.tolist() == [[0, 1, 2, 3, 4, 5, 6], [7, 6, 5, 4, 3, 2, 1]]
     assert run.velocity[1].tolist() == [107, 106, 105, 104, 103, 102, 101]
-    assert run.torque.tolist() == [[1, 2, 3, 4], [5, 6, 7, 8], [9, 9, 9, 9]]
-    assert run.torque_times.tolist() == [0.0, 1e-8, 3.000000007]
-    assert run.tracking_error is not None
-    assert run.tracking_error.tolist() == [[1, 2, 3, 4]]
-    assert run.tracking_error_times is not None
-    assert run.tracking_error_times.tolist() == [1.000000005]
+    assert run.torque.values.tolist() == [[1, 2, 3, 4], [5, 6, 7, 8], [9, 9, 9, 9]]
+    assert run.torque.times.tolist() == [0.0, 1e-8, 3.000000007]
+    assert list(run.telemetry) == ['error']
+    assert run.telemetry['error'].values.tolist() == [[1, 2, 3, 4]]
+    assert run.telemetry['error'].times.tolist() == [1.000000005]
 
 
 def test_log_of_ros2_itself(tmp_path: Path) -> None:
@@ -195,8 +194,8 @@ def test_last_pass_after_a_reset(tmp_path: Path) -> None:
     run = read_run(path)
     assert run.times.tolist() == [0.0, 1.0, 2.0]
     assert run.position[:, 0].tolist() == [10.0, 11.0, 12.0]
-    assert run.torque_times.tolist() == [0.0, 1.0, 2.0]
-    assert run.torque[:, 0].tolist() == [10.0, 11.0, 12.0]
+    assert run.torque.times.tolist() == [0.0, 1.0, 2.0]
+    assert run.torque.values[:, 0].tolist() == [10.0, 11.0, 12.0]
     assert run.topics['/joint_states'] == 9
 
 

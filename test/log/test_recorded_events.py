@@ -121,9 +121,9 @@ def test_the_log_of_a_simulation_tells_events_too(
     assert [(each.tick, each.event) for each in run.changes] == [
         (change.tick, change.event) for change in changes
     ]
-    assert run.tracking_error is not None
-    assert len(run.tracking_error) == 401 - 80
-    assert np.isfinite(run.tracking_error).all()
+    error = run.telemetry['error'].values
+    assert len(error) == 401 - 80
+    assert np.isfinite(error).all()
     assert main(['simulate', str(path)]) == 0
     assert 'all 401 states and 401 commands' in capsys.readouterr().out
     assert from_metadata(run) == list(run.changes)
@@ -148,7 +148,7 @@ def test_a_file_whose_controller_waits_is_simulated_as_if_enabled_at_once(
     settings = ['--set', 'duration=0.1', '--set', 'controller.active_on_start=false']
     assert main(['simulate', PAPER, *settings, '--output', str(log)]) == 0
     run = read_run(log)
-    assert run.torque.any(axis=1).all()
+    assert run.torque.values.any(axis=1).all()
     assert [(each.tick, each.event) for each in run.changes] == [(0, ACTIVATED)]
     assert main(['simulate', str(log)]) == 0
     assert 'all 101 states and 101 commands' in capsys.readouterr().out

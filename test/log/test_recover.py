@@ -30,7 +30,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.commands import EFFORT
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap_ros2.decoder import DecoderFactory

@@ -76,10 +76,10 @@ def check(log: Path, told: Any) -> None:
     assert state['position'] == run.position[-1].tolist()
     assert state['velocity'] == run.velocity[-1].tolist()
     assert state['effort'][3:] == run.applied_effort[-1].tolist()
-    assert told['topics']['/effort_commands']['last']['data'] == run.torque[-1].tolist()
+    assert told['topics']['/effort_commands']['last']['data'] == run.torque.values[-1].tolist()
     error = told['topics']['/controller/tracking_error']['last']
-    assert run.tracking_error is not None
-    assert error['data'][error['layout']['data_offset']:] == run.tracking_error[-1].tolist()
+    last = run.telemetry['error'].values[-1].tolist()
+    assert error['data'][error['layout']['data_offset']:] == last
 
 
 def test_every_message_of_a_computed_run(tmp_path: Path) -> None:

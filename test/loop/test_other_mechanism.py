@@ -110,15 +110,14 @@ def test_it_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path
     assert run.mechanism is CART_ARM
     assert run.joint_names == ('cart_joint', 'pulley_joint', 'arm_joint')
     assert run.position.shape == (501, 3)
-    assert run.torque.shape == (501, 2)
+    assert run.torque.values.shape == (501, 2)
     assert run.reference is not None
     assert run.reference.shape == (501, 6)
-    assert run.parameter_estimate is not None
-    assert run.parameter_estimate.shape == (501, 3)
+    assert run.telemetry['estimate'].values.shape == (501, 3)
     # The pulley pulls the cart, and the arm follows its path.
     assert run.position[:, 0] == pytest.approx(0.05 * run.position[:, 1], abs=1e-9)
-    assert run.tracking_error is not None
-    assert np.abs(run.tracking_error[-1]).max() < 0.2 * np.abs(run.tracking_error[0]).max()
+    error = np.abs(run.telemetry['error'].values)
+    assert error[-1].max() < 0.2 * error[0].max()
     assert main(['simulate', str(log)]) == 0
     assert main(['report', str(log), '--output', str(tmp_path / 'report')]) == 0
     names = {path.name for path in (tmp_path / 'report').iterdir()}
@@ -138,7 +137,7 @@ def test_commanded_rates(file: Path, tmp_path: Path) -> None:
     options = ['--set', f'plant.{rates}', '--set', f'controller.{rates}']
     assert main(['simulate', str(file), *options, '--output', str(log)]) == 0
     run = read_run(log)
-    assert (run.cmd_vel.shape, run.arm_rates.shape) == ((501, 1), (501, 1))
+    assert (run.cmd_vel.values.shape, run.arm_rates.values.shape) == ((501, 1), (501, 1))
     assert main(['report', str(log), '--output', str(tmp_path / 'report')]) == 0
 
 

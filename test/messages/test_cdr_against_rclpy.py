@@ -21,8 +21,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
-from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.messages.layout import Layout
 from masmc_ros.messages.multi_array import multi_array_layout

@@ -21,8 +21,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
-from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import twist_stamped_layout, TwistStampedCdr

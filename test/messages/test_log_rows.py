@@ -17,8 +17,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY, ArmVelocityCdr
-from masmc_ros.messages.effort import EFFORT, EffortCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, ArmVelocityCdr, EFFORT, EffortCdr
 from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
 from masmc_ros.messages.platform_motion import (
     odometry_layout,

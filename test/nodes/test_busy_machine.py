@@ -65,7 +65,6 @@ def test_a_run_by_the_wall_clock_survives(tmp_path: Path, *, is_paper: bool) -> 
     assert np.isfinite(run.position).all()
     assert np.isfinite(run.velocity).all()
     assert (np.abs(run.applied_effort) <= TORQUE_LIMIT).all()
-    assert run.tracking_error is not None
-    assert run.tracking_error_times is not None
-    error = run.tracking_error[run.tracking_error_times > 5.0]
+    told = run.telemetry['error']
+    error = told.values[told.times > 5.0]
     assert np.abs(error).max() < (0.3 if is_paper else 0.05)

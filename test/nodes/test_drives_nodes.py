@@ -24,7 +24,7 @@ from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 import numpy as np
 from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest
@@ -97,8 +97,7 @@ def test_in_lockstep_disabled_enabled_and_given_a_set_point(
     assert events.count(DEACTIVATED) == events.count(ACTIVATED) >= 2
     stands_and_comes_back(log)
     # The last of what was off its way is forgotten.
-    assert logged.tracking_error is not None
-    assert np.abs(logged.tracking_error[-1]).max() < 0.05
+    assert np.abs(logged.telemetry['error'].values[-1]).max() < 0.05
 
     again = tmp_path / 'again.mcap'
     assert main(['simulate', str(log), '--output', str(again)]) == 0

@@ -23,7 +23,7 @@ import sys
 import time
 
 from log_contents import read_log
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.recorder.listening import take_rest
 from processes import PATIENCE, peer, processes, ros_arguments

@@ -23,7 +23,7 @@ import time
 from typing import Any
 
 from log_contents import read_log
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.nodes.middleware.exchange import Exchange
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from processes import PAPER, peer, processes, ros_arguments

@@ -26,7 +26,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from checked_log import check_log
 from live_run import live_run, LiveRun
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.platform_motion import OdometryCdr

@@ -29,7 +29,7 @@ from typing import Any
 
 from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 import numpy as np
 from numpy.typing import NDArray

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow

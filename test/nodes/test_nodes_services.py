@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 from log_contents import read_log
 from masmc_ros.cli.main import main
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
 from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened

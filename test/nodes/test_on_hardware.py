@@ -24,7 +24,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.loop.simulated_robot import SimulatedRobot
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion

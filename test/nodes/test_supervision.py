@@ -23,7 +23,7 @@ from typing import Any
 from live_run import live_run, LiveRun
 from log_contents import read_log
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np

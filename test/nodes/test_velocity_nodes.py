@@ -30,12 +30,12 @@ from live_run import live_run, LiveRun
 from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.windows import ReferenceWindows
-from masmc_ros.report.parameters import run_robot
+from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

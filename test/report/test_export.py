@@ -29,16 +29,16 @@ from logged_runs import Numbers, numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run, Run
-from masmc_ros.report.columns import columns_of
+from masmc_ros.report.columns import table_of
 from masmc_ros.report.export import FORMATS, write_export
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from report_runs import paper_like, run_of
+from report_runs import none, paper_like, run_of, series, telling
 
 COUNT = 60
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = [column.name for column in columns_of(paper_like())]
+NAMES = [column.name for column in table_of(paper_like()).columns]
 
 
 @pytest.fixture
@@ -149,13 +149,12 @@ def bare() -> Run:
     assert run.reference is not None
     reference = run.reference.copy()
     reference[:2] = np.nan
+    run = telling(run, error=(np.array([0.9, 1.2, 1.25]), run.telemetry['error'].values))
     return replace(
         run,
         position=run.position[:4],
         reference=reference,
-        tracking_error_times=np.array([0.9, 1.2, 1.25]),
-        torque=np.zeros((0, 4)),
-        torque_times=np.zeros(0),
+        torque=none(4),
     )
 
 
@@ -240,7 +239,7 @@ def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> Non
 def test_document_names_every_column() -> None:
     text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
     run = paper_like()
-    both = replace(run, cmd_vel=np.zeros((1, 2)), cmd_vel_times=run.times[:1])
-    for column in columns_of(both):
-        assert column.quantity.split('_')[0] in text
+    both = replace(run, cmd_vel=series(run.times[:1], np.zeros((1, 2))))
+    for column in table_of(both).columns:
+        assert column.name.split('_')[0] in text
         assert f'`{column.unit}`' in text

@@ -22,8 +22,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from masmc_ros.messages.names import ODOM_FRAME
 from masmc_ros.messages.topics import SYSTEM_TOPICS
+from masmc_ros.robot.declaration import ODOM_FRAME
 import pytest
 from viewed_run import computed_run, decoded, ROOT
 

@@ -20,14 +20,13 @@ from dataclasses import replace
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.page import report_page
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
 import numpy as np
 from report_html import lines, Page
-from report_runs import paper_like, with_change
+from report_runs import paper_like, telling, with_change
 
 
 def page(run: Run) -> Page:
@@ -37,10 +36,10 @@ def page(run: Run) -> Page:
 
 def cut(run: Run) -> Run:
     """Return a run whose law asked for more than was sent, of both arm joints at some ticks."""
-    asked = run.torque[::2].copy()
+    asked = run.torque.values[::2].copy()
     asked[100:200, 2] += 5.0
     asked[300, 3] -= 9.0
-    return replace(run, raw_torque=asked, raw_torque_times=run.torque_times[::2])
+    return telling(run, raw_torque=(run.torque.times[::2], asked))
 
 
 def event(run: Run, time: float, what: str) -> Run:
@@ -57,10 +56,10 @@ def test_what_the_law_asked_for_is_drawn_where_it_was_cut() -> None:
         'right wheel', 'left wheel', 'arm joint 1', 'arm joint 2',
         'arm joint 1, asked for', 'arm joint 2, asked for',
     }  # fmt: skip
-    assert run.raw_torque is not None
+    raw = run.telemetry['raw_torque']
     samples = lines(figure)['arm joint 2, asked for']
-    np.testing.assert_array_equal(samples['y'], run.raw_torque[:, 3].astype(np.float32))
-    np.testing.assert_array_equal(samples['x'], run.raw_torque_times)
+    np.testing.assert_array_equal(samples['y'], raw.values[:, 3].astype(np.float32))
+    np.testing.assert_array_equal(samples['x'], raw.times)
     asked = drawn['arm joint 2, asked for']
     assert asked['meta']['colour'] == drawn['arm joint 2']['meta']['colour']
     assert asked['line']['dash'] != drawn['arm joint 2']['line'].get('dash', 'solid')
@@ -68,7 +67,7 @@ def test_what_the_law_asked_for_is_drawn_where_it_was_cut() -> None:
 
 def test_what_was_not_cut_is_drawn_once() -> None:
     run = paper_like()
-    run = replace(run, raw_torque=run.torque.copy(), raw_torque_times=run.torque_times)
+    run = telling(run, raw_torque=(run.torque.times, run.torque.values.copy()))
     assert len(page(run).figure('run-1-torque')['data']) == 4
 
 

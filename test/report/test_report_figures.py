@@ -26,14 +26,14 @@ from logged_runs import numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.comparison_figure import Compared, comparison_figure
-from masmc_ros.report.error_figure import error_figure
-from masmc_ros.report.figures import draw_figures, figure_names
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
+from masmc_ros.report.draw.comparison import comparison_figure
+from masmc_ros.report.draw.error import error_figure
+from masmc_ros.report.draw.figures import draw_figures, figure_names
+from masmc_ros.report.draw.style import paper_style, png
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.report import write_report
-from masmc_ros.report.style import paper_style, png
-from masmc_ros.report.tracking import tracking
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.registry import DEFAULT
 from masmc_ros.robot.two_link.drawing import arm_points
@@ -41,7 +41,7 @@ import matplotlib
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import paper_like, run_of, ticks, without_error
+from report_runs import none, paper_like, run_of, series, telling, ticks, without_error
 from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
@@ -196,17 +196,16 @@ def test_any_name_of_a_file_can_be_drawn() -> None:
 @pytest.mark.slow
 def test_perfect_tracking_can_be_drawn() -> None:
     t = ticks(1.0)
-    still = replace(run_of(np.zeros((len(t), 4)), t), torque=np.zeros((0, 4)))
-    still = replace(still, torque_times=np.zeros(0))
+    still = replace(run_of(np.zeros((len(t), 4)), t), torque=none(4))
     assert len(figures([still])) == 4
 
 
 def test_diverged_run_can_be_drawn() -> None:
     run = paper_like()
-    assert run.tracking_error is not None
-    error = run.tracking_error.copy()
+    error = run.telemetry['error'].values.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
-    diverged = replace(run, tracking_error=error, torque=np.full_like(run.torque, np.nan))
+    unknown = series(run.times, np.full_like(run.torque.values, np.nan))
+    diverged = replace(telling(run, error=(run.times, error)), torque=unknown)
     assert len(figures([diverged])) == 4
 
 

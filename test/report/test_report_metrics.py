@@ -26,12 +26,21 @@ from hypothesis.extra import numpy as hnp
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.log.write.simulated import SimulationLog
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.report.metrics import metrics, total_variation
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.metrics import metrics, total_variation
+from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from report_runs import paper_like, PARAMETERS, run_of, ticks, without_error
+from report_runs import (
+    later,
+    none,
+    paper_like,
+    PARAMETERS,
+    run_of,
+    telling,
+    ticks,
+    without_error,
+)
 
 PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
 
@@ -89,13 +98,7 @@ def test_window_of_choice() -> None:
 
 def test_stamps_of_the_wall_clock_change_nothing() -> None:
     run = paper_like()
-    late = 1.7e9
-    shifted = replace(
-        run,
-        times=run.times + late,
-        tracking_error_times=run.times + late,
-        torque_times=run.torque_times + late,
-    )
+    shifted = later(run, 1.7e9)
     found, right = metrics(shifted), metrics(run)
     assert found.of('end_effector').rms == pytest.approx(right.of('end_effector').rms, rel=1e-3)
     assert found.torque_variation == pytest.approx(right.torque_variation, rel=1e-3)
@@ -132,7 +135,7 @@ def test_variation_is_at_least_the_way_from_first_to_last(samples: np.ndarray) -
 
 
 def test_log_without_commands_and_estimates() -> None:
-    run = replace(paper_like(), torque=np.zeros((0, 4)), torque_times=np.zeros(0))
+    run = replace(paper_like(), torque=none(4))
     found = metrics(run)
     assert found.torque_rms is None
     assert found.torque_variation is None
@@ -141,9 +144,7 @@ def test_log_without_commands_and_estimates() -> None:
 
 def test_norm_of_the_last_estimate() -> None:
     estimate = np.array([[9.0] * 7, [3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 12.0]])
-    run = replace(
-        paper_like(), parameter_estimate=estimate, parameter_estimate_times=np.array([0.0, 1.0])
-    )
+    run = telling(paper_like(), estimate=(np.array([0.0, 1.0]), estimate))
     assert metrics(run).estimate_norm == pytest.approx(13.0)
 
 

@@ -26,19 +26,27 @@ from logged_runs import numbers as numbers_of_a_run
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
+from masmc_ros.messages.commands import ArmVelocityCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.platform_motion import TwistCdr
 from masmc_ros.messages.topics import TWIST
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import metrics
-from masmc_ros.report.page import report_page
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
 import numpy as np
 import pytest
 from report_html import lines, numbers, Page
-from report_runs import paper_like, run_of, ticks, with_change, without_error
+from report_runs import (
+    later,
+    none,
+    paper_like,
+    run_of,
+    telling,
+    ticks,
+    with_change,
+    without_error,
+)
 
 NETWORK = re.compile(r'(?:https?:)?//[\w.-]+\.\w+', re.IGNORECASE)
 TIMES = ticks()
@@ -61,12 +69,10 @@ def with_telemetry(run: Run) -> Run:
     """Return a run with a surface and estimates at every second state."""
     random = np.random.default_rng(7)
     times = run.times[::2]
-    return replace(
+    return telling(
         run,
-        sliding_surface=random.standard_normal((len(times), 4)),
-        sliding_surface_times=times,
-        parameter_estimate=random.standard_normal((len(times), 7)),
-        parameter_estimate_times=times,
+        surface=(times, random.standard_normal((len(times), 4))),
+        estimate=(times, random.standard_normal((len(times), 7))),
     )
 
 
@@ -150,24 +156,25 @@ def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ('name', 'signal', 'times', 'scale'),
+    ('name', 'signal', 'scale'),
     [
-        ('error_E', 'tracking_error', 'tracking_error_times', 1e3),
-        ('error_F', 'tracking_error', 'tracking_error_times', 1e3),
-        ('surface', 'sliding_surface', 'sliding_surface_times', 1.0),
-        ('torque', 'torque', 'torque_times', 1.0),
-        ('estimate', 'parameter_estimate', 'parameter_estimate_times', 1.0),
+        ('error_E', 'error', 1e3),
+        ('error_F', 'error', 1e3),
+        ('surface', 'surface', 1.0),
+        ('torque', '', 1.0),
+        ('estimate', 'estimate', 1.0),
     ],
 )
 def test_plots_draw_the_logs_numbers(
-    both: Page, changed: Run, name: str, signal: str, times: str, scale: float
+    both: Page, changed: Run, name: str, signal: str, scale: float
 ) -> None:
     drawn = list(lines(both.figure(f'run-1-{name}')).values())
-    columns = getattr(changed, signal).T
+    series = changed.telemetry.get(signal, changed.torque)
+    columns = series.values.T
     columns = {'error_E': columns[:2], 'error_F': columns[2:]}.get(name, columns)
     assert len(drawn) == len(columns)
     for samples, values in zip(drawn, columns, strict=True):
-        np.testing.assert_array_equal(samples['x'], getattr(changed, times))
+        np.testing.assert_array_equal(samples['x'], series.times)
         np.testing.assert_array_equal(samples['y'], (values * scale).astype(np.float32))
 
 
@@ -225,14 +232,7 @@ def test_changes_and_start_values_are_in_tables(both: Page) -> None:
 
 
 def test_changes_count_from_the_first_state_of_a_wall_clock() -> None:
-    late = 1.7e9
-    run = paper_like()
-    run = replace(
-        run,
-        times=run.times + late,
-        torque_times=run.torque_times + late,
-        tracking_error_times=run.times + late,
-    )
+    run = later(paper_like(), 1.7e9)
     found = page(with_change(run, 5.0, 'controller', k_s1=1.0)).figure('run-1-torque')
     (mark,) = (t for t in found['data'] if t['mode'] != 'lines')
     assert numbers(mark['x']) == pytest.approx([5.0], abs=1e-6)
@@ -270,8 +270,7 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
         (
             replace(
                 without_error(paper_like()),
-                torque=np.zeros((0, 4)),
-                torque_times=np.zeros(0),
+                torque=none(4),
                 **BARE,
             ),
             ['path', 'torque'],
@@ -350,10 +349,9 @@ def test_shortest_runs_have_a_page(count: int) -> None:
 
 def test_diverged_run_has_a_page() -> None:
     run = paper_like()
-    assert run.tracking_error is not None
-    error = run.tracking_error.copy()
+    error = run.telemetry['error'].values.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
-    found = lines(page(replace(run, tracking_error=error)).figure('run-1-error_E'))
+    found = lines(page(telling(run, error=(run.times, error))).figure('run-1-error_E'))
     for samples, column in zip(found.values(), error.T[:2], strict=True):
         np.testing.assert_array_equal(samples['y'], (1e3 * column).astype(np.float32))
 

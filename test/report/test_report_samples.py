@@ -19,7 +19,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from masmc_ros.report.samples import packed_path, packed_signal
+from masmc_ros.report.page.samples import packed_path, packed_signal
 import numpy as np
 from report_html import unpacked
 

@@ -24,9 +24,9 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.report.labels import labels
-from masmc_ros.report.metrics import Metrics, metrics, Reached
-from masmc_ros.report.table import csv_table, markdown_table, number, text_table
+from masmc_ros.report.measure.labels import labels
+from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
+from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
 from masmc_ros.robot.registry import DEFAULT
 import pytest
 from report_runs import paper_like, with_change

@@ -25,9 +25,9 @@ from typing import Any
 from browser import look, needs_chromium
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.report.measure.tracking import tracking
+from masmc_ros.report.page.samples import MOST
 from masmc_ros.report.report import write_report
-from masmc_ros.report.samples import MOST
-from masmc_ros.report.tracking import tracking
 import numpy as np
 import pytest
 from report_runs import run_of, ticks
@@ -107,14 +107,14 @@ def changes_of_sign(values: Any) -> int:
 @needs_chromium
 def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[str, Any]) -> None:
     assert found['problems'] == []
-    is_seen = (run.torque_times >= BEGIN) & (run.torque_times <= END)
+    is_seen = (run.torque.times >= BEGIN) & (run.torque.times <= END)
     most = 0
     for drawn, torque, line in zip(
-        found['near'], run.torque.T, found['corners'], strict=True
+        found['near'], run.torque.values.T, found['corners'], strict=True
     ):
         x, y = np.array(drawn['x']), np.array(drawn['y'])
         inside = (x >= BEGIN) & (x <= END)
-        np.testing.assert_array_equal(x[inside], run.torque_times[is_seen])
+        np.testing.assert_array_equal(x[inside], run.torque.times[is_seen])
         np.testing.assert_array_equal(y[inside], torque[is_seen].astype(np.float32))
         assert (x[0], x[-1]) < (BEGIN, END + 1e-9)  # on the left it comes from outside
         # The picture itself: as many corners.
@@ -129,10 +129,10 @@ def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[s
 def test_of_everything_each_column_of_pixels_has_its_least_and_greatest(
     run: Run, found: Mapping[str, Any], which: str
 ) -> None:
-    times, width = run.torque_times, found['width']
+    times, width = run.torque.times, found['width']
     assert len(times) > 4 * width
     columns = np.floor((times - times[0]) * (width / (times[-1] - times[0])))
-    for drawn, torque in zip(found[which], run.torque.T, strict=True):
+    for drawn, torque in zip(found[which], run.torque.values.T, strict=True):
         values = dict(zip(times.tolist(), torque.astype(np.float32).tolist(), strict=True))
         x, y = np.array(drawn['x']), np.array(drawn['y'])
         assert [values[time] for time in x.tolist()] == y.tolist()  # samples of the log

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.messages.names import ODOM_FRAME
 from masmc_ros.messages.topics import TOPICS, TRANSFORMS
+from masmc_ros.robot.declaration import ODOM_FRAME
 import pytest
 from viewed_run import computed_run, decoded, ROOT
 import yaml

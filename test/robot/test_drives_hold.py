@@ -19,7 +19,7 @@ from __future__ import annotations
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, joined, Stretch
+from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
@@ -44,7 +44,8 @@ def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
     events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
     changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]
     values = load_scenario(str(PAPER), [f'duration={DURATION}', *settings])
-    return joined(list(Simulation(values, changes).run()), ())
+    (run,) = Simulation(values, changes).run()
+    return run
 
 
 def robot(*settings: str) -> SimulatedRobot:
@@ -84,7 +85,7 @@ def test_a_controller_that_begins_inactive_is_enabled_softly() -> None:
     values = load_scenario(
         str(PAPER), ['duration=1.0', 'controller.active_on_start=false']
     )
-    soft = joined(list(Simulation(values, activation(values)).run()), ())
+    (soft,) = Simulation(values, activation(values)).run()
     hard = computed(())
     assert np.abs(soft.torque[:100]).max() < 0.2 * np.abs(hard.torque[:100]).max()
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import Field
+from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.params.declaration import Parameter

@@ -25,7 +25,8 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import column, each, tail
 from masmc_ros.params.declaration import Parameter

@@ -37,7 +37,8 @@ from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.record import Field, get, put
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import each, least, matrix_times
 from masmc_ros.params.declaration import Parameter

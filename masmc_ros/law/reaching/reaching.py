@@ -25,7 +25,8 @@ from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, contract
-from masmc_ros.numerics.record import Field, get
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
 from masmc_ros.params.declaration import Parameter
 

@@ -19,17 +19,18 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
-from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
-from masmc_ros.messages.labelled_command import (
+from masmc_ros.messages.commands import (
     CommandKind,
     LABEL_SIZE,
     LabelledCdr,
     NANOSECOND_DIGITS,
 )
+from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.layout import (
     checked_stamp,
     END_OF_TIME,
@@ -52,7 +53,8 @@ _STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
 """Of the seconds and nanoseconds of a stamp."""
 
 
-class Series(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Series:
     """
     Stamped values in the order of the log.
 
@@ -67,6 +69,15 @@ class Series(NamedTuple):
 
     stamps: Stamps
     values: Floats
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.stamps)
+
+    @cached_property
+    def times(self) -> Floats:
+        """Return the stamps (n) in s."""
+        return self.stamps / NANOSECONDS
 
 
 class Bulk(NamedTuple):
@@ -170,7 +181,7 @@ def decode(topic: Topic, how: Topical) -> Series:
         matching, messages = layout.read([topic.messages[index] for index in members])
         told, series = how.bulk(messages)
         usable[members] = matching & told & _are_times(series.stamps)
-        stamps[members], values[members] = series
+        stamps[members], values[members] = series.stamps, series.values
     others = np.flatnonzero(~usable).tolist()
     refusal = _decode_singly(topic, how, others, stamps, values, usable)
     if refusal is not None and not usable.any():

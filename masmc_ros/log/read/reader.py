@@ -37,9 +37,8 @@ from masmc_ros.log.read.decode import (
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, sample_reference
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.effort import EFFORT
-from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.loop.signals import Signal, TOLD
+from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
@@ -47,12 +46,12 @@ from masmc_ros.messages.names import (
     JOINTS,
     REFERENCE_TOPIC,
     STATE_TOPIC,
-    TELEMETRY_SIZES,
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
-from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.numerics.field import ONE
+from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
 from masmc_ros.robot.registry import DEFAULT, load
 from masmc_ros.robot.registry import NAME as MECHANISM
@@ -87,39 +86,20 @@ class Run:
     applied_effort
         (N, joints) torques applied over the interval that ends with the state, N m.
     torque
-        (M, joints) commanded torques in N m; M = 0 where rates were commanded.
-    torque_times
-        (M) stamps of the states that they answer.
+        (M, joints) commanded torques in N m, at the stamps of the states that they answer;
+        M = 0 where rates were commanded.
     cmd_vel
-        (P, twist) commanded velocities of the base in m/s and rad/s;
-        P = 0 where torques were commanded.
-    cmd_vel_times
-        (P) stamps of the states that they answer, or else of the log.
+        (P, twist) commanded velocities of the base in m/s and rad/s, at the stamps of the states
+        that they answer, or else of the log; P = 0 where torques were commanded.
     arm_rates
-        (Q, own_rates) commanded rates of the other joints in rad/s; Q = 0 likewise.
-    arm_rate_times
-        (Q) stamps of the states that they answer.
+        (Q, own_rates) commanded rates of the other joints in rad/s, at the stamps of the states
+        that they answer; Q = 0 likewise.
     reference
         (N, 3 axes) position (m), velocity (m/s) and acceleration (m/s^2) of the
         task axes at the time of each state; None where the log has none, NaN before it
         begins.
-    tracking_error
-        (K, axes) e in m; None where the log has none.
-    tracking_error_times
-        (K) of these; None likewise.
-    sliding_surface
-        (K, axes) s in m/s; None where the log has none.
-    sliding_surface_times
-        (K) of these; None likewise.
-    parameter_estimate
-        (K, parameters) base inertial parameters used; None where the log has none.
-    parameter_estimate_times
-        (K) of these; None likewise.
-    raw_torque
-        (K, joints) torque in N m that the law asked for before its limits; None where
-        the log has none.
-    raw_torque_times
-        (K) of these; None likewise.
+    telemetry : mapping
+        what the controller told of its ticks, by the names of signals, where the log has it.
     parameters : mapping
         with which every node began.
     changes
@@ -146,21 +126,11 @@ class Run:
     position: Floats
     velocity: Floats
     applied_effort: Floats
-    torque: Floats
-    torque_times: Floats
-    cmd_vel: Floats
-    cmd_vel_times: Floats
-    arm_rates: Floats
-    arm_rate_times: Floats
+    torque: Series
+    cmd_vel: Series
+    arm_rates: Series
     reference: Floats | None
-    tracking_error: Floats | None
-    tracking_error_times: Floats | None
-    sliding_surface: Floats | None
-    sliding_surface_times: Floats | None
-    parameter_estimate: Floats | None
-    parameter_estimate_times: Floats | None
-    raw_torque: Floats | None
-    raw_torque_times: Floats | None
+    telemetry: dict[str, Series]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
@@ -175,6 +145,21 @@ class Run:
     def commands_rates(self) -> bool:
         """Whether rates were commanded, and no torques."""
         return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
+
+    def components(self, signal: Signal) -> tuple[Quantity, ...]:
+        """Return what each component of a signal belongs to: an axis, a joint, a parameter."""
+        mechanism = self.mechanism
+        positions = tuple(
+            Quantity(name, each.unit, each.label)
+            for name, each in zip(self.joint_names, mechanism.positions, strict=True)
+        )
+        return {
+            'axes': mechanism.axes,
+            'joints': positions[len(mechanism.base):],
+            'positions': positions,
+            'parameters': mechanism.theta,
+            ONE: (Quantity('', ''),),
+        }[str(signal.size)]
 
 
 def is_log(path: Path) -> bool:
@@ -233,36 +218,28 @@ def _run(path: Path, records: Records) -> Run:
     history = parameter_history(records, namespace, _begun(states_topic, every_state))
     position, velocity, effort = np.hsplit(states.values, 3)
     efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
-    torques = _last_pass(efforts, len(names) - base)
     every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY.named(rated)))
-    arm_rates = _last_pass(every_arm_rate, len(rated))
     cmd_vel_topic = _topic(records, namespace + CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
     places = [each.place for each in mechanism.twist]
     every_twist = (
         None if cmd_vel_topic is None else twists(cmd_vel_topic, every_arm_rate, places)
     )
-    cmd_vel = _last_pass(every_twist, len(places))
     references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
-    told = {
-        label: None if each is None else _last_pass(each, count)
-        for label, size in TELEMETRY_SIZES.items()
-        for count in (mechanism.sizes[size],)
-        for each in (series(telemetry_topic(label), telemetry(label, count)),)
-    }
-    values = {label: None if each is None else each.values for label, each in told.items()}
-    times = {label: None if each is None else _seconds(each) for label, each in told.items()}
+    told = {}
+    for signal in TOLD:
+        count = signal.count(mechanism.sizes)
+        each = series(telemetry_topic(signal.label), telemetry(signal.label, count))
+        if each is not None:
+            told[signal.name] = _last_pass(each, count)
     return Run(
         path=path,
-        times=_seconds(states),
+        times=states.times,
         position=position,
         velocity=velocity,
         applied_effort=effort[:, base:],
-        torque=torques.values,
-        torque_times=_seconds(torques),
-        cmd_vel=cmd_vel.values,
-        cmd_vel_times=_seconds(cmd_vel),
-        arm_rates=arm_rates.values,
-        arm_rate_times=_seconds(arm_rates),
+        torque=_last_pass(efforts, len(names) - base),
+        cmd_vel=_last_pass(every_twist, len(places)),
+        arm_rates=_last_pass(every_arm_rate, len(rated)),
         reference=(
             None
             if references is None
@@ -272,14 +249,7 @@ def _run(path: Path, records: Records) -> Run:
                 len(mechanism.axes),
             )
         ),
-        tracking_error=values['tracking_error'],
-        tracking_error_times=times['tracking_error'],
-        sliding_surface=values['sliding_surface'],
-        sliding_surface_times=times['sliding_surface'],
-        parameter_estimate=values['parameter_estimate'],
-        parameter_estimate_times=times['parameter_estimate'],
-        raw_torque=values['raw_torque'],
-        raw_torque_times=times['raw_torque'],
+        telemetry=told,
         parameters=history.start,
         changes=history.changes,
         restarted=history.restarted,
@@ -390,7 +360,3 @@ def _begun(topic: Topic, states: Series) -> int:
     """Return the position in the log at which the last pass began; 0 for the only one."""
     back = np.flatnonzero(np.diff(states.stamps) < 0)
     return topic.orders[back[-1] + 1] if len(back) else 0
-
-
-def _seconds(series: Series) -> Floats:
-    return series.stamps / NANOSECONDS

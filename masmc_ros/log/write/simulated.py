@@ -26,10 +26,10 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
-from masmc_ros.messages.arm_velocity import ARM_VELOCITY
-from masmc_ros.messages.effort import EFFORT
+from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.layout import Messages
 from masmc_ros.messages.names import (
@@ -42,7 +42,6 @@ from masmc_ros.messages.names import (
     DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
     STATE_TOPIC,
-    TELEMETRY,
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
@@ -108,7 +107,8 @@ class SimulationLog:
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
         rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
-        torques = COMMAND_TOPIC, telemetry_topic('raw_torque')
+        of_torques = (telemetry_topic(signal.label) for signal in TOLD if signal.of_torques)
+        torques = COMMAND_TOPIC, *of_torques
         for name in torques if simulation.controller.commands_rates else rates:
             del types[name]
         self._channels = {
@@ -147,7 +147,7 @@ class SimulationLog:
 
     def write(self, stretch: Stretch) -> None:
         """Write all messages of consecutive ticks."""
-        ticks = np.arange(stretch.first, stretch.first + len(stretch.torque))
+        ticks = np.arange(stretch.first, stretch.first + len(stretch))
         timing = self._simulation.timing
         stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
         for change in stretch.changes:
@@ -229,13 +229,13 @@ class SimulationLog:
         decimation = self._values['controller']['telemetry_decimation']
         if not decimation:
             return
-        signals = (stretch.error, stretch.surface, stretch.estimate, stretch.raw_torque)
         chosen = (ticks % decimation == 0) & stretch.active
-        for label, signal in zip(TELEMETRY, signals, strict=True):
-            if telemetry_topic(label) not in self._channels:
-                continue
-            data = telemetry_messages(label, stamps[chosen], signal[chosen])
-            yield self._rows(telemetry_topic(label), stamps[chosen], data)
+        for signal in TOLD:
+            topic = telemetry_topic(signal.label)
+            if topic in self._channels:
+                values = getattr(stretch, signal.name)[chosen]
+                data = telemetry_messages(signal.label, stamps[chosen], values)
+                yield self._rows(topic, stamps[chosen], data)
 
     def _motion(
         self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]

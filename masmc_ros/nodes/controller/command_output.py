@@ -21,8 +21,7 @@ from typing import Any, Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
 from masmc_ros.messages.layout import all_finite
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from typing import Any
 
 from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.messages.names import telemetry_topic
 from masmc_ros.messages.telemetry import TelemetryCdr
 from rclpy.publisher import Publisher
@@ -27,19 +28,17 @@ from std_msgs.msg import Float64MultiArray
 
 
 class ControllerTelemetry:
-    """Publishes errors, sliding surface, theta_hat and the torque before its limits."""
+    """Publishes the signals of TOLD."""
 
     def __init__(
         self, controller: Controller, decimation: int, advertise: Callable[[Any, str], Publisher]
     ) -> None:
         """Create the topics by `advertise`, none where every 0th tick is to be told."""
-        vectors = {
-            'tracking_error': controller.error,
-            'sliding_surface': controller.surface,
-            'parameter_estimate': controller.used_estimate,
-        }
-        if not controller.commands_rates:
-            vectors['raw_torque'] = controller.raw_torque
+        told = (
+            (signal.label, controller.now[signal.name].reshape(-1))
+            for signal in TOLD
+            if not (signal.of_torques and controller.commands_rates)
+        )
         self._decimation = decimation
         self._topics = [
             (
@@ -47,7 +46,7 @@ class ControllerTelemetry:
                 TelemetryCdr(label, len(values)),
                 values,
             )
-            for label, values in vectors.items()
+            for label, values in told
             if decimation
         ]
 

@@ -22,9 +22,7 @@ from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.errors import InputError
-from masmc_ros.messages.arm_velocity import ArmVelocityCdr
-from masmc_ros.messages.effort import EffortCdr
-from masmc_ros.messages.labelled_command import LabelledCdr
+from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr

@@ -19,8 +19,9 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import limited
-from masmc_ros.numerics.record import Field, get, lane_count, put
+from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.tuples import column, each
 from masmc_ros.robot import mechanism

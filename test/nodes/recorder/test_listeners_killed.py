@@ -24,7 +24,7 @@ import time
 from typing import Any
 
 from forks import Forks, forks
-from masmc_ros.messages.effort import EffortCdr
+from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
 import pytest

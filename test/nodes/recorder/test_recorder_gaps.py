@@ -25,8 +25,8 @@ from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
-from masmc_ros.report.missing import missing
-from masmc_ros.report.tracking import tracking
+from masmc_ros.report.measure.missing import missing
+from masmc_ros.report.measure.tracking import tracking
 from processes import peer, processes
 import pytest
 from sensor_msgs.msg import JointState

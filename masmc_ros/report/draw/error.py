@@ -16,9 +16,17 @@
 
 from __future__ import annotations
 
-from masmc_ros.report.metrics import Metrics
-from masmc_ros.report.style import BLUE, caption, COLUMN, GREY, new_figure, time_axis, VERMILLION
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.draw.style import (
+    BLUE,
+    caption,
+    COLUMN,
+    GREY,
+    new_figure,
+    time_axis,
+    VERMILLION,
+)
+from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.tracking import Tracking
 from masmc_ros.robot.declaration import Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import math
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.parameters import run_changes
-from masmc_ros.report.settling import settling_time
-from masmc_ros.report.tracking import Tracking, tracking
+from masmc_ros.report.measure.parameters import run_changes
+from masmc_ros.report.measure.settling import settling_time
+from masmc_ros.report.measure.tracking import Tracking, tracking
 from masmc_ros.robot.declaration import Point
 from masmc_ros.robot.registry import DEFAULT
 import numpy as np
@@ -113,12 +113,13 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     """
     tracked = tracking(run) if tracked is None else tracked
     begun = run.times[0]
+    estimate = run.telemetry.get('estimate')
     return measure(
         tracked.times,
         tracked.error,
-        run.torque_times - begun,
-        run.torque,
-        run.parameter_estimate,
+        run.torque.times - begun,
+        run.torque.values,
+        None if estimate is None else estimate.values,
         window or second_half(run.times - begun),
         max((change.time for change in run_changes(run)), default=-math.inf),
         run.mechanism.points,

@@ -21,8 +21,8 @@ import csv
 import io
 import math
 
-from masmc_ros.report.metrics import Metrics, Reached
-from masmc_ros.report.settling import BAND, FLOOR
+from masmc_ros.report.measure.metrics import Metrics, Reached
+from masmc_ros.report.measure.settling import BAND, FLOOR
 from masmc_ros.robot.declaration import Point
 import numpy as np
 

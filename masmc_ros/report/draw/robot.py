@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.report.style import BLACK, GREY
+from masmc_ros.report.draw.style import BLACK, GREY
 from masmc_ros.robot.declaration import Outline
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon

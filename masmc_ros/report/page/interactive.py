@@ -16,17 +16,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import cycle, product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.parameters import Change, run_changes
-from masmc_ros.report.samples import packed_path
-from masmc_ros.report.time_plot import COLOURS, INK, Line, lines, page_layout, scatter, time_plot
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.loop.signals import EACH, Signal, TOLD
+from masmc_ros.report.measure.parameters import Change, run_changes
+from masmc_ros.report.measure.tracking import Compared, Tracking
+from masmc_ros.report.page.samples import packed_path
+from masmc_ros.report.page.time_plot import (
+    COLOURS,
+    INK,
+    Line,
+    lines,
+    page_layout,
+    scatter,
+    time_plot,
+)
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +105,6 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
     begun = run.times[0]
     axes = [axis.html for axis in run.mechanism.axes]
     drives = [joint.label for joint in run.mechanism.joints]
-    estimates = [f'{each.html} ({each.unit})' for each in run.mechanism.theta]
     plots = [Plot('path', 'Paths in the plane', _path(run, tracked), is_over_time=False)]
 
     def add(
@@ -106,44 +113,52 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         figure = time_plot(lines(names, times, values), quantity, span, changes)
         plots.append(Plot(name, title, figure))
 
+    def add_told(signals: Iterable[Signal]) -> None:
+        for signal in signals:
+            series, of = run.telemetry[signal.name], run.components(signal)
+            quantity = symbol = signal.symbol or signal.name
+            names = [f'{each.html} ({each.unit})' for each in of]
+            if signal.unit != EACH:
+                quantity = f'{symbol} ({signal.unit})'
+                names = [f'{symbol} of {each.html}' if each.html else symbol for each in of]
+            times = series.times - begun
+            add(signal.name, signal.title, quantity, names, times, series.values)
+
     if len(tracked.error):
         for point in run.mechanism.points:
             errors = tracked.error[:, point.axes] * _MILLIMETRES
             names = [f'e of {axis}' for axis in axes[point.axes]]
             title = f'Tracking error of {point.title}'
             add(f'error_{point.symbol}', title, 'error (mm)', names, tracked.times, errors)
-    if run.sliding_surface is not None and run.sliding_surface_times is not None:
-        times = run.sliding_surface_times - begun
-        names = [f's of {axis}' for axis in axes]
-        add('surface', 'Sliding surface', 's (m/s)', names, times, run.sliding_surface)
+    told = [signal for signal in TOLD if signal.title and signal.name in run.telemetry]
+    of_task = [signal for signal in told if signal.size == 'axes']
+    add_told(of_task)
     if run.commands_rates:
         plots += _rates(run, span, changes)
     if len(run.torque):
-        times = run.torque_times - begun
-        drawn = [*lines(drives, times, run.torque), *_raw_torques(run)]
+        times = run.torque.times - begun
+        drawn = [*lines(drives, times, run.torque.values), *_raw_torques(run)]
         figure = time_plot(drawn, 'torque (N·m)', span, changes)
         plots.append(Plot('torque', 'Torques commanded', figure))
     else:
         times = run.times - begun
         add('torque', 'Torques applied', 'torque (N·m)', drives, times, run.applied_effort)
-    if run.parameter_estimate is not None and run.parameter_estimate_times is not None:
-        times = run.parameter_estimate_times - begun
-        title = 'Estimates of the base inertial parameters'
-        add('estimate', title, 'estimate', estimates, times, run.parameter_estimate)
+    add_told(signal for signal in told if signal not in of_task)
     return plots
 
 
 def _raw_torques(run: Run) -> list[Line]:
     """Return what the law asked for, of the joints where limits cut some of it."""
-    if run.raw_torque is None or run.raw_torque_times is None:
+    raw = run.telemetry.get('raw_torque')
+    if raw is None:
         return []
-    _, sent, asked = np.intersect1d(run.torque_times, run.raw_torque_times, return_indices=True)
-    is_cut = (run.torque[sent] != run.raw_torque[asked]).any(axis=0)
-    times = run.raw_torque_times - run.times[0]
+    _, sent, asked = np.intersect1d(run.torque.times, raw.times, return_indices=True)
+    is_cut = (run.torque.values[sent] != raw.values[asked]).any(axis=0)
+    times = raw.times - run.times[0]
     names = [f'{joint.label}, asked for' for joint in run.mechanism.joints]
     return [
         line._replace(dash='dot')
-        for line, cut in zip(lines(names, times, run.raw_torque), is_cut, strict=True)
+        for line, cut in zip(lines(names, times, raw.values), is_cut, strict=True)
         if cut
     ]
 
@@ -151,13 +166,13 @@ def _raw_torques(run: Run) -> list[Line]:
 def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:
     """Return what was commanded where no torques were: a speed, and rates, each of its times."""
     begun = run.times[0]
-    base, own = run.cmd_vel_times - begun, run.arm_rate_times - begun
+    base, own = run.cmd_vel.times - begun, run.arm_rates.times - begun
     twist = run.mechanism.twist
     drawn = [
-        *zip(twist, [base] * len(twist), run.cmd_vel.T, strict=True),
+        *zip(twist, [base] * len(twist), run.cmd_vel.values.T, strict=True),
         *(
             (Velocity(joint.label, 'rad/s', 0), own, values)
-            for joint, values in zip(run.mechanism.own_rates, run.arm_rates.T, strict=True)
+            for joint, values in zip(run.mechanism.own_rates, run.arm_rates.values.T, strict=True)
         ),
     ]
     speeds: list[Line] = []

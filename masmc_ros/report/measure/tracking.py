@@ -17,9 +17,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.parameters import run_robot
+from masmc_ros.report.measure.parameters import run_robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,6 +51,14 @@ class Tracking:
     desired: Floats | None
 
 
+class Compared(NamedTuple):
+    """One run of a comparison."""
+
+    label: str
+    run: Run
+    tracked: Tracking
+
+
 def tracking(run: Run) -> Tracking:
     """
     Return the tracking of a run.
@@ -62,8 +71,9 @@ def tracking(run: Run) -> Tracking:
     actual = None if robot is None else robot.task_positions(run.position)
     axes = len(run.mechanism.axes)
     desired = None if run.reference is None else run.reference[:, :axes]
-    if run.tracking_error is not None and run.tracking_error_times is not None:
-        times, error = run.tracking_error_times, run.tracking_error
+    told = run.telemetry.get('error')
+    if told is not None:
+        times, error = told.times, told.values
     elif actual is not None and desired is not None:
         known = np.isfinite(desired).all(axis=1)
         times, error = run.times[known], (actual - desired)[known]

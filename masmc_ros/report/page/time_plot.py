@@ -21,8 +21,8 @@ from html import escape
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from masmc_ros.report.parameters import Change, change_texts
-from masmc_ros.report.samples import packed_signal
+from masmc_ros.report.measure.parameters import Change, change_texts
+from masmc_ros.report.page.samples import packed_signal
 import numpy as np
 from numpy.typing import NDArray
 import plotly.graph_objects as go

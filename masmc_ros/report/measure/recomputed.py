@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.stretch import Stretch
 from masmc_ros.loop.timing import Timing
@@ -30,9 +31,8 @@ class Recomputed:
     def __init__(self, run: Run) -> None:
         """Take the logged run."""
         self._run = run
-        self._states = _stamps(run.times)
-        self._torques = _stamps(run.torque_times)
-        self._twists, self._arm_rates = _stamps(run.cmd_vel_times), _stamps(run.arm_rate_times)
+        stamps = np.rint(run.times * NANOSECONDS).astype(np.int64)
+        self._states = Series(stamps, np.hstack([run.position, run.velocity, run.applied_effort]))
         self._same = {'states': 0, 'commands': 0}
         self._first: tuple[int, str] | None = None
 
@@ -40,25 +40,23 @@ class Recomputed:
         """Compare consecutive ticks; to be called for all of them in turn."""
         first = stretch.first
         stamps = np.array(
-            [timing.stamp(tick) for tick in range(first, first + len(stretch.torque))], np.int64
+            [timing.stamp(tick) for tick in range(first, first + len(stretch))], np.int64
         )
         run = self._run
-        logged = np.hstack([run.position, run.velocity, run.applied_effort])
         computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
-        self._compare('states', self._states, logged, stamps, computed)
-        if len(stretch.rates):
+        self._compare('states', self._states, stamps, computed)
+        if stretch.commands_rates:
             base, own = np.hsplit(stretch.rates, [len(run.mechanism.twist)])
-            self._compare('commands', self._twists, run.cmd_vel, stamps, base)
-            self._compare('commands', self._arm_rates, run.arm_rates, stamps, own)
+            self._compare('commands', run.cmd_vel, stamps, base)
+            self._compare('commands', run.arm_rates, stamps, own)
         else:
-            self._compare('commands', self._torques, run.torque, stamps, stretch.torque)
+            self._compare('commands', run.torque, stamps, stretch.torque)
 
     def verdict(self, *, set_anew: bool) -> str:
         """Return one line on what was found; `set_anew` where other parameters were set."""
         states, commands = self._same['states'], self._same['commands']
-        sent = len(self._torques)
-        if self._run.commands_rates:
-            sent = len(self._twists) + len(self._arm_rates)
+        run = self._run
+        sent = len(run.cmd_vel) + len(run.arm_rates) if run.commands_rates else len(run.torque)
         total = f'{len(self._states)} states and {sent} commands'
         if states == len(self._states) and commands == sent:
             return f'computed again: all {total} of {self._run.path} are the same bits'
@@ -75,22 +73,17 @@ class Recomputed:
     def _compare(
         self,
         what: str,
-        logged_stamps: NDArray[np.int64],
-        logged: NDArray[np.float64],
+        logged: Series,
         stamps: NDArray[np.int64],
         computed: NDArray[np.float64],
     ) -> None:
-        _, mine, theirs = np.intersect1d(stamps, logged_stamps, return_indices=True)
+        _, mine, theirs = np.intersect1d(stamps, logged.stamps, return_indices=True)
         same = (
             np.ascontiguousarray(computed[mine]).view(np.int64)
-            == np.ascontiguousarray(logged[theirs]).view(np.int64)
+            == np.ascontiguousarray(logged.values[theirs]).view(np.int64)
         ).all(axis=1)
         self._same[what] += int(same.sum())
         if not same.all():
             stamp = int(stamps[mine[np.argmin(same)]])
             if self._first is None or stamp < self._first[0]:
                 self._first = stamp, what
-
-
-def _stamps(times: NDArray[np.float64]) -> NDArray[np.int64]:
-    return np.rint(times * NANOSECONDS).astype(np.int64)

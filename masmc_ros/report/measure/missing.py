@@ -20,6 +20,7 @@ from collections.abc import Iterator
 
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.signals import TOLD
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
@@ -29,8 +30,8 @@ from masmc_ros.messages.names import (
     STATE_TOPIC,
     telemetry_topic,
 )
-from masmc_ros.report.parameters import run_robot
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.measure.parameters import run_robot
+from masmc_ros.report.measure.tracking import Tracking
 import numpy as np
 
 
@@ -43,9 +44,11 @@ def unread(run: Run) -> list[str]:
     """Return a sentence about topics that were renamed, where the log lacks some of a run's."""
     found = {
         REFERENCE_TOPIC: run.reference is not None,
-        telemetry_topic('tracking_error'): run.tracking_error is not None,
-        telemetry_topic('sliding_surface'): run.sliding_surface is not None,
-        telemetry_topic('parameter_estimate'): run.parameter_estimate is not None,
+        **{
+            telemetry_topic(signal.label): signal.name in run.telemetry
+            for signal in TOLD
+            if not signal.of_torques
+        },
     }
     if not len(run.torque):
         found[CMD_VEL_TOPIC] = bool(len(run.cmd_vel))
@@ -71,14 +74,13 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     if gaps.count:
         yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
     points = ' and '.join(point.symbol for point in run.mechanism.points)
-    has_own_error = run.tracking_error is not None
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'
     elif run_robot(run) is None:
         yield f'No parameters of the robot: {points} cannot be computed from the joints.'
     if run.reference is None:
         yield f'No {REFERENCE_TOPIC}: where the robot should be, only its errors can tell.'
-    if not has_own_error and len(tracked.error):
+    if 'error' not in run.telemetry and len(tracked.error):
         yield (
             f'No {telemetry_topic("tracking_error")}: the errors are computed from the states and'
             ' the reference.'
@@ -96,7 +98,6 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
                 yield f'No {topic}.'
     elif not len(run.torque):
         yield f'No {COMMAND_TOPIC}: the torques are those that the robot says were applied.'
-    if run.sliding_surface is None:
-        yield f'No {telemetry_topic("sliding_surface")}.'
-    if run.parameter_estimate is None:
-        yield f'No {telemetry_topic("parameter_estimate")}.'
+    for signal in TOLD:
+        if signal.title and signal.name not in run.telemetry:
+            yield f'No {telemetry_topic(signal.label)}.'

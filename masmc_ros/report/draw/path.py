@@ -17,9 +17,8 @@
 from __future__ import annotations
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.report.parameters import run_robot
-from masmc_ros.report.robot_drawing import draw_robot
-from masmc_ros.report.style import (
+from masmc_ros.report.draw.robot import draw_robot
+from masmc_ros.report.draw.style import (
     BLACK,
     BLUE,
     caption,
@@ -30,7 +29,8 @@ from masmc_ros.report.style import (
     PURPLE,
     VERMILLION,
 )
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.measure.parameters import run_robot
+from masmc_ros.report.measure.tracking import Tracking
 from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A command for some joints: numbers, labelled with the stamp of the state that they answer.
+Commands for joints, torques or rates: numbers, with the stamp of the state that they answer.
 
 A void command answers a state and commands nothing. It is laid out like any other: as many
 zeros, which whoever looks no further takes for the command, before a `data_offset` that says
@@ -36,6 +36,7 @@ from masmc_ros.messages.layout import (
     NANOSECONDS,
 )
 from masmc_ros.messages.multi_array import labelled_layout
+from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -318,3 +319,26 @@ class LabelledCdr:
             self.stamp_ns = None
         else:
             self.set_stamp(stamp_ns)
+
+
+EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
+"""Torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
+
+ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', RATED_JOINTS)
+"""Rates in rad/s, labelled `velocity@SECONDS.NANOSECONDS`; the base's come beside, as a twist."""
+
+
+class EffortCdr(LabelledCdr):
+    """Torques of the driven joints in N m, in `data`."""
+
+    def __init__(self, joints: Sequence[str] = DRIVEN_JOINTS) -> None:
+        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        super().__init__(EFFORT.named(joints))
+
+
+class ArmVelocityCdr(LabelledCdr):
+    """Rates of the joints that the base does not move by, in rad/s, in `data`."""
+
+    def __init__(self, joints: Sequence[str] = RATED_JOINTS) -> None:
+        """Make a command of zeros, for joints of these names, that answers the state of time 0."""
+        super().__init__(ARM_VELOCITY.named(joints))

@@ -21,10 +21,9 @@ from functools import partial
 import math
 from typing import Any, NamedTuple
 
-from masmc_ros.log.read.reader import Run
-from masmc_ros.report.metrics import total_variation
-from masmc_ros.report.style import line_styles, new_figure, PAGE, plain, time_axis
-from masmc_ros.report.tracking import Tracking
+from masmc_ros.report.draw.style import line_styles, new_figure, PAGE, plain, time_axis
+from masmc_ros.report.measure.metrics import total_variation
+from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.robot.declaration import Group, Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -43,14 +42,6 @@ _LINE = 8
 _MILLIMETRES = 1.0e3
 _LOWEST = 2.0
 """Percentile of the values at which a logarithmic axis begins: zero crossings go below."""
-
-
-class Compared(NamedTuple):
-    """One run of a comparison."""
-
-    label: str
-    run: Run
-    tracked: Tracking
 
 
 class _Panel(NamedTuple):
@@ -82,7 +73,7 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
     ]
     styles = dict(enumerate(line_styles(len(compared))))
     # What chatters covers everything, so that it goes to the back.
-    order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque))
+    order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque.values))
     for depth, i in enumerate(order):
         style = {**styles[i], 'zorder': 2.0 + depth / len(order)}
         for axes, panel in zip(drawn, panels, strict=True):
@@ -136,16 +127,16 @@ def _torques(group: Group, each: Compared) -> tuple[Floats, Floats] | None:
     run = each.run
     if group not in run.mechanism.groups:
         return None
-    return run.torque_times - run.times[0], run.torque[:, group.joints]
+    return run.torque.times - run.times[0], run.torque.values[:, group.joints]
 
 
 def _base(places: tuple[int, ...], each: Compared) -> tuple[Floats, Floats]:
     run = each.run
-    return run.cmd_vel_times - run.times[0], run.cmd_vel[:, list(places)]
+    return run.cmd_vel.times - run.times[0], run.cmd_vel.values[:, list(places)]
 
 
 def _own_rates(each: Compared) -> tuple[Floats, Floats]:
-    return each.run.arm_rate_times - each.run.times[0], each.run.arm_rates
+    return each.run.arm_rates.times - each.run.times[0], each.run.arm_rates.values
 
 
 def _draw(axes: Axes, times: Floats, vectors: Floats, style: dict[str, Any]) -> None:

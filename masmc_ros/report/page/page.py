@@ -23,16 +23,16 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from masmc_ros import __version__
-from masmc_ros.report.comparison_figure import Compared
-from masmc_ros.report.interactive import comparison_plots, Plot, run_plots, span_of
-from masmc_ros.report.metrics import Metrics
-from masmc_ros.report.missing import missing
-from masmc_ros.report.parameters import change_texts, run_changes, value_text
-from masmc_ros.report.settling import BAND, FLOOR
-from masmc_ros.report.table import cells, heads, points_of
+from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.missing import missing
+from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
+from masmc_ros.report.measure.settling import BAND, FLOOR
+from masmc_ros.report.measure.table import cells, heads, points_of
+from masmc_ros.report.measure.tracking import Compared
+from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
 from plotly.offline import get_plotlyjs
 
-_SOURCES = Path(__file__).with_name('page')
+_SOURCES = Path(__file__).parent
 _SCRIPTS = ('lines.js', 'page.js')
 _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 

@@ -1,0 +1,44 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is declared of a field of a record; the records themselves are in `record.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+ONE = ''
+"""Size of a field that is one number."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A declared field of a record."""
+
+    name: str
+    size: str | int = ONE
+    """Name of the number of components, or that number; ONE for a single number."""
+    description: str = ''
+    unit: str = ''
+    kind: str = 'f8'
+    """NumPy's code of the type of a component: f8 or i8."""
+    initial: float = 0.0
+    """Value of every component in a new record."""
+
+    def count(self, sizes: Mapping[str, int]) -> int:
+        """Return the number of components, by the numbers that sizes stand for."""
+        if isinstance(self.size, int):
+            return self.size
+        return 1 if self.size == ONE else sizes[self.size]
