@@ -23,6 +23,7 @@ disk yet, once on a machine, a process beside the node makes it, at the lowest p
 from __future__ import annotations
 
 from contextlib import suppress
+import json
 import os
 from pathlib import Path
 import subprocess
@@ -35,7 +36,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, settle
 from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import load as load_mechanism
+from masmc_ros.robot.registry import chosen
 
 
 def laws() -> tuple[Law, ...]:
@@ -68,20 +69,23 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     if mark(mechanism).exists():
         load(mechanism)
         return None
-    return subprocess.Popen(
-        [sys.executable, '-m', __name__, mechanism.name],
-        stdin=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+    process = subprocess.Popen(
+        [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):
+        process.stdin.write(json.dumps(mechanism.choice).encode() + b'\n')
+        process.stdin.flush()
+    return process
 
 
-def main(name: str) -> None:
-    """Make the kernels of a mechanism, by its name, unless another process is about it."""
+def main() -> None:
+    """Make the kernels of the mechanism in the first line of the input, unless another does."""
+    mechanism = chosen(json.loads(sys.stdin.readline()))
     # Standard input is the node that asked: it is closed when that ends, however it does.
     Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, 'nice'):
         os.nice(19)
-    mechanism = load_mechanism(name)
     done = mark(mechanism)
     at_work = done.with_suffix('.lock')
     with at_work.open('w') as file:
@@ -108,4 +112,4 @@ def _end_with_parent() -> None:
 
 
 if __name__ == '__main__':
-    main(sys.argv[1])
+    main()

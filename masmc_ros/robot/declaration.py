@@ -205,6 +205,11 @@ class Mechanism:
     singular: str = 'its task cannot be inverted'
     is_planar: bool = False
 
+    @property
+    def choice(self) -> dict[str, Any]:
+        """Values of parameters by which it is chosen, also in another process."""
+        return {'robot.mechanism': self.name}
+
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Numbers of components, by the names of sizes that records have."""

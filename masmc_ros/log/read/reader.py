@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,17 +44,19 @@ from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
     JOINTS,
     REFERENCE_TOPIC,
     STATE_TOPIC,
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.numerics.field import ONE
 from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
-from masmc_ros.robot.registry import DEFAULT, load
+from masmc_ros.robot.registry import chosen, DEFAULT, load, URDF
 from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
 from numpy.typing import NDArray
@@ -216,6 +219,7 @@ def _run(path: Path, records: Records) -> Run:
     if odometry is not None:
         states = with_platform_pose(states, odometry)
     history = parameter_history(records, namespace, _begun(states_topic, every_state))
+    _describe(history.start, records, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
     every_arm_rate = series(ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY.named(rated)))
@@ -265,15 +269,32 @@ def _run(path: Path, records: Records) -> Run:
 def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]]:
     """Return the kind of robot and its joints, as the plant or else the controller was told."""
     start = parameter_history(records, namespace, 0).start
+    _describe(start, records, namespace)
     told = [start.get(node, {}) for node in ('plant', 'controller')]
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
-    mechanism = load(next(kinds, DEFAULT.name))
+    trees = (values for values in told if values.get(URDF))
+    tree = next(trees, None)
+    mechanism = load(next(kinds, DEFAULT.name)) if tree is None else chosen(tree)
     for values in told:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:
             checked: Any = joint_names_parameter(mechanism).check(names)
             return mechanism, joint_names_of(mechanism, checked)
     return mechanism, joint_names_of(mechanism)
+
+
+def _describe(
+    start: Mapping[str, dict[str, Any]], records: Records, namespace: str
+) -> None:
+    """Put the description that was published in place of the name of its file."""
+    topic = records.topics.get(namespace + DESCRIPTION_TOPIC)
+    # With a prefix before its frames it is no longer what the parameters speak of.
+    if topic is None or not topic.messages or start.get('plant', {}).get('frame_prefix'):
+        return
+    for values in start.values():
+        if values.get(URDF):
+            with suppress(InputError):
+                values[URDF] = text_of(topic.messages[0])
 
 
 def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:

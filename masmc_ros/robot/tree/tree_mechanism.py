@@ -37,6 +37,7 @@ from masmc_ros.robot.declaration import (
     Shape,
     Velocity,
 )
+from masmc_ros.robot.registry import URDF
 from masmc_ros.robot.tree import formulas as kernels
 from masmc_ros.robot.tree.assembly import BASES, Frame, tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import Placement, world_poses
@@ -52,7 +53,6 @@ Array = NDArray[np.float64]
 NAME = 'tree'
 """As `robot.mechanism` has it."""
 
-URDF = 'robot.urdf'
 
 PARAMETERS = (
     Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
@@ -155,6 +155,18 @@ class TreeMechanism(Mechanism):
     """The URDF."""
     tip: str
     """Link that has the task."""
+    made_of: Mapping[str, Any]
+    """Values of the parameters that describe it."""
+
+    @property
+    def choice(self) -> dict[str, Any]:
+        """Values of parameters by which it is chosen, also in another process."""
+        return dict(self.made_of)
+
+    @cached_property
+    def tag(self) -> str:
+        """Return what keeps machine code apart, which depends on numbers of components alone."""
+        return f'{self.name} {len(self.twist)} {len(self.joints)} {len(self.theta)}'
 
     @cached_property
     def formulas(self) -> Any:
@@ -422,6 +434,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         description=description,
         text=text,
         tip=tip,
+        made_of={URDF: urdf, **{p.name: value for p, value in zip(PARAMETERS, own, strict=True)}},
     )
     register(mechanism)
     return mechanism
