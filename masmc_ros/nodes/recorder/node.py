@@ -28,11 +28,12 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.errors import InputError
+from masmc_ros.log.chunks import Message
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.gaps import MISSING
 from masmc_ros.log.recover.recover import recover_all
 from masmc_ros.log.write.provenance import write_origin, write_parameters
-from masmc_ros.log.write.recording import clear_recording, Message, Options, Recording
+from masmc_ros.log.write.recording import clear_recording, Options, Recording
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
