@@ -60,7 +60,7 @@ from masmc_ros.messages.topics import (
     TRANSFORMS,
     transforms_topic,
 )
-from masmc_ros.messages.transforms import first_frames, has_names, is_of_robot
+from masmc_ros.messages.transforms import first_frames, first_names, is_of_robot
 from masmc_ros.nodes.middleware.exchange import hears_logs
 from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
@@ -146,6 +146,7 @@ class RecorderNode(SuiteNode):
         self._parameters: dict[str, Any] = {}
         self._heard_of: set[str] = set()
         self._frame_prefix: str = self.values['frame_prefix']
+        self._own_names = first_names(self._frame_prefix)
         self._description: str | None = None
         self._changes: list[ParameterRecord] = []
         self._told_trouble: str | None = None
@@ -311,7 +312,7 @@ class RecorderNode(SuiteNode):
         is_shared, counts = topic == TRANSFORMS.name, self.counts
 
         def take(raw: Any) -> None:
-            if is_shared and not self._is_own(raw):
+            if is_shared and not (raw.startswith(*self._own_names) or self._is_own(raw)):
                 return
             self._last_arrival = time.monotonic()
             counts[resolved] += 1
@@ -378,8 +379,6 @@ class RecorderNode(SuiteNode):
 
     def _is_own(self, raw: bytes) -> bool:
         """Tell whether transforms on /tf, which robots share, are of this one."""
-        if has_names(raw, self._frame_prefix):
-            return True
         is_own = is_of_robot(raw, self._frame_prefix)
         if not is_own:
             parent, child = first_frames(raw)
@@ -421,6 +420,7 @@ class RecorderNode(SuiteNode):
                 f'is recorded is {topics[1]}; give the recorder the same frame_prefix'
             )
         self._frame_prefix = prefix
+        self._own_names = first_names(prefix)
 
     def _release_early(self, stamp: int) -> None:
         """Write what came before the first state, with its stamp."""
