@@ -29,6 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 import zstandard
 
+Message = tuple[int, int, bytes]
+"""Number of a channel, log and publish time in ns, and the message."""
+
 Indexes = dict[int, 'array[int]']
 """By channel, for each of its messages in a chunk: log time in ns, place in the chunk."""
 
@@ -74,9 +77,9 @@ class ChannelRows(NamedTuple):
     rows: NDArray[np.generic]
 
 
-class MergedRecords:
+class MessageRecords(NamedTuple):
     """
-    The records of messages of several channels, in the order of their times.
+    The records of messages as they stand in a chunk.
 
     Attributes
     ----------
@@ -93,40 +96,75 @@ class MergedRecords:
 
     """
 
-    def __init__(self, sources: Sequence[ChannelRows]) -> None:
-        """Lay out the records of sources that all have some; of one time in their order."""
-        sizes = np.array([_HEAD.itemsize + each.rows.nbytes // len(each.rows) for each in sources])
-        owners = np.repeat(np.arange(len(sources)), [len(each.times) for each in sources])
-        times = np.concatenate([source.times for source in sources])
-        order = np.argsort(times, kind='stable')
-        owners = owners[order]
-        self.times = times[order].astype(np.uint64)
-        self.channels = np.array([source.channel for source in sources])[owners]
-        self.ends = np.cumsum(sizes[owners])
-        self.starts = np.append(0, self.ends[:-1])
-        self.content = np.empty(self.ends[-1], np.uint8)
-        for number, source in enumerate(sources):
-            self._lay_out(source, self.starts[owners == number])
+    content: NDArray[np.uint8]
+    starts: NDArray[np.intp]
+    ends: NDArray[np.intp]
+    channels: NDArray[np.intp]
+    times: NDArray[np.int64]
 
-    def _lay_out(self, source: ChannelRows, starts: NDArray[np.intp]) -> None:
-        count = len(source.rows)
-        rows = np.ascontiguousarray(source.rows).view(np.uint8)
-        rows = rows.reshape(count, source.rows.nbytes // count)
-        head = np.zeros(count, _HEAD)
-        head['opcode'] = Opcode.MESSAGE
-        head['length'] = MESSAGE_HEAD.size + rows.shape[1]
-        head['channel'] = source.channel
-        head['log_time'] = head['publish_time'] = source.times
-        records = np.hstack((head.view(np.uint8).reshape(count, -1), rows))
-        # A record may begin at every byte of the content: each is copied there as a whole.
-        size = records.shape[1]
-        record = np.dtype((np.void, size))
-        places = np.ndarray(len(self.content) - size + 1, record, self.content, strides=(1,))
-        places[starts] = records.view(record)[:, 0]
 
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self.starts)
+def merged_records(sources: Sequence[ChannelRows]) -> MessageRecords:
+    """
+    Return the records of messages of several channels, in the order of their times.
+
+    Each source has some; those of one time are in the order of `sources`.
+    """
+    sizes = np.array([_HEAD.itemsize + each.rows.nbytes // len(each.rows) for each in sources])
+    owners = np.repeat(np.arange(len(sources)), [len(each.times) for each in sources])
+    times = np.concatenate([source.times for source in sources])
+    order = np.argsort(times, kind='stable')
+    owners = owners[order]
+    channels = np.array([source.channel for source in sources])[owners]
+    ends = np.cumsum(sizes[owners])
+    starts = np.append(0, ends[:-1])
+    content = np.empty(ends[-1], np.uint8)
+    for number, source in enumerate(sources):
+        _lay_out(source, content, starts[owners == number])
+    return MessageRecords(content, starts, ends, channels, times[order])
+
+
+def arrived_records(messages: Sequence[Message]) -> MessageRecords:
+    """
+    Return the records of messages of any sizes, of which there are some, in their order.
+
+    Raises OverflowError for a time that is no int64.
+    """
+    numbers, stamps, datas = zip(*messages, strict=True)
+    channels, times = np.array(numbers), np.array(stamps, np.int64)
+    sizes = np.array(list(map(len, datas)))
+    ends = np.cumsum(_HEAD.itemsize + sizes)
+    parts = [b''] * (2 * len(datas))
+    parts[::2] = _heads(channels, times, sizes).view(f'V{_HEAD.itemsize}').tolist()
+    parts[1::2] = datas
+    content = np.frombuffer(b''.join(parts), np.uint8)
+    return MessageRecords(content, np.append(0, ends[:-1]), ends, channels, times)
+
+
+def _heads(
+    channels: NDArray[np.intp] | int, times: NDArray[np.int64], sizes: NDArray[np.intp] | int
+) -> NDArray[np.void]:
+    """Return what stands before messages of such sizes in bytes, at times (N) in ns."""
+    heads = np.zeros(len(times), _HEAD)
+    heads['opcode'] = Opcode.MESSAGE
+    heads['length'] = MESSAGE_HEAD.size + sizes
+    heads['channel'] = channels
+    heads['log_time'] = heads['publish_time'] = times
+    return heads
+
+
+def _lay_out(
+    source: ChannelRows, content: NDArray[np.uint8], starts: NDArray[np.intp]
+) -> None:
+    count = len(source.rows)
+    rows = np.ascontiguousarray(source.rows).view(np.uint8)
+    rows = rows.reshape(count, source.rows.nbytes // count)
+    heads = _heads(source.channel, source.times, rows.shape[1])
+    records = np.hstack((heads.view(np.uint8).reshape(count, -1), rows))
+    # A record may begin at every byte of the content: each is copied there as a whole.
+    size = records.shape[1]
+    record = np.dtype((np.void, size))
+    places = np.ndarray(len(content) - size + 1, record, content, strides=(1,))
+    places[starts] = records.view(record)[:, 0]
 
 
 class OpenChunk:
@@ -166,16 +204,18 @@ class OpenChunk:
         )
         self.size += RECORD_HEAD.size + length
 
-    def add_merged(self, merged: MergedRecords, first: int, limit: int) -> int:
+    def add_messages(self, messages: MessageRecords, first: int, stop: int, limit: int) -> int:
         """
         Add messages until there are more than `limit` bytes, or no more.
 
         Parameters
         ----------
-        merged
-            the messages.
+        messages
+            of which to add some.
         first
             the first to add.
+        stop
+            the first not to add in any case.
         limit
             in bytes.
 
@@ -184,18 +224,18 @@ class OpenChunk:
             the first that was not added.
 
         """
-        start = merged.starts[first]
-        full = int(np.searchsorted(merged.ends, start + limit - self.size, side='right'))
-        part = slice(first, min(max(first, full) + 1, len(merged)))
+        start = messages.starts[first]
+        full = int(np.searchsorted(messages.ends, start + limit - self.size, side='right'))
+        part = slice(first, min(max(first, full) + 1, stop))
         entries = np.empty((part.stop - first, 2), '<u8')
-        entries[:, 0] = merged.times[part]
-        entries[:, 1] = merged.starts[part] - start + self.size
-        channels = merged.channels[part]
+        entries[:, 0] = messages.times[part]
+        entries[:, 1] = messages.starts[part] - start + self.size
+        channels = messages.channels[part]
         numbers, firsts = np.unique(channels, return_index=True)
         for channel in numbers[np.argsort(firsts)].tolist():
             index = self.indexes.setdefault(channel, array('Q'))
             index.frombytes(entries[channels == channel].tobytes())
-        self.add_record(merged.content[start:merged.ends[part.stop - 1]].tobytes())
+        self.add_record(messages.content[start:messages.ends[part.stop - 1]].tobytes())
         return part.stop
 
     def content(self) -> bytes:

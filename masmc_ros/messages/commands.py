@@ -23,7 +23,9 @@ that all of them are padding.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 import re
+from struct import Struct
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
@@ -67,6 +69,23 @@ class CommandMessages(NamedTuple):
     messages: Messages
 
 
+class _Form:
+    """A command as it is sent, cut into what is the same in all and what varies."""
+
+    def __init__(self, layout: Layout, joints: int) -> None:
+        self.layout = layout
+        characters, data = layout.places['characters'], layout.places['data']
+        cuts = (0, characters.start, characters.stop, data.start, data.stop)
+        sizes = (stop - start for start, stop in pairwise(cuts))
+        self.parts = Struct(''.join(f'{size}s' for size in sizes))
+        """Before the digits, these, after them, the numbers."""
+        usual, void = (
+            self.parts.unpack(message) for message in layout.messages(data_offset=[0, joints])
+        )
+        self.before, self.after = usual[0], (usual[2], void[2])
+        """What is before the digits; what is after them, and where the command is void."""
+
+
 class CommandKind:
     """
     What commands of one topic are, and the layouts that they come in.
@@ -89,9 +108,8 @@ class CommandKind:
         self.what, self.quantity, self.prefix = what, quantity, prefix
         self.joints = tuple(joints)
         self._label = re.compile(re.escape(prefix) + r'(\d+)\.(\d{1,9})', re.ASCII)
-        self._layouts: dict[int, Layout] = {}
-        self._templates: dict[tuple[int, bool], tuple[bytes, bytes]] = {}
-        self._by_size: dict[bytes, Layout | None] = {}
+        self._forms: dict[int, _Form] = {}
+        self._by_size: dict[bytes, _Form] = {}
 
     def named(self, joints: Sequence[str]) -> CommandKind:
         """Return the same kind for joints of other names."""
@@ -99,24 +117,14 @@ class CommandKind:
             return self
         return CommandKind(self.what, self.quantity, self.prefix, joints)
 
-    def layout(self, digits: int) -> Layout:
-        """Return the layout of a command with `digits` characters after the prefix."""
-        layout = self._layouts.get(digits)
-        if layout is None:
-            layout = labelled_layout(self.prefix, digits, len(self.joints))
-            self._layouts[digits] = layout
-        return layout
-
-    def template(self, digits: int, *, is_void: bool) -> tuple[bytes, bytes]:
-        """Return what comes before and after the digits, the numbers left out."""
-        template = self._templates.get((digits, is_void))
-        if template is None:
-            layout = self.layout(digits)
-            characters, data = layout.places['characters'], layout.places['data']
-            message = layout.messages(data_offset=[len(self.joints) * is_void]).tobytes()
-            template = message[: characters.start], message[characters.stop:data.start]
-            self._templates[digits, is_void] = template
-        return template
+    def form(self, digits: int) -> _Form:
+        """Return the form of a command with `digits` characters after the prefix."""
+        form = self._forms.get(digits)
+        if form is None:
+            joints = len(self.joints)
+            form = _Form(labelled_layout(self.prefix, digits, joints), joints)
+            self._forms[digits] = form
+        return form
 
     def messages(
         self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
@@ -146,7 +154,7 @@ class CommandKind:
                 np.full((len(indices), 1), ord('.'), np.uint8),
                 _digits(nanoseconds[indices], NANOSECOND_DIGITS),
             )
-            messages = self.layout(length + 1 + NANOSECOND_DIGITS).messages(
+            messages = self.form(length + 1 + NANOSECOND_DIGITS).layout.messages(
                 characters=np.hstack(label),
                 data_offset=voids[indices] * len(self.joints),
                 data=numbers[indices],
@@ -154,9 +162,9 @@ class CommandKind:
             groups.append(CommandMessages(indices, messages))
         return groups
 
-    def layout_of_label(self, size: bytes) -> Layout | None:
+    def form_of_label(self, size: bytes) -> _Form | None:
         """
-        Return the layout that a label of this size goes with, None where no stamp fits it.
+        Return the form that a label of this size goes with, None where no stamp fits it.
 
         Parameters
         ----------
@@ -164,12 +172,13 @@ class CommandKind:
             as it stands in the message, at `LABEL_SIZE`.
 
         """
-        if size not in self._by_size:
+        form = self._by_size.get(size)
+        if form is None:
             digits = int.from_bytes(size, 'little') - len(self.prefix) - 1
             if digits not in _STAMP_LENGTHS:
                 return None
-            self._by_size[size] = self.layout(digits)
-        return self._by_size[size]
+            form = self._by_size[size] = self.form(digits)
+        return form
 
     def label_stamp(self, message: Any) -> int | None:
         """
@@ -236,8 +245,8 @@ class LabelledCdr:
 
     def to_bytes(self) -> bytes:
         """Return the message as it is sent, with the label set last."""
-        before, after = self.kind.template(len(self._digits), is_void=self.is_void)
-        return b''.join((before, self._digits, after, self._numbers))
+        form = self.kind.form(len(self._digits))
+        return b''.join((form.before, self._digits, form.after[self.is_void], self._numbers))
 
     def is_finite(self) -> bool:
         """Tell whether every number is finite."""
@@ -263,22 +272,26 @@ class LabelledCdr:
             for a stamp that is no time; nothing is changed then.
 
         """
-        layout = self.kind.layout_of_label(raw[LABEL_SIZE])
-        if layout is None or not layout.matches(raw):
+        form = self.kind.form_of_label(raw[LABEL_SIZE])
+        if form is None or len(raw) != form.parts.size:
             return False
-        places = layout.places
-        digits = raw[places['characters']]
+        before, digits, after, numbers = form.parts.unpack(raw)
+        if before != form.before or after not in form.after:
+            # A foreign sender's, unless only what it aligns with differs.
+            if not form.layout.matches(raw):
+                return False
+            offset = int.from_bytes(raw[form.layout.places['data_offset']], 'little')
+            if offset not in (0, len(self.data)):
+                return False
+            after = form.after[offset > 0]
         seconds, _, nanoseconds = digits.partition(b'.')
         if not (
             seconds.isdigit() and nanoseconds.isdigit() and len(nanoseconds) <= NANOSECOND_DIGITS
         ):
             return False
         stamp_ns = checked_stamp(int(seconds) * NANOSECONDS + int(nanoseconds))
-        data_offset = int.from_bytes(raw[places['data_offset']], 'little')
-        if data_offset not in (0, len(self.data)):
-            return False
-        self.is_void = data_offset > 0
-        self._numbers[:] = raw[places['data']]
+        self.is_void = after == form.after[True]
+        self._numbers[:] = numbers
         self._digits = digits
         self.stamp_ns = stamp_ns
         return True

@@ -96,10 +96,10 @@ def _command_reader(kind: CommandKind) -> StampReader:
         return LabelledCdr(kind.named(kind.joints[:1] * joints))
 
     def read(raw: bytes) -> int | None:
-        layout = one.layout_of_label(raw[LABEL_SIZE])
-        if layout is None:
+        form = one.form_of_label(raw[LABEL_SIZE])
+        if form is None:
             return None
-        message = command(max(1, 1 + (len(raw) - layout.size) // _NUMBER))
+        message = command(max(1, 1 + (len(raw) - form.parts.size) // _NUMBER))
         return message.stamp_ns if message.load(raw) else None
 
     return read

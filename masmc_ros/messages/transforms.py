@@ -97,18 +97,16 @@ class TransformsCdr(Message):
         """Make transforms of zeros at time 0, of these frames: parent and child of each."""
         layout = transforms_layout(frame_prefix, frames)
         super().__init__(layout)
-        self._words = self._memory.view(np.int32)
-        # One write each for all stamps and for all numbers, wherever they lie.
-        stamps, numbers = (
-            np.array([[layout.places[f'{field}_{child}'].start] for _, child in frames])
-            for field in ('stamp', 'transform')
-        )
-        self._stamps = (stamps + self._lead) // 4 + np.arange(2)
+        self._stamps = [layout.places[f'stamp_{child}'] for _, child in frames]
+        # One write for all numbers, wherever they lie.
+        numbers = np.array([[layout.places[f'transform_{child}'].start] for _, child in frames])
         self._numbers = (numbers + self._lead) // 8 + np.arange(TRANSFORM)
 
     def fill(self, stamp_ns: int, transforms: NDArray[np.float64]) -> bytes:
         """Write transforms (frames, TRANSFORM) in their order, m; return the message."""
-        self._words[self._stamps] = divmod(stamp_ns, NANOSECONDS)
+        stamp = STAMP.pack(*divmod(stamp_ns, NANOSECONDS))
+        for place in self._stamps:
+            self._wire[place] = stamp
         self._memory[self._numbers] = transforms
         return self.to_bytes()
 
@@ -120,12 +118,11 @@ def first_frames(raw: bytes) -> tuple[str, str]:
     return parent, child
 
 
-def has_names(raw: bytes, frame_prefix: str, frames: Frames = DEFAULT.frames) -> bool:
-    """Tell whether a TFMessage begins with a robot's first frames as `TransformsCdr` has them."""
+def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[bytes, int]:
+    """Return the names of a robot's first frames as `TransformsCdr` has them, and their place."""
     layout, (_, child) = transforms_layout(frame_prefix, frames), frames[0]
     names = layout.places[f'stamp_{child}'].stop
-    numbers = layout.places[f'transform_{child}'].start
-    return len(raw) == layout.size and raw.startswith(layout.template[names:numbers], names)
+    return layout.template[names:layout.places[f'transform_{child}'].start], names
 
 
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.chunks import arrived_records, ChannelRows, COMPRESSIONS
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
@@ -319,6 +319,27 @@ def test_the_bytes_are_those_of_the_library(
         log.attach('robot.urdf', 'application/xml', b'<robot/>', 3)
         log.write(one, 8, 9, b'last')
     assert ours.read_bytes() == theirs.read_bytes()
+
+
+@given(sizes=st.lists(st.sampled_from([0, 1, 60, 5_000, 300_000]), min_size=1, max_size=20))
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+def test_messages_of_all_sizes_at_once_are_those_one_by_one(
+    tmp_path: Path, sizes: list[int]
+) -> None:
+    messages = [(1 + place % 2, 5 - place % 3, bytes(size)) for place, size in enumerate(sizes)]
+    paths = [tmp_path / 'singly.mcap', tmp_path / 'at_once.mcap']
+    for path in paths:
+        with LogWriter(path, 'none') as log:
+            for topic in ('/one', '/other'):
+                log.channel(topic, STATE, Qos())
+            if path is paths[0]:
+                for channel, stamp, data in messages:
+                    log.write(channel, stamp, stamp, data)
+                continue
+            records, first = arrived_records(messages), 0
+            while first < len(messages):
+                first = log.write_records(records, first, len(messages))
+    assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_nothing_to_write_in_bulk(tmp_path: Path) -> None:

@@ -102,6 +102,32 @@ def test_parts_are_one_recording_and_each_is_whole(options: Options, tmp_path: P
     assert stamps == [tick * 10**6 for tick in range(TICKS)]
 
 
+@pytest.mark.parametrize(
+    'options',
+    [
+        Options(max_duration=70 * 10**6, flush_period=1e9),
+        Options(max_size=40_000, compression='none', flush_period=1e9),
+        Options(max_size=1, flush_period=1e9),
+    ],
+    ids=['duration', 'size', 'one message'],
+)
+def test_messages_at_once_go_into_the_same_parts(options: Options, tmp_path: Path) -> None:
+    stamps = [3, 50, 1, 60, 150, 2, 72, 70] * 6
+    messages = [(1 + (n == 4), 10**6 * ms, bytes([n]) * 30_000) for n, ms in enumerate(stamps)]
+    found = []
+    for each in (1, 7, len(messages)):
+        (tmp_path / f'{each}').mkdir()
+        recording = Recording(tmp_path / f'{each}' / 'run.mcap', options)
+        recording.channel('/state', 'sensor_msgs/msg/JointState', Qos())
+        recording.channel('/holds', 'sensor_msgs/msg/JointState', Qos(), holds=True)
+        for first in range(0, len(messages), each):
+            recording.write_all(messages[first:first + each])
+        recording.close()
+        found.append({p.name: p.read_bytes() for p in recording.path.iterdir()})
+    assert len(found[0]) > 2
+    assert found[0] == found[1] == found[2]
+
+
 def test_one_file_where_nothing_is_said(tmp_path: Path) -> None:
     recording = record(tmp_path / 'run.mcap', Options())
     assert list(tmp_path.iterdir()) == [recording.path]

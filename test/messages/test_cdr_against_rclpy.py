@@ -120,7 +120,7 @@ def test_effort(stamp: int, torques: list[float]) -> None:
     ours.data[:] = torques
     label = f'effort@{stamp // 10**9}.{stamp % 10**9:09d}'
     message = array([(label, 4, 4)], 0, torques)
-    layout = EFFORT.layout(len(label) - len('effort@'))
+    layout = EFFORT.form(len(label) - len('effort@')).layout
     assert_same(ours.to_bytes(), message, layout)
 
 
@@ -130,7 +130,7 @@ def test_arm_velocity(stamp: int, rates: list[float]) -> None:
     ours.set_stamp(stamp)
     ours.data[:] = rates
     label = f'velocity@{stamp // 10**9}.{stamp % 10**9:09d}'
-    layout = ARM_VELOCITY.layout(len(label) - len('velocity@'))
+    layout = ARM_VELOCITY.form(len(label) - len('velocity@')).layout
     assert_same(ours.to_bytes(), array([(label, 2, 2)], 0, rates), layout)
 
 

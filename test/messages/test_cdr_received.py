@@ -83,8 +83,8 @@ EMPTY = {
 
 MESSAGES = [
     (state, joint_state_layout()),
-    (command, EFFORT.layout(12)),
-    (arm_command, ARM_VELOCITY.layout(12)),
+    (command, EFFORT.form(12).layout),
+    (arm_command, ARM_VELOCITY.form(12).layout),
     (twist, twist_stamped_layout('left/')),
     (telemetry, telemetry_layout('tracking_error', 4)),
 ]
@@ -153,7 +153,7 @@ def test_numbers_are_views_on_multiples_of_eight() -> None:
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))
 def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) -> None:
     label = f'{seconds}.{nanoseconds}'
-    layout = EFFORT.layout(len(label))
+    layout = EFFORT.form(len(label)).layout
     raw = bytearray(layout.template)
     raw[layout.places['characters']] = label.encode()
     message = command()
@@ -166,7 +166,7 @@ def test_label_whose_nanoseconds_are_not_padded(seconds: int, nanoseconds: int) 
     'label', ['12', '1.2.3', '-1.5', '1.-5', '.5', '5.', ' 1.5', '1_0.5', '1.0123456789', 'now']
 )
 def test_label_without_a_stamp(label: str) -> None:
-    layout = EFFORT.layout(len(label))
+    layout = EFFORT.form(len(label)).layout
     raw = bytearray(layout.template)
     raw[layout.places['characters']] = label.encode()
     message = command()

@@ -252,7 +252,8 @@ def commands(kind: CommandKind) -> Topical:
     message = LabelledCdr(kind)
 
     def layout(raw: bytes) -> Layout | None:
-        return kind.layout_of_label(raw[LABEL_SIZE])
+        form = kind.form_of_label(raw[LABEL_SIZE])
+        return None if form is None else form.layout
 
     def bulk(messages: Messages) -> Bulk:
         plain, stamps = _label_stamps(messages['characters'])

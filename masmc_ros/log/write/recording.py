@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -30,9 +30,12 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, Part, TopicCount, write_bag_metadata
+from masmc_ros.log.chunks import arrived_records, Message
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition
+import numpy as np
+from numpy.typing import NDArray
 
 _TURN = 0.02
 """Time in s between two looks into the queue."""
@@ -56,10 +59,6 @@ LOST = 'lost_messages'
 
 NOT_UNDERSTOOD = 'messages_not_understood'
 """Metadata record: how many messages of each topic are recorded as they came, unread."""
-
-
-Message = tuple[int, int, bytes]
-"""Number of a channel, log time in ns and the message."""
 
 
 @dataclass(frozen=True)
@@ -107,17 +106,19 @@ class _PartCount:
     """What a part has so far."""
 
     path: Path
-    counts: dict[int, int] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
     first: int | None = None
     last: int = 0
 
-    def add(self, channel: int, time_ns: int) -> None:
-        self.counts[channel] = self.counts.get(channel, 0) + 1
-        if self.first is None:
-            self.first = self.last = time_ns
-        else:
-            self.first = min(self.first, time_ns)
-            self.last = max(self.last, time_ns)
+    def add(self, messages: list[Message]) -> None:
+        channels, times, _ = zip(*messages, strict=True)
+        self.counts.update(channels)
+        first, last = min(times), max(times)
+        self.first, self.last = (
+            (first, last)
+            if self.first is None
+            else (min(self.first, first), max(self.last, last))
+        )
 
 
 class Recording:
@@ -171,7 +172,7 @@ class Recording:
         self._held: dict[int, bytes] = {}
         self._parts: list[_PartCount] = []
         self._queue: deque[Any] = deque()
-        self._queued = self._taken = 0
+        self._queued = self._taken = self._last_channel = 0
         self._stop = threading.Event()
         self.lost: dict[str, int] = {}
         self.not_understood: Mapping[str, int] = {}
@@ -201,7 +202,7 @@ class Recording:
         `holds` tells that a message is valid until the next one, however long that takes.
         """
         self._channels.append(_Channel(topic, type_name, qos, defined, holds))
-        number = len(self._channels) - 1
+        number = len(self._channels)
         self._queue.append(partial(self._add_channel, number))
         return number
 
@@ -220,7 +221,7 @@ class Recording:
         if size > room:
             size, messages = self._fitting(messages, room)
         self._queued += size
-        self._queue.append(messages)
+        self._queue.append((size, messages))
         return len(messages)
 
     def _fitting(self, messages: list[Message], room: int) -> tuple[int, list[Message]]:
@@ -232,7 +233,7 @@ class Recording:
                 fitting.append(message)
                 taken += size
             else:
-                topic = self._channels[message[0]].topic
+                topic = self._channels[message[0] - 1].topic
                 self.lost[topic] = self.lost.get(topic, 0) + 1
         return taken, fitting
 
@@ -288,31 +289,47 @@ class Recording:
         queue = self._queue
         while queue:
             item = queue.popleft()
-            if not isinstance(item, list):
+            if not isinstance(item, tuple):
                 item()
                 continue
-            for message in item:
-                self._write(*message)
-                if self._log.pending > _BATCH and self.trouble is None:
-                    self._commit(whole=False)
+            size, messages = item
+            if messages:
+                self._write(messages)
+            self._taken += size
 
-    def _write(self, channel: int, time_ns: int, data: bytes) -> None:
-        part = self._parts[-1]
-        if self._is_full(part, time_ns):
-            part = self._next_part(time_ns)
-        self._log.write(self._numbers[channel], time_ns, time_ns, data)
-        part.add(channel, time_ns)
-        if self._channels[channel].holds:
-            self._held[channel] = data
-        self._taken += len(data) + _OVERHEAD
+    def _write(self, messages: list[Message]) -> None:
+        records, first = arrived_records(messages), 0
+        while first < len(messages):
+            count = self._room(records.times[first:])
+            if not count:
+                self._next_part(messages[first][1])
+                count = max(1, self._room(records.times[first:]))
+            begin, first = first, self._log.write_records(records, first, first + count)
+            self._note(messages[begin:first])
+            if self._log.pending > _BATCH and self.trouble is None:
+                self._commit(whole=False)
 
-    def _is_full(self, part: _PartCount, time_ns: int) -> bool:
+    def _room(self, times: NDArray[np.int64]) -> int:
+        """Return how many of the next messages, at times in ns, the part has room for."""
         size, duration = self._options.max_size, self._options.max_duration
-        if self.trouble is not None or part.first is None:
-            return False
-        return bool(
-            (size and self._log.size >= size) or (duration and time_ns - part.first >= duration)
-        )
+        begin = self._parts[-1].first
+        if self.trouble is not None:
+            return len(times)
+        if size and self._log.size >= size:
+            return int(begin is None)
+        if not duration:
+            return len(times)
+        begins = np.minimum.accumulate(times if begin is None else np.append(begin, times)[:-1])
+        late = times - begins >= duration
+        return int(np.argmax(late)) if late.any() else len(times)
+
+    def _note(self, messages: list[Message]) -> None:
+        """Note what is in the part."""
+        self._parts[-1].add(messages)
+        if self._options.is_split:
+            for channel, _, data in messages:
+                if self._channels[channel - 1].holds:
+                    self._held[channel] = data
 
     def _commit(self, *, whole: bool = True) -> bool:
         try:
@@ -331,33 +348,28 @@ class Recording:
             path = self.path / f'{self.path.name}_{number}.mcap'
         log = LogWriter(path, self._options.compression, live=True)
         self._parts.append(_PartCount(path))
-        self._numbers: dict[int, int] = {}
         self._opening(log)
         return log
 
-    def _next_part(self, time_ns: int) -> _PartCount:
+    def _next_part(self, time_ns: int) -> None:
         """Complete the part and begin the next; go on with the old one where that fails."""
-        old, numbers = self._log, self._numbers
         try:
             new = self._open()
         except InputError as error:
             self.trouble = str(error)
-            self._numbers = numbers
-            return self._parts[-1]
-        self._end_part(old)
+            return
+        self._end_part(self._log)
         self._log = new
-        part = self._parts[-1]
-        for number in range(len(self._channels)):
-            if number in numbers:
-                self._add_channel(number)
+        for number in range(1, self._last_channel + 1):
+            self._add_channel(number)
         for channel, data in self._held.items():
-            new.write(self._numbers[channel], time_ns, time_ns, data)
-            part.add(channel, time_ns)
-        return part
+            new.write(channel, time_ns, time_ns, data)
+            self._parts[-1].add([(channel, time_ns, data)])
 
     def _add_channel(self, number: int) -> None:
-        topic, type_name, qos, defined, _ = self._channels[number]
-        self._numbers[number] = self._log.channel(topic, type_name, *qos, defined=defined)
+        # A log numbers its channels as they are numbered here: in order, from 1 on.
+        topic, type_name, qos, defined, _ = self._channels[number - 1]
+        self._last_channel = self._log.channel(topic, type_name, *qos, defined=defined)
 
     def _end_part(self, log: LogWriter) -> None:
         if self.lost:
@@ -392,10 +404,9 @@ class Recording:
                 channel.type_name,
                 channel.qos,
                 channel.defined,
-                sum(part.counts.get(number, 0) for part in self._parts),
+                sum(part.counts[number] for part in self._parts),
             )
-            for number, channel in enumerate(self._channels)
-            if number in self._numbers or any(number in part.counts for part in self._parts)
+            for number, channel in enumerate(self._channels[:self._last_channel], 1)
         ]
         parts = [
             Part(part.path.name, part.first or 0, part.last, sum(part.counts.values()))

@@ -27,7 +27,8 @@ from masmc_ros.log.chunks import (
     ChannelRows,
     COMPRESSIONS,
     indexed_chunk,
-    MergedRecords,
+    merged_records,
+    MessageRecords,
     OpenChunk,
 )
 from masmc_ros.log.qos import Qos
@@ -122,7 +123,7 @@ class LogWriter:
 
         Returns
         -------
-            The number by which messages name it.
+            The number by which messages name it, from 1 on in the order of the calls.
 
         Raises
         ------
@@ -170,10 +171,15 @@ class LogWriter:
         sources = [source for source in sources if len(source.times)]
         if not sources:
             return
-        merged, first = MergedRecords(sources), 0
-        while first < len(merged):
-            first = self._chunk.add_merged(merged, first, self._limit)
-            self._end_full_chunk()
+        merged, first = merged_records(sources), 0
+        while first < len(merged.times):
+            first = self.write_records(merged, first, len(merged.times))
+
+    def write_records(self, messages: MessageRecords, first: int, stop: int) -> int:
+        """Write messages from `first` to before `stop` or a chunk's end; return the next one."""
+        first = self._chunk.add_messages(messages, first, stop, self._limit)
+        self._end_full_chunk()
+        return first
 
     def _end_full_chunk(self) -> None:
         if self._chunk.size > self._limit:

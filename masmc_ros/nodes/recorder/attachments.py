@@ -1,0 +1,66 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a log holds of a run beside its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from masmc_ros.log.read.gaps import MISSING
+from masmc_ros.log.write.provenance import write_origin, write_parameters
+from masmc_ros.log.write.writer import LogWriter
+from masmc_ros.messages.parameter_record import ParameterRecord
+
+
+class Attachments:
+    """
+    Files, parameters with their changes, the robot's description and what is missing.
+
+    Attributes
+    ----------
+    parameters
+        those at the start of each node that has told them.
+    description
+        of the robot, None before it has come.
+
+    """
+
+    def __init__(self, files: Mapping[str, bytes], missing: Callable[[], dict[str, str]]) -> None:
+        """Take files by name, and who tells in the end what is missing of each topic."""
+        self._files, self._missing = files, missing
+        self.parameters: dict[str, Any] = {}
+        self._changes: list[ParameterRecord] = []
+        self.description: str | None = None
+
+    def add_parameters(self, node: str, record: ParameterRecord) -> None:
+        """Note what a node tells: at first its parameters, then what has changed."""
+        if node in self.parameters:
+            self._changes.append(record)
+        else:
+            self.parameters[node] = record.parameters
+
+    def write_opening(self, log: LogWriter) -> None:
+        """Write what is known at the start."""
+        write_origin(log, self._files)
+
+    def write_closing(self, log: LogWriter) -> None:
+        """Write what is known at the end; called from the thread that writes."""
+        write_parameters(log, dict(self.parameters), tuple(self._changes))
+        missing = self._missing()
+        if missing:
+            log.metadata(MISSING, missing)
+        if self.description is not None:
+            log.attach('robot.urdf', 'application/xml', self.description.encode())

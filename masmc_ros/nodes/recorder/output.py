@@ -1,0 +1,62 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The recording that a recorder's parameters ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.write.recording import clear_recording, Options, Recording
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.nodes.recorder.attachments import Attachments
+
+MEGABYTE = 1_000_000
+"""Bytes; sizes among the parameters are in MB."""
+
+
+def open_recording(values: Mapping[str, Any], attachments: Attachments) -> Recording:
+    """
+    Start the recording that checked values ask for.
+
+    Raises InputError where its place is taken or cannot be written.
+    """
+    path = log_path(Path(values['output']))
+    options = Options(
+        compression=values['compression'],
+        flush_period=values['flush_period'],
+        max_size=round(values['max_size'] * MEGABYTE),
+        max_duration=round(values['max_duration'] * NANOSECONDS),
+        queue_size=round(values['queue_size'] * MEGABYTE),
+    )
+    place = path.with_suffix('') if options.is_split else path
+    if place.exists():
+        if not values['overwrite']:
+            raise InputError(
+                f'output = {place}: is there already; name another, or set overwrite to true'
+            )
+        if options.is_split:
+            clear_recording(place)
+    return Recording(path, options, attachments.write_opening, attachments.write_closing)
+
+
+def log_path(output: Path) -> Path:
+    """Return the file to record into: the one named, or one named by the time in a folder."""
+    if output.suffix == '.mcap':
+        return output
+    return output / datetime.now().strftime('masmc_%Y-%m-%d_%H-%M-%S.mcap')

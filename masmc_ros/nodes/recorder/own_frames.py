@@ -1,0 +1,61 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which transforms on /tf, a topic that robots share, are of the robot that is recorded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.messages.topics import TRANSFORMS, transforms_topic
+from masmc_ros.messages.transforms import first_frames, first_names, is_of_robot
+from rclpy.node import Node
+
+
+class OwnFrames:
+    """The robot's frames, known by their prefix."""
+
+    def __init__(self, node: Node, prefix: str) -> None:
+        """Take the node, which has the robot's namespace, and the prefix before all names."""
+        self._node, self._log = node, node.get_logger()
+        self._prefix = prefix
+        self._names = first_names(prefix)
+
+    @property
+    def topic(self) -> str:
+        """Return the full name of the topic that they come on."""
+        return transforms_topic(self._node.get_namespace(), self._prefix)
+
+    def are_in(self, raw: bytes) -> bool:
+        """Tell whether a TFMessage is of this robot; say so once where it is not."""
+        if raw.startswith(*self._names) or is_of_robot(raw, self._prefix):
+            return True
+        parent, child = first_frames(raw)
+        self._log.info(
+            f'{TRANSFORMS.name}: frames of others, such as {parent} to {child}, are left out',
+            once=True,
+        )
+        return False
+
+    def go_by(self, prefix: Any) -> None:
+        """Take the plant's word for the prefix."""
+        if not isinstance(prefix, str) or prefix == self._prefix:
+            return
+        recorded = self.topic
+        self._prefix, self._names = prefix, first_names(prefix)
+        if recorded != self.topic:
+            self._log.warning(
+                f'the plant sends its frames on {self.topic} (frame_prefix {prefix!r}), and what '
+                f'is recorded is {recorded}; give the recorder the same frame_prefix'
+            )

@@ -1,0 +1,69 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far the recording is, as the plant is told, which in lock-step does not run far ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
+from masmc_ros.log.write.recording import Recording
+from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.nodes.recorder.coverage import Coverage
+
+_EVERY = 100
+"""Answered states between two reports of progress."""
+
+
+class Progress:
+    """
+    Reports what is covered.
+
+    Attributes
+    ----------
+    coverage
+        what has come.
+
+    """
+
+    def __init__(self, recording: Recording, publish: Callable[[Time], None]) -> None:
+        """Take the recording, and what sends a report."""
+        self._recording, self._publish = recording, publish
+        self.coverage = Coverage()
+        self._reported = -1
+        self._unreported = 0
+
+    def add_answer(self, stamp: int) -> None:
+        """Note that the state of a stamp in ns is answered."""
+        self.coverage.answered = stamp
+        self._unreported += 1
+        if self._unreported >= _EVERY:
+            self.go_on()
+
+    def go_on(self) -> None:
+        """Report up to where everything has come, unless that is told or the disk is behind."""
+        reached = self.coverage.reached()
+        if reached != self._reported and not self._recording.is_congested:
+            self._report(reached)
+
+    def begin(self) -> None:
+        """Report for the first time: the recorder is there."""
+        self._report(self.coverage.reached())
+
+    def _report(self, reached: int) -> None:
+        self._unreported = 0
+        self._reported = reached
+        seconds, nanoseconds = divmod(max(reached, 0), NANOSECONDS)
+        self._publish(Time(sec=seconds, nanosec=nanoseconds))
