@@ -25,8 +25,8 @@ from dataclasses import dataclass
 
 from masmc_ros.numerics.field import Field
 
-EACH = ''
-"""Unit of a signal whose components have the units of what they belong to."""
+EACH = '*'
+"""In the unit of a signal: that of what a component belongs to, such as a task axis."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,10 @@ class Signal(Field):
     symbol: str = ''
     """Of a component, in that plot."""
 
+    def unit_of(self, unit: str) -> str:
+        """Return the unit of a component that belongs to what has this unit."""
+        return self.unit.replace(EACH, unit)
+
 
 SIGNALS = (
     Signal('position', 'positions', 'Positions as measured', 'm, rad', of_plant=True),
@@ -54,8 +58,8 @@ SIGNALS = (
     Signal('reference', 'desired', 'x_d, then xdot_d, then xddot_d of the task', 'm'),
     Signal('torque', 'joints', 'Torque commanded', 'N·m'),
     Signal('rates', 'joints', 'Rates commanded in place of a torque', 'm/s, rad/s'),
-    Signal('error', 'axes', 'e = x - x_d', 'm', label='tracking_error'),
-    Signal('surface', 'axes', 's = ė + σ e', 'm/s', label='sliding_surface',
+    Signal('error', 'axes', 'e = x - x_d', EACH, label='tracking_error'),
+    Signal('surface', 'axes', 's = ė + σ e', f'{EACH}/s', label='sliding_surface',
            title='Sliding surface', symbol='s'),
     Signal('estimate', 'parameters', 'θ̂ in the torque', EACH, label='parameter_estimate',
            title='Estimates of the base inertial parameters', symbol='estimate'),

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import Signal, TOLD
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
@@ -32,6 +32,7 @@ from masmc_ros.messages.names import (
     TELEMETRY,
     telemetry_topic,
 )
+from masmc_ros.robot.registry import DEFAULT
 
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 ODOMETRY = 'nav_msgs/msg/Odometry'
@@ -54,6 +55,17 @@ class Topic(NamedTuple):
     """Whether a message is valid until the next one, however long that takes."""
     turns_up: bool = False
     """Whether only some runs have it, of the type that its sender says."""
+
+
+def _in_unit(signal: Signal) -> str:
+    """Return ' in UNIT', nothing where components have several."""
+    of = {
+        'axes': [each.unit for each in DEFAULT.axes],
+        'joints': [each.unit for each in DEFAULT.joints],
+        'parameters': [each.unit for each in DEFAULT.theta],
+    }
+    units = set(map(signal.unit_of, of.get(str(signal.size), ())))
+    return f' in {units.pop()}' if len(units) == 1 else ''
 
 
 def parameters_topic(node: str) -> str:
@@ -126,7 +138,7 @@ TOPICS = (
             FLOAT_ARRAY,
             'controller →',
             f'{signal.description} ({TELEMETRY[signal.label]})'
-            f'{" in " * bool(signal.unit)}{signal.unit}, after [sec, nanosec]',
+            f'{_in_unit(signal)}, after [sec, nanosec]',
             is_latched=False,
         )
         for signal in TOLD

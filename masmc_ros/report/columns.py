@@ -95,25 +95,29 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
     yield _columns('time', [''], 's'), run.times[:, None]
     yield _columns('position', joints, units), run.position
     yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
-    yield _columns('applied_effort', driven, 'N·m'), run.applied_effort
+    efforts = [joint.effort_unit for joint in mechanism.joints]
+    yield _columns('applied_effort', driven, efforts), run.applied_effort
     if not run.commands_rates:
-        yield _columns('command', driven, 'N·m'), run.torque
+        yield _columns('command', driven, efforts), run.torque
     # What drives are told that take no torques.
     if len(run.cmd_vel) or len(run.arm_rates):
         twist = mechanism.twist
         names = [each.name.replace(' ', '_') for each in twist]
         yield _columns('command', names, [each.unit for each in twist]), run.cmd_vel
-        yield _columns('command', driven[len(twist):], 'rad/s'), run.arm_rates
+        rates = [f'{joint.unit}/s' for joint in mechanism.own_rates]
+        yield _columns('command', driven[len(twist):], rates), run.arm_rates
     reference = [
         column
-        for name, unit in (('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s²'))
-        for column in _columns(f'reference_{name}', axes, unit)
+        for name, per in (('position', ''), ('velocity', '/s'), ('acceleration', '/s²'))
+        for column in _columns(
+            f'reference_{name}', axes, [axis.unit + per for axis in mechanism.axes]
+        )
     ]
     yield reference, run.reference
     for signal in TOLD:
         if not (signal.of_torques and run.commands_rates):
             of = run.components(signal)
-            units = [signal.unit or each.unit for each in of]
+            units = [signal.unit_of(each.unit) for each in of]
             told = run.telemetry.get(signal.name)
             yield _columns(signal.name, [each.name for each in of], units), told
 

@@ -54,6 +54,11 @@ class Coordinate(NamedTuple):
     unit: str = 'rad'
     """m or rad."""
 
+    @property
+    def effort_unit(self) -> str:
+        """Return the unit of what drives it."""
+        return 'N' if self.unit == 'm' else 'N·m'
+
 
 class Quantity(NamedTuple):
     """What a number is: a task axis, a base inertial parameter, a commanded velocity."""
@@ -158,11 +163,13 @@ class Mechanism:
         of joints, for figures.
     frames
         parent and child of every transform, parents first: from ODOM_FRAME to BASE_FRAME, and
-        at last to the frame of the first point.
+        at last to the frame of the first point where `point_frame` does not name it.
     parameters : sequence
         of the robot, lengths and masses, named `robot.`.
     law_parameters : sequence
         of the controller, which laws on such a robot have beside their own.
+    point_frame
+        child frame of the first point; that of the last transform where it is empty.
     lengths
         names of its constant lengths, the fields of `MODEL`.
     module
@@ -197,6 +204,7 @@ class Mechanism:
     lengths: tuple[str, ...]
     module: str
     law_parameters: tuple[Parameter, ...] = ()
+    point_frame: str = ''
     defaults: Mapping[str, Numbers] = field(default_factory=dict)
     start_names: tuple[str, ...] = ()
     fixed_joints: tuple[str, ...] = ()

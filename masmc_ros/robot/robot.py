@@ -85,12 +85,12 @@ class Robot:
 
     @property
     def height(self) -> float:
-        """Height of the first point above the ground in m: that of the last frame."""
+        """Height of the first point above the ground in m: that of its frame."""
         heights = {ODOM_FRAME: 0.0}
         origins = self.frame_origins[:, 2].tolist()
         for (parent, child), height in zip(self.mechanism.frames, origins, strict=True):
             heights[child] = heights[parent] + height
-        return heights[child]
+        return heights[self.mechanism.point_frame or child]
 
 
 def robot_of(values: Mapping[str, Any]) -> Robot:

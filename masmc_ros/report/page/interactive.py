@@ -22,7 +22,7 @@ from itertools import cycle, product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import EACH, Signal, TOLD
+from masmc_ros.loop.signals import Signal, TOLD
 from masmc_ros.report.measure.parameters import Change, run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
 from masmc_ros.report.page.samples import packed_path
@@ -117,9 +117,10 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         for signal in signals:
             series, of = run.telemetry[signal.name], run.components(signal)
             quantity = symbol = signal.symbol or signal.name
-            names = [f'{each.html} ({each.unit})' for each in of]
-            if signal.unit != EACH:
-                quantity = f'{symbol} ({signal.unit})'
+            units = [signal.unit_of(each.unit) for each in of]
+            names = [f'{each.html} ({unit})' for each, unit in zip(of, units, strict=True)]
+            if len(set(units)) == 1:
+                quantity = f'{symbol} ({units[0]})'
                 names = [f'{symbol} of {each.html}' if each.html else symbol for each in of]
             times = series.times - begun
             add(signal.name, signal.title, quantity, names, times, series.values)

@@ -343,6 +343,16 @@ def _rebase(
             )
 
 
+def joint_pose(joint: Joint, at: float) -> tuple[Rotation, Vector]:
+    """Return a joint's child in its parent's frame, the joint being at a position in rad or m."""
+    rotation, offset = _rotation(joint.origin), _vector(joint.origin.offset)
+    if joint.kind == 'prismatic':
+        return rotation, add(offset, rotate(rotation, scale(_vector(joint.axis), at)))
+    if joint.kind != 'fixed':
+        rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(at)))
+    return rotation, offset
+
+
 def _vector(values: tuple[float, ...]) -> Vector:
     x, y, z = values
     return x, y, z

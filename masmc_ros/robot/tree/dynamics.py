@@ -83,6 +83,8 @@ class Tree(NamedTuple):
     """(B, 3, 1) of each body's origin in its parent's frame, with the joint at zero, in m."""
     armature: Any
     """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg m and kg m^2."""
+    lanes: tuple[float, ...] = ()
+    """As many numbers as all arrays have lanes, so that compiled code knows; none if any."""
 
 
 class Placement(NamedTuple):
@@ -151,7 +153,7 @@ def place(tree: Tree, position: Any, placement: Placement) -> None:
     `position` (p, lanes): x and y in m and yaw of a base that moves, then the joints'
     positions.
     """
-    lanes = position.shape[1]
+    lanes = len(tree.lanes) or position.shape[1]
     first = 0
     for lane in range(lanes):
         write_row(placement.rotation, 0, 0, lane, ROTATION)
@@ -214,7 +216,7 @@ def inverse_dynamics(
         (n, lanes).
 
     """
-    bodies, lanes = len(tree.parent), velocity.shape[1]
+    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
     rates = len(velocity) - (bodies - 1)
     motion = np.empty((bodies, 18, lanes))
     carried = np.zeros((bodies, 6, lanes))
@@ -241,7 +243,7 @@ def inverse_dynamics(
             for i in range(3):
                 carried[parent, i, lane] += moment[i]
                 carried[parent, 3 + i, lane] += force[i]
-    _onto_base(tree.base, carried, forces)
+    _onto_base(tree.base, carried, forces, lanes)
     for row in range(len(velocity)):
         for other in range(len(velocity)):
             if tree.armature[row, other] != 0.0:
@@ -266,7 +268,7 @@ def moment_gradients(
     sigma' (H a_r + C nu_r + g) is the sum over bodies of moments times gradients; the matrix Y
     is never formed. `error` (n, lanes) is sigma; the others as for `inverse_dynamics`.
     """
-    bodies, lanes = len(tree.parent), velocity.shape[1]
+    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
     motion = np.empty((bodies, 18, lanes))
     moved = np.empty((bodies, 6, lanes))
     _move(tree, placement, velocity, reference, acceleration, gravity, motion)
@@ -293,7 +295,7 @@ def _reference_motion(motion: Any, body: int, lane: int) -> tuple[Rotation, Vect
 @kernel
 def _velocities(tree: Tree, placement: Placement, rates: Any, motion: Any, first: int) -> None:
     """Write the spatial velocities of rates (n, lanes) into [:, first to first + 6]."""
-    bodies, lanes = len(tree.parent), rates.shape[1]
+    bodies, lanes = len(tree.parent), len(tree.lanes) or rates.shape[1]
     joints = len(rates) - (bodies - 1)
     for lane in range(lanes):
         u, v, omega = _base_rates(tree.base, rates, lane)
@@ -320,7 +322,7 @@ def _move(
     motion: Any,
 ) -> None:
     """Write velocities, reference velocities and reference accelerations of all bodies (18)."""
-    bodies, lanes = len(tree.parent), velocity.shape[1]
+    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
     joints = len(velocity) - (bodies - 1)
     _velocities(tree, placement, velocity, motion, 0)
     _velocities(tree, placement, reference, motion, 6)
@@ -351,10 +353,10 @@ def _move(
             write_row(motion, body, 15, lane, add(add(a, sv), moved))
 
 
-@kernel
-def _onto_base(base: int, carried: Any, forces: Any) -> None:
+@formula
+def _onto_base(base: int, carried: Any, forces: Any, lanes: int) -> None:
     """Write what the base's rates feel of the wrench on the base."""
-    for lane in range(forces.shape[1]):
+    for lane in range(lanes):
         if base == DIFFERENTIAL:
             forces[0, lane] = carried[0, 3, lane]
             forces[1, lane] = carried[0, 2, lane]
@@ -371,7 +373,8 @@ def inertia(tree: Tree, moments: Any, placement: Placement, matrix: Any) -> None
 
     With the constant inertia of rotors and wheels.
     """
-    bodies, size, lanes = len(tree.parent), len(matrix), matrix.shape[2]
+    bodies, size = len(tree.parent), len(matrix)
+    lanes = len(tree.lanes) or matrix.shape[2]
     rates = size - (bodies - 1)
     whole = moments.copy()
     for body in range(bodies - 1, 0, -1):
@@ -420,7 +423,7 @@ def inertia(tree: Tree, moments: Any, placement: Placement, matrix: Any) -> None
                     entry = inner(along, read_row(carried, 0, part, lane, VECTOR))
                     matrix[row, column, lane] += entry
                     matrix[column, row, lane] += entry
-        _onto_base(tree.base, carried, felt)
+        _onto_base(tree.base, carried, felt, lanes)
         for column in range(rates):
             for lane in range(lanes):
                 matrix[row, column, lane] += felt[column, lane]
@@ -436,7 +439,7 @@ def inertia(tree: Tree, moments: Any, placement: Placement, matrix: Any) -> None
             )
             write_row(carried, 0, 0, lane, moment)
             write_row(carried, 0, 3, lane, force)
-        _onto_base(tree.base, carried, felt)
+        _onto_base(tree.base, carried, felt, lanes)
         for row in range(rates):
             for lane in range(lanes):
                 matrix[row, column, lane] += felt[row, lane]
@@ -450,9 +453,13 @@ def _momentum(of: Any, w: Vector, v: Vector) -> tuple[Vector, Vector]:
 
 
 @kernel
-def factor(matrix: Any) -> None:
-    """Factor symmetric matrices (n, n, lanes) into L D L', in place, L below the diagonal D."""
-    size, _, lanes = matrix.shape
+def factor(matrix: Any, known: tuple[float, ...] = ()) -> None:
+    """
+    Factor symmetric matrices (n, n, lanes) into L D L', in place, L below the diagonal D.
+
+    `known` as `Tree.lanes`.
+    """
+    size, lanes = len(matrix), len(known) or matrix.shape[2]
     for column in range(size):
         for before in range(column):
             for lane in range(lanes):
@@ -471,9 +478,9 @@ def factor(matrix: Any) -> None:
 
 
 @kernel
-def solve(factored: Any, x: Any) -> None:
-    """Solve L D L' x = b in place, of x (n, lanes) that holds b."""
-    size, _, lanes = factored.shape
+def solve(factored: Any, x: Any, known: tuple[float, ...] = ()) -> None:
+    """Solve L D L' x = b in place, of x (n, lanes) that holds b; `known` as `Tree.lanes`."""
+    size, lanes = len(factored), len(known) or factored.shape[2]
     for row in range(size):
         for before in range(row):
             for lane in range(lanes):
@@ -497,7 +504,7 @@ def forward_dynamics(
     acceleration: Any,
 ) -> None:
     """Write the acceleration (n, lanes) under forces (n, lanes), H^-1 (forces - C nu - g)."""
-    size, lanes = velocity.shape
+    size, lanes = len(velocity), len(tree.lanes) or velocity.shape[1]
     matrix = np.empty((size, size, lanes))
     acceleration[:] = 0.0
     bias = np.empty((size, lanes))
@@ -505,17 +512,17 @@ def forward_dynamics(
         tree, moments, placement, velocity, velocity, acceleration, gravity, bias
     )
     inertia(tree, moments, placement, matrix)
-    factor(matrix)
+    factor(matrix, tree.lanes)
     for row in range(size):
         for lane in range(lanes):
             acceleration[row, lane] = forces[row, lane] - bias[row, lane]
-    solve(matrix, acceleration)
+    solve(matrix, acceleration, tree.lanes)
 
 
 @kernel
 def world_poses(tree: Tree, placement: Placement, poses: Placement) -> None:
     """Write where the bodies are in the world's frame into `poses`."""
-    lanes = placement.offset.shape[2]
+    lanes = len(tree.lanes) or placement.offset.shape[2]
     for lane in range(lanes):
         write_row(
             poses.rotation, 0, 0, lane, read_row(placement.rotation, 0, 0, lane, ROTATION)
@@ -563,7 +570,7 @@ def point_jacobian(
         (6, n, lanes).
 
     """
-    bodies, lanes = len(tree.parent), velocity.shape[1]
+    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
     rates = len(velocity) - (bodies - 1)
     jacobian[:] = 0.0
     derivative[:] = 0.0

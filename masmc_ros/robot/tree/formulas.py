@@ -44,7 +44,7 @@ from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.dynamics import FIXED, GRAVITY, place, Placement, point_jacobian
-from masmc_ros.robot.tree.model import TreeModel, unpacked
+from masmc_ros.robot.tree.model import ONE, TreeModel, unpacked
 from masmc_ros.robot.tree.natural_adaptation import natural_step
 from masmc_ros.robot.tree.rotation_vector import (
     angular_motion,
@@ -347,7 +347,7 @@ def _factored(model: TreeModel, jacobian: Any) -> tuple[Any, bool]:
     """Return the factors of J W^-1 J' + lambda^2, and whether the task is singular."""
     matrix = _compliance(model, jacobian, jacobian)
     found = matrix.copy()
-    dynamics.factor(found)
+    dynamics.factor(found, ONE)
     least = found[0, 0, 0]
     for i in range(AXES):
         least = min(least, found[i, i, 0])
@@ -357,7 +357,7 @@ def _factored(model: TreeModel, jacobian: Any) -> tuple[Any, bool]:
         short = 1.0 - max(least, 0.0) / model.least_pivot
         for i in range(AXES):
             matrix[i, i, 0] += model.least_pivot * short * short
-        dynamics.factor(matrix)
+        dynamics.factor(matrix, ONE)
         found = matrix
     return found, is_singular
 
@@ -399,7 +399,7 @@ def _reference_motion(
         y[i, 0] = velocity[i]
         for k in range(size):
             y[i, 0] -= jacobian[i, k, 0] * z[k]
-    dynamics.solve(factors, y)
+    dynamics.solve(factors, y, ONE)
     # The derivative of the equation for y: A ydot = d(xdot_r - J z)/dt - Adot y.
     one, other = _compliance(model, derivative, jacobian), _compliance(model, jacobian, derivative)
     for i in range(AXES):
@@ -408,7 +408,7 @@ def _reference_motion(
             y_dot[i, 0] -= derivative[i, k, 0] * z[k] + jacobian[i, k, 0] * z_dot[k]
         for j in range(AXES):
             y_dot[i, 0] -= (one[i, j, 0] + other[i, j, 0]) * y[j, 0]
-    dynamics.solve(factors, y_dot)
+    dynamics.solve(factors, y_dot, ONE)
     v_r, a_r = np.empty(size), np.empty(size)
     for k in range(size):
         along, change = 0.0, 0.0
@@ -450,26 +450,26 @@ def _task_inertia(model: TreeModel, placement: Placement, theta: Numbers) -> Any
     size = len(model.mobility)
     jacobian, _ = _jacobian(model, placement, np.zeros((size, 1)))
     h = _inertia(model, placement, theta)
-    dynamics.factor(h)
+    dynamics.factor(h, ONE)
     compliance = np.zeros((AXES, AXES, 1))
     column = np.empty((size, 1))
     for j in range(AXES):
         for k in range(size):
             column[k, 0] = jacobian[j, k, 0]
-        dynamics.solve(h, column)
+        dynamics.solve(h, column, ONE)
         for i in range(AXES):
             for k in range(size):
                 compliance[i, j, 0] += jacobian[i, k, 0] * column[k, 0]
     least = model.least_pivot * compliance[0, 0, 0]
     for i in range(AXES):
         compliance[i, i, 0] += 1.0e-3 * least
-    dynamics.factor(compliance)
+    dynamics.factor(compliance, ONE)
     out = np.empty((AXES, AXES))
     column = np.empty((AXES, 1))
     for j in range(AXES):
         column[:] = 0.0
         column[j, 0] = 1.0
-        dynamics.solve(compliance, column)
+        dynamics.solve(compliance, column, ONE)
         for i in range(AXES):
             out[i, j] = column[i, 0]
     return out
@@ -499,7 +499,7 @@ def _motion_from_task(
     jacobian, _ = _jacobian(model, placement, np.zeros((size, 1)))
     factors, _ = _factored(model, jacobian)
     y = _vector(rates)
-    dynamics.solve(factors, y)
+    dynamics.solve(factors, y, ONE)
     out = np.zeros(size)
     for k in range(size):
         for i in range(AXES):
@@ -678,9 +678,9 @@ def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numb
 @kernel
 def _inertia_solve(h: Any, forces: Numbers) -> Numbers:
     factors = h.copy()
-    dynamics.factor(factors)
+    dynamics.factor(factors, ONE)
     x = _vector(forces)
-    dynamics.solve(factors, x)
+    dynamics.solve(factors, x, ONE)
     return taken(x[:, 0], forces)
 
 

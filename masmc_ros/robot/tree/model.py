@@ -57,6 +57,9 @@ class TreeModel(NamedTuple):
 
 _SCALARS = 6
 
+ONE = (0.0,)
+"""One lane: records are taken lane by lane."""
+
 
 def packed(
     tree: Tree,
@@ -107,7 +110,7 @@ def unpacked(lengths: Any, lane: int) -> TreeModel:
     base_rates = flat[at:at + base * base].reshape((base, base))
     at += base * base
     return TreeModel(
-        Tree(base, parent, kind, axis, rotation, offset, armature),
+        Tree(base, parent, kind, axis, rotation, offset, armature, ONE),
         wheel_rates,
         base_rates,
         int(flat[2]),

@@ -39,11 +39,20 @@ from masmc_ros.robot.declaration import (
 )
 from masmc_ros.robot.registry import URDF
 from masmc_ros.robot.tree import formulas as kernels
-from masmc_ros.robot.tree.assembly import BASES, Frame, tree_robot, TreeRobot
-from masmc_ros.robot.tree.dynamics import Placement, world_poses
+from masmc_ros.robot.tree.assembly import BASES, Frame, joint_pose, tree_robot, TreeRobot
+from masmc_ros.robot.tree.frames import (
+    BASE,
+    Frames,
+    pose,
+    SLIDES,
+    STANDS,
+    transforms,
+    TURNS,
+    world_of,
+)
 from masmc_ros.robot.tree.model import packed
 from masmc_ros.robot.tree.packages import resource_path
-from masmc_ros.robot.tree.rotation_vector import vector_of
+from masmc_ros.robot.tree.spatial import rotate, scale, transpose
 from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
@@ -155,6 +164,8 @@ class TreeMechanism(Mechanism):
     """The URDF."""
     tip: str
     """Link that has the task."""
+    held: Mapping[str, float]
+    """Where joints are held that are not controlled."""
     made_of: Mapping[str, Any]
     """Values of the parameters that describe it."""
 
@@ -221,56 +232,38 @@ class TreeMechanism(Mechanism):
         twist[:, 5] = velocity[:, 2]
         return pose, twist
 
-    def _placed(self, position: Array) -> dict[str, tuple[Array, Array]]:
-        """Return rotation (3, 3) and origin (3) of every link of one position, in the world."""
-        robot = self.robot
-        base, bodies = robot.tree.base, len(robot.tree.parent)
-        record = np.zeros((len(self.lengths), 1))
-        record[:, 0] = self._model
-        model = kernels.unpacked(record, 0)
-        placement = kernels.posture(model, tuple(position.tolist()))
-        poses = Placement(np.empty((bodies, 9, 1)), np.empty((bodies, 3, 1)))
-        world_poses(model.tree, placement, poses)
-        found = {}
-        for link, frame in robot.frames.items():
-            r = poses.rotation[frame.body, :, 0].reshape(3, 3)
-            own = np.reshape(frame.rotation, (3, 3))
-            p = poses.offset[frame.body, :, 0] + r @ np.asarray(frame.offset)
-            found[link] = r @ own, p
-        # Wheels turn, though their bodies are the base's.
-        if robot.wheels is not None:
-            for number, joint in enumerate(robot.wheels.joints):
-                r, p = found[joint.child]
-                turned = _turned(joint.axis, float(position[len(_POSE) + number]))
-                found[joint.child] = r @ turned, p
-        assert base <= len(_POSE)
-        return found
-
     @cached_property
-    def _model(self) -> Array:
-        defaults = {p.name.removeprefix('robot.'): p.default for p in PARAMETERS}
-        return self._constants(defaults)[0]
+    def _frames(self) -> Frames:
+        """Where the frames are, and which positions move them."""
+        places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
+        below = {joint.child: joint for joint in self.description.joints.values()}
+        origin = np.zeros((len(self.frames), 7))
+        origin[:, 6] = 1.0
+        axis = np.zeros((len(self.frames), 3))
+        motion = np.full(len(self.frames), STANDS)
+        place = np.zeros(len(self.frames), np.int64)
+        motion[0] = BASE
+        for i, (parent, child) in enumerate(self.frames[1:], 1):
+            joint = below.get(child)
+            if joint is None or joint.parent != parent:
+                # The base hangs on what stands above it in the file.
+                rotation, offset = joint_pose(below[parent], 0.0)
+                back = transpose(rotation)
+                origin[i] = pose(back, scale(rotate(back, offset), -1.0))
+                continue
+            origin[i] = pose(*joint_pose(joint, self.held.get(joint.name, 0.0)))
+            if joint.name in places:
+                axis[i], place[i] = joint.axis, places[joint.name]
+                motion[i] = SLIDES if joint.kind == 'prismatic' else TURNS
+        return Frames(origin, axis, motion, place)
 
     def _frame_origins(self, lengths: Array) -> Array:
         """Return where the frames are in their parents with all positions zero."""
-        zero = np.zeros((1, len(self.positions)))
-        return self._transforms_of(zero)[0, :, :3]
+        return self._frames.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
-        return self._transforms_of(position)
-
-    def _transforms_of(self, position: Array) -> Array:
-        out = np.zeros((len(position), len(self.frames), 7))
-        for k, row in enumerate(position):
-            placed = self._placed(row)
-            root = self.frames[0][1]
-            placed[ODOM_FRAME] = np.eye(3), np.zeros(3)
-            for i, (parent, child) in enumerate(self.frames):
-                r, p = placed[parent]
-                own, q = placed[child] if i else placed[root]
-                out[k, i, :3] = r.T @ (q - p)
-                out[k, i, 3:] = _quaternion(r.T @ own)
-        return out
+        found: Array = transforms(self._frames, position)
+        return found
 
     def _description(
         self, values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str
@@ -292,33 +285,22 @@ class TreeMechanism(Mechanism):
 
     def _outline(self, lengths: Array, position: Array) -> Outline:
         """Return the base and the bodies on the way to the tip, seen from above."""
-        placed = self._placed(position)
-        r, origin = placed[self.frames[0][1]]
-        way = [placed[self.tip][1][:2]]
+        of = self._frame_transforms(self._frames.origin, position[None])[0]
+        children = (child for _, child in self.frames)
+        places = dict(zip(children, world_of(self.frames, of), strict=True))
+        r, origin = places[self.frames[0][1]]
+        above = {child: parent for parent, child in self.frames}
+        moving = {self.frames[i][1] for i in np.flatnonzero(self._frames.motion)}
         link = self.tip
-        above = {joint.child: joint.parent for joint in self.description.joints.values()}
-        while link in above:
+        way = [places[link][1][:2]]
+        while link != self.frames[0][0]:
+            if link in moving:
+                way.append(places[link][1][:2])
             link = above[link]
-            if self.robot.frames[link].body or link == self.frames[0][1]:
-                way.append(placed[link][1][:2])
         corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * 0.2
         body = origin[:2] + corners @ r[:2, :2].T
         shapes = (Shape('body', body), Shape('links', np.array(way[::-1])))
         return Outline((float(origin[0]), float(origin[1])), shapes, below=0.4, text=0.1)
-
-
-def _turned(axis: Sequence[float], angle: float) -> Array:
-    x, y, z = axis
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
-
-
-def _quaternion(r: Array) -> Array:
-    phi = np.array(vector_of(tuple(r.ravel().tolist())))
-    angle = float(np.linalg.norm(phi))
-    half = 0.5 * angle
-    axis = phi / angle if angle else phi
-    return np.append(axis * np.sin(half), np.cos(half))
 
 
 def _as_many(values: Sequence[float], count: int, name: str) -> Array:
@@ -361,7 +343,9 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         p.name: p.check(value) for p, value in zip(PARAMETERS, own, strict=True)
     }
     text, description, where = described(urdf)
-    held, wheels = values['robot.held_joints'], values['robot.wheels']
+    names, wheels = values['robot.held_joints'], values['robot.wheels']
+    angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
+    held = dict(zip(names, angles.tolist(), strict=True))
     robot = tree_robot(
         description,
         where,
@@ -375,13 +359,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         if values['robot.base'] == 'omnidirectional' and wheels
         else (),
         joints=values['robot.joints'],
-        held=dict(
-            zip(
-                held,
-                _as_many(values['robot.held_positions'], len(held), 'robot.held_positions'),
-                strict=True,
-            )
-        ),
+        held=held,
         armature=values['robot.armature'],
     )
     tip = values['robot.tip_frame'] or robot.joints[-1].child
@@ -421,7 +399,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
             *((Group('base', 0, len(drives)),) if drives else ()),
             Group('arm', len(drives), joints),
         ),
-        frames=_frames(description, values['robot.base_frame'] or description.root, tip),
+        frames=_pairs(description, values['robot.base_frame'] or description.root),
+        point_frame=tip,
         parameters=PARAMETERS,
         law_parameters=_LAW_PARAMETERS,
         lengths=tuple(f'{i}' for i in range(lengths)),
@@ -434,6 +413,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         description=description,
         text=text,
         tip=tip,
+        held=held,
         made_of={URDF: urdf, **{p.name: value for p, value in zip(PARAMETERS, own, strict=True)}},
     )
     register(mechanism)
@@ -452,8 +432,8 @@ def kernels_lengths(robot: TreeRobot) -> int:
     )
 
 
-def _frames(description: Description, base: str, tip: str) -> tuple[tuple[str, str], ...]:
-    """Return parent and child of every transform, that of the tip last."""
+def _pairs(description: Description, base: str) -> tuple[tuple[str, str], ...]:
+    """Return parent and child of every transform, parents first."""
     pairs = [(joint.parent, joint.child) for joint in description.joints.values()]
     # Links above the base hang on it: it is the base that moves in the world.
     above = {child: parent for parent, child in pairs}
@@ -468,6 +448,4 @@ def _frames(description: Description, base: str, tip: str) -> tuple[tuple[str, s
         ordered += ready
         known |= {child for _, child in ready}
         pairs = [pair for pair in pairs if pair not in ready]
-    last = [pair for pair in ordered if pair[1] == tip]
-    return (*(pair for pair in ordered if pair[1] != tip), *last)
-
+    return tuple(ordered)

@@ -1,0 +1,138 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where the frames of a URDF's links are: a transform for each of its joints, and the base's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.tree.rotation_vector import vector_of
+from masmc_ros.robot.tree.spatial import inner, Rotation, Vector
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Quaternion = tuple[float, float, float, float]
+
+STANDS, TURNS, SLIDES, BASE = 0, 1, 2, 3
+"""How a frame moves in its parent."""
+
+
+class Frames(NamedTuple):
+    """Every frame in its parent where its joint is at zero, and how it moves from there."""
+
+    origin: Array
+    """(F, 7) translation in m, quaternion x, y, z, w."""
+    axis: Array
+    """(F, 3) unit axis in the frame."""
+    motion: NDArray[np.int64]
+    """(F) one of STANDS, TURNS, SLIDES, BASE."""
+    place: NDArray[np.int64]
+    """(F) which position moves it."""
+
+
+def pose(rotation: Rotation, offset: Sequence[float]) -> Array:
+    """Return a row of `Frames.origin`."""
+    phi = vector_of(rotation)
+    angle = float(np.sqrt(inner(phi, phi)))
+    sine, cosine = sin_cos(0.5 * angle)
+    part = sine / angle if angle else 0.0
+    return np.array([*offset, phi[0] * part, phi[1] * part, phi[2] * part, cosine])
+
+
+@formula
+def _combined(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return the product of two quaternions x, y, z, w."""
+    return (
+        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+        a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+        a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
+        a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
+    )
+
+
+@formula
+def _turned(q: Quaternion, v: Vector) -> Vector:
+    """Return a vector turned by a quaternion."""
+    found = _combined(_combined(q, (v[0], v[1], v[2], 0.0)), (-q[0], -q[1], -q[2], q[3]))
+    return found[0], found[1], found[2]
+
+
+@kernel
+def transforms(frames: Frames, position: Any) -> Array:
+    """
+    Return translations in m and quaternions x, y, z, w of all frames in their parents.
+
+    Parameters
+    ----------
+    frames
+        F of them.
+    position
+        (n, positions): x, y and yaw of the base, then wheels and joints.
+
+    Returns
+    -------
+        (n, F, 7).
+
+    """
+    n, count = len(position), len(frames.motion)
+    out = np.empty((n, count, 7))
+    for k in range(n):
+        for i in range(count):
+            origin, motion = frames.origin[i], frames.motion[i]
+            for j in range(7):
+                out[k, i, j] = origin[j]
+            q = (origin[3], origin[4], origin[5], origin[6])
+            along = (frames.axis[i, 0], frames.axis[i, 1], frames.axis[i, 2])
+            if motion == BASE:
+                out[k, i, 0], out[k, i, 1] = position[k, 0], position[k, 1]
+                out[k, i, 5], out[k, i, 6] = sin_cos(0.5 * position[k, 2])
+            elif motion == TURNS:
+                s, c = sin_cos(0.5 * position[k, frames.place[i]])
+                q = _combined(q, (s * along[0], s * along[1], s * along[2], c))
+                for j in range(4):
+                    out[k, i, 3 + j] = q[j]
+            elif motion == SLIDES:
+                far = position[k, frames.place[i]]
+                moved = _turned(q, (far * along[0], far * along[1], far * along[2]))
+                for j in range(3):
+                    out[k, i, j] += moved[j]
+    return out
+
+
+def world_of(pairs: Sequence[tuple[str, str]], of: Array) -> list[tuple[Array, Array]]:
+    """
+    Return rotation (3, 3) and origin (3) in the world of every child.
+
+    Parameters
+    ----------
+    pairs
+        parent and child of the frames, parents first.
+    of
+        (F, 7) of one position, as `transforms` returns them.
+
+    """
+    known = {pairs[0][0]: (np.eye(3), np.zeros(3))}
+    found = []
+    for (parent, child), row in zip(pairs, of, strict=True):
+        r, p = known[parent]
+        quaternion = tuple(row[3:].tolist())
+        own = np.array([_turned(quaternion, unit) for unit in np.eye(3).tolist()]).T
+        known[child] = r @ own, p + r @ row[:3]
+        found.append(known[child])
+    return found

@@ -1,0 +1,103 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A small robot on two wheels whose arm turns, lifts and bends: its URDF and its parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+_BODY = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0.2 -0.1 0.3"/><mass value="{2}"/>
+<inertia ixx="{3}" ixy="0.0002" ixz="-0.0001" iyy="{4}" iyz="0.0003" izz="{5}"/>
+</inertial></link>"""
+_JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/>
+<origin xyz="{4}" rpy="{5}"/><axis xyz="{6}"/>{7}</joint>"""
+_LIMIT = '<limit lower="-3" upper="3" effort="80" velocity="3"/>'
+
+URDF = '<robot name="small">{}</robot>'.format(
+    ''.join(
+        [
+            _BODY.format('base_link', '0.05 0 0.2', 20, 0.6, 0.7, 0.8),
+            _BODY.format('wheel_right', '0 0 0', 1, 0.003, 0.005, 0.003),
+            _BODY.format('wheel_left', '0 0 0', 1, 0.003, 0.005, 0.003),
+            _BODY.format('turret', '0.02 0 0.1', 3, 0.03, 0.03, 0.02),
+            _BODY.format('lift', '0.1 0 0.05', 2, 0.02, 0.03, 0.03),
+            _BODY.format('upper', '0.15 0 0', 1.5, 0.004, 0.02, 0.02),
+            _BODY.format('fore', '0.12 0.01 0', 1, 0.006, 0.01, 0.01),
+            _BODY.format('hand', '0.05 0 0.02', 0.6, 0.002, 0.003, 0.003),
+            _JOINT.format('wheel_right_joint', 'continuous', 'base_link', 'wheel_right',
+                          '0 -0.2 0.1', '0 0 0', '0 1 0', ''),
+            _JOINT.format('wheel_left_joint', 'continuous', 'base_link', 'wheel_left',
+                          '0 0.2 0.1', '0 0 0', '0 1 0', ''),
+            _JOINT.format('turret_joint', 'revolute', 'base_link', 'turret',
+                          '0.1 0 0.3', '0 0 0', '0 0 1', _LIMIT),
+            _JOINT.format('lift_joint', 'prismatic', 'turret', 'lift',
+                          '0 0 0.2', '0 0 0', '0 0 1', _LIMIT),
+            _JOINT.format('upper_joint', 'revolute', 'lift', 'upper',
+                          '0.2 0 0', '0 0 0.4', '0 1 0', _LIMIT),
+            _JOINT.format('fore_joint', 'revolute', 'upper', 'fore',
+                          '0.3 0 0', '0.1 0 0', '0 1 0', _LIMIT),
+            _JOINT.format('hand_joint', 'revolute', 'fore', 'hand',
+                          '0.25 0 0', '0 0 0', '1 0 0', _LIMIT),
+        ]
+    )
+)  # fmt: skip
+
+START = (0.0, 0.0, 0.3, 0.1, 0.7, 0.9, -0.4)
+"""Positions of wheels and joints."""
+
+
+def parameters(urdf: str = URDF) -> dict[str, Any]:
+    """Return what chooses the robot."""
+    return {
+        'robot.urdf': urdf,
+        'robot.base': 'differential',
+        'robot.wheels': ('wheel_right_joint', 'wheel_left_joint'),
+        'robot.posture': START[2:],
+    }
+
+
+def write_scenario(folder: Path, tip: list[float], duration: float) -> Path:
+    """Write URDF and scenario into a folder: the hand goes ahead and turns a little."""
+    (folder / 'small.urdf').write_text(URDF, encoding='utf-8')
+    path = folder / 'small.yaml'
+    path.write_text(
+        f"""/**:
+  ros__parameters:
+    robot:
+      urdf: {folder / 'small.urdf'}
+      base: differential
+      wheels: [wheel_right_joint, wheel_left_joint]
+      posture: {list(START[2:])}
+    control_period: 0.001
+    duration: {duration}
+plant:
+  ros__parameters:
+    initial_joints: {list(START)}
+trajectory:
+  ros__parameters:
+    line_sine:
+      offset: {[tip[0] + 0.1, *tip[1:4], tip[4] + 0.1, tip[5]]}
+      amplitude: [0.1, 0.0, 0.0, 0.0, 0.1, 0.0]
+      frequency: [2.0, 0.0, 0.0, 0.0, 1.5, 0.0]
+      phase: [-1.5707963267948966, 0.0, 0.0, 0.0, -1.5707963267948966, 0.0]
+controller:
+  ros__parameters:
+    k_s1: [100.0, 100.0, 100.0, 10.0, 10.0, 10.0]
+    k_s2: [100.0, 100.0, 100.0, 10.0, 10.0, 10.0]
+""",
+        encoding='utf-8',
+    )
+    return path

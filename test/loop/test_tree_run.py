@@ -1,0 +1,111 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Robots of URDFs through everything: simulation, log, reader, report; TIAGo on its path."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+import subprocess
+import sys
+
+from masmc_ros.log.read.reader import read_log
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.assembly import pseudo_inertia
+from masmc_ros.robot.tree.frames import world_of
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from small_tree import parameters, START, write_scenario
+from surroundings import surroundings
+
+TIAGO = Path(__file__).resolve().parents[2] / 'config' / 'tiago.yaml'
+TICKS = 40
+
+
+def start() -> list[float]:
+    """Return where the small robot's hand is at its start."""
+    values = parameters()
+    mechanism = tree_mechanism(values)
+    robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
+    found: list[float] = robot.task_positions(np.array([[0.0, 0.0, 0.0, *START]]))[0].tolist()
+    return found
+
+
+def test_frames_are_where_the_task_is() -> None:
+    values = parameters()
+    mechanism = tree_mechanism(values)
+    robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
+    position = np.array([[0.3, -0.2, 0.5, 1.0, 2.0, *START[2:]]])
+    frames = robot.frame_transforms(position)[0]
+    places = world_of(mechanism.frames, frames)
+    hand = [child for _, child in mechanism.frames].index('hand')
+    assert places[hand][1] == pytest.approx(robot.task_positions(position)[0, :3], abs=1e-14)
+    assert np.linalg.norm(frames[:, 3:], axis=1) == pytest.approx(1.0, abs=1e-14)
+
+
+@pytest.mark.slow
+def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> None:
+    """Interpreted, and so without waiting for a compiler; the URDF is gone when it is read."""
+    path = write_scenario(tmp_path, start(), 1e-3 * TICKS)
+    environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
+    run = [sys.executable, '-m', 'masmc_ros.cli.main']
+    log = tmp_path / 'run.mcap'
+    subprocess.run(
+        [*run, 'simulate', path, '--output', log], env=environment, check=True, timeout=300.0
+    )
+    (tmp_path / 'small.urdf').unlink()
+    logged = read_log(log)
+    assert len(logged.times) == TICKS + 1
+    assert logged.joint_names[3:] == (
+        'wheel_right_joint', 'wheel_left_joint', 'turret_joint', 'lift_joint', 'upper_joint',
+        'fore_joint', 'hand_joint',
+    )  # fmt: skip
+    error = logged.telemetry['error'].values
+    assert np.abs(error).max() < 1e-4
+    subprocess.run(
+        [*run, 'report', log, '--output', tmp_path / 'report'],
+        env=environment, check=True, timeout=300.0,
+    )  # fmt: skip
+    assert 'hand_joint' in (tmp_path / 'report' / 'index.html').read_text(encoding='utf-8')
+    subprocess.run(
+        [*run, 'export', log, tmp_path / 'run.csv'], env=environment, check=True, timeout=300.0
+    )
+    head = (tmp_path / 'run.csv').read_text(encoding='utf-8').splitlines()[0]
+    for name in ('position_lift_joint_m', 'command_lift_joint_N', 'error_rx_tip_rad'):
+        assert name in head.split(',')
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
+def test_tiago_follows_its_path_with_half_of_its_masses() -> None:
+    simulation = Simulation(load_scenario(str(TIAGO), ('duration=20',)))
+    parts = list(simulation.run(block=5000))
+    error = np.concatenate([part.error for part in parts])[10_000:]
+    position, turned = (
+        1e3 * np.sqrt((part**2).sum(axis=1).mean()) for part in (error[:, :3], error[:, 3:])
+    )
+    assert position < 0.01
+    assert turned < 0.03
+    assert not any(part.singular for part in parts)
+    theta = np.concatenate([part.estimate[::50] for part in parts])
+    bodies = theta.reshape(-1, 10)
+    bodies = bodies[np.abs(bodies).sum(axis=1) > 0.0]
+    least = [np.linalg.eigvalsh(pseudo_inertia(body))[0] for body in bodies]
+    assert min(least) > 0.0
+    # It has learned: the estimates are no longer those of the nominal model.
+    assert np.abs(theta[-1] - theta[0]).max() > 0.1

@@ -1,0 +1,241 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The contract of mechanisms as trees carry it out: dualities, derivatives, redundancy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.model import unpacked
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from small_tree import parameters, START
+
+Array = NDArray[np.float64]
+
+# Every formula is a kernel of its own here.
+pytestmark = pytest.mark.slow
+
+FEW = settings(max_examples=20, deadline=None)
+SEED = st.integers(0, 2**32 - 1)
+H = 1e-4
+
+
+class Drawn:
+    """The small robot in a random state that is not singular."""
+
+    def __init__(self, seed: int, **given: float) -> None:
+        """Draw it; `given` are parameters of the robot."""
+        values: dict[str, Any] = parameters()
+        self.mechanism = tree_mechanism(values)
+        values = {p.name: p.default for p in self.mechanism.parameters} | values
+        self.robot = robot_of(values | {f'robot.{name}': each for name, each in given.items()})
+        self.model = unpacked(self.robot.geometry[:, None], 0)
+        draw = np.random.default_rng(seed)
+        rest = np.array([0.0, 0.0, 0.0, *START])
+        self.position = rest + draw.uniform(-0.3, 0.3, len(rest))
+        self.rates, self.force, self.torques = draw.normal(size=(3, 7))
+        self.twist, self.change, self.pull = draw.normal(size=(3, 6))
+        self.theta = tuple(self.robot.theta.tolist())
+        self.like = tuple(self.rates.tolist())
+
+    def posture(self, position: Array | None = None) -> Any:
+        """Return where the bodies are."""
+        return mechanism.posture(self.model, numbers(self.at(position)))
+
+    def at(self, position: Array | None = None) -> Array:
+        """Return positions, those of the state where none are given."""
+        return self.position if position is None else position
+
+    def moved(self, time: float) -> Array:
+        """Return the positions a little later, at constant velocities nu, by Runge and Kutta."""
+        nu = mechanism.motion(self.model, numbers(self.rates))
+
+        def slope(at: Array) -> Array:
+            rates = mechanism.joint_rates(self.model, nu)
+            return np.array(mechanism.position_rates(self.model, self.posture(at), rates))
+
+        start = self.position
+        one = slope(start)
+        two = slope(start + 0.5 * time * one)
+        three = slope(start + 0.5 * time * two)
+        four = slope(start + time * three)
+        return np.asarray(start + time / 6.0 * (one + 2.0 * two + 2.0 * three + four))
+
+    def jacobian(self) -> Array:
+        """Return J, column by column."""
+        return np.array([
+            mechanism.task_velocity(self.model, self.posture(), numbers(unit))
+            for unit in np.eye(7)
+        ]).T
+
+    def inertia(self) -> Array:
+        """Return H, column by column."""
+        h = mechanism.inertia(self.model, self.posture(), self.theta)
+        return np.array([
+            mechanism.inertia_times(self.model, h, numbers(unit)) for unit in np.eye(7)
+        ])
+
+
+def numbers(of: Array) -> tuple[float, ...]:
+    """Return an array as formulas take it."""
+    return tuple(of.tolist())
+
+
+def derivative(of: Callable[[float], Array]) -> Array:
+    """Return the derivative at zero, by differences of fourth order."""
+    return (8.0 * (of(H) - of(-H)) - (of(2.0 * H) - of(-2.0 * H))) / (12.0 * H)
+
+
+@FEW
+@given(SEED)
+def test_velocities_and_forces_of_the_wheels_have_the_same_power(seed: int) -> None:
+    drawn = Drawn(seed)
+    model = drawn.model
+    nu = np.array(mechanism.motion(model, numbers(drawn.rates)))
+    assert mechanism.joint_rates(model, numbers(nu)) == pytest.approx(drawn.rates, abs=1e-12)
+    f = np.array(mechanism.forces(model, numbers(drawn.torques)))
+    assert mechanism.joint_torques(model, numbers(f)) == pytest.approx(drawn.torques, abs=1e-12)
+    assert f @ nu == pytest.approx(drawn.torques @ drawn.rates, abs=1e-11)
+
+
+@FEW
+@given(SEED)
+def test_the_jacobian_is_that_of_the_pose(seed: int) -> None:
+    """Origin and rotation move as J nu says, and J' gives forces of the same power."""
+    drawn = Drawn(seed)
+    nu = mechanism.motion(drawn.model, numbers(drawn.rates))
+    twist = np.array(mechanism.task_velocity(drawn.model, drawn.posture(), nu))
+    pose = mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
+
+    def off(time: float) -> Array:
+        at = drawn.moved(time)
+        return np.array(
+            mechanism.task_error(drawn.model, drawn.posture(at), numbers(at), pose)
+        )
+
+    assert off(0.0) == pytest.approx(np.zeros(6), abs=1e-14)
+    # Near zero, the orientation error is the angle by which it has turned.
+    assert derivative(off) == pytest.approx(twist, abs=1e-8)
+    force = mechanism.forces_from_task(
+        drawn.model, drawn.posture(), numbers(drawn.pull), drawn.like
+    )
+    assert np.dot(force, nu) == pytest.approx(drawn.pull @ twist, abs=1e-11)
+
+
+@FEW
+@given(SEED)
+def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(seed: int) -> None:
+    drawn = Drawn(seed, damping=0.0, base_mobility=0.3, posture_gain=0.7)
+    nu = mechanism.motion(drawn.model, numbers(drawn.rates))
+
+    def reference(time: float) -> tuple[Array, Array]:
+        at = drawn.moved(time)
+        wanted = numbers(drawn.twist + time * drawn.change)
+        v, a = mechanism.reference_motion(
+            drawn.model, drawn.posture(at), numbers(at), nu, wanted, numbers(drawn.change)
+        )
+        return np.array(v), np.array(a)
+
+    v_r, a_r = reference(0.0)
+    assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-11)
+    size = 1.0 + np.abs(a_r).max()
+    assert a_r == pytest.approx(derivative(lambda time: reference(time)[0]), abs=1e-6 * size)
+    # What damps is in proportion to what the motion is off by.
+    damped = Drawn(seed, damping=3.0, base_mobility=0.3, posture_gain=0.7)
+    _, less = mechanism.reference_motion(
+        damped.model, damped.posture(), numbers(damped.position), nu,
+        numbers(damped.twist), numbers(damped.change),
+    )  # fmt: skip
+    assert a_r - np.array(less) == pytest.approx(3.0 * (np.array(nu) - v_r), abs=1e-9)
+
+
+@FEW
+@given(SEED)
+def test_the_error_has_its_derivative(seed: int) -> None:
+    drawn = Drawn(seed)
+    nu = mechanism.motion(drawn.model, numbers(drawn.rates))
+    pose = np.array(
+        mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
+    )
+    wanted = pose + 0.3 * drawn.pull
+
+    def tracking(time: float) -> Any:
+        at = drawn.moved(time)
+        desired = (
+            wanted + time * drawn.twist + 0.5 * time * time * drawn.change,
+            drawn.twist + time * drawn.change,
+            drawn.change,
+        )
+        return mechanism.tracking(
+            drawn.model, drawn.posture(at), numbers(at), nu, tuple(map(numbers, desired))
+        )
+
+    now = tracking(0.0)
+    assert np.array(now.error_derivative) == pytest.approx(
+        derivative(lambda time: np.array(tracking(time).error)), abs=1e-7
+    )
+    assert np.array(now.acceleration) == pytest.approx(
+        derivative(lambda time: np.array(tracking(time).velocity)), abs=1e-7
+    )
+    twist = np.array(mechanism.task_velocity(drawn.model, drawn.posture(), nu))
+    assert now.velocity_error == pytest.approx(twist - np.array(now.velocity), abs=1e-12)
+
+
+@FEW
+@given(SEED)
+def test_the_dynamics_agree_with_each_other(seed: int) -> None:
+    drawn = Drawn(seed)
+    model, posture = drawn.model, drawn.posture()
+    nu, a = numbers(drawn.rates), numbers(drawn.force)
+    h, jacobian = drawn.inertia(), drawn.jacobian()
+    assert h == pytest.approx(h.T, abs=1e-12)
+    y = mechanism.regressor(model, posture, nu, nu, a)
+    total = np.array(mechanism.regressor_times(model, y, drawn.theta))
+    bias = np.array(mechanism.coriolis(model, posture, drawn.theta, nu))
+    assert total == pytest.approx(h @ np.array(a) + bias, abs=1e-9)
+    # The inertia of rotors and wheels is in H and no parameter: Y' sees the rest.
+    none = np.array(mechanism.regressor_times(model, y, (0.0,) * len(drawn.theta)))
+    gradient = mechanism.regressor_transpose_times(model, y, nu, drawn.theta)
+    assert np.dot(gradient, drawn.theta) == pytest.approx(np.dot(nu, total - none), abs=1e-8)
+    found = mechanism.inertia_solve(
+        model, mechanism.inertia(model, posture, drawn.theta), numbers(drawn.torques)
+    )
+    assert h @ np.array(found) == pytest.approx(drawn.torques, abs=1e-9)
+    columns = mechanism.task_inertia(model, posture, drawn.theta, (0.0,) * 6)
+    felt = np.array(columns).T @ (jacobian @ np.linalg.solve(h, jacobian.T))
+    assert felt == pytest.approx(np.eye(6), abs=1e-3)
+
+
+@FEW
+@given(SEED)
+def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
+    drawn = Drawn(seed)
+    theta = drawn.robot.theta
+    assert mechanism.weakest_motion(drawn.model, numbers(theta))[0] > 0.0
+    draw = np.random.default_rng(seed)
+    wrong = theta + draw.normal(size=len(theta)) * np.abs(theta).max()
+    pivot, x = mechanism.weakest_motion(drawn.model, numbers(wrong))
+    normal = np.array(mechanism.consistency_normal(drawn.model, x, drawn.theta))
+    if pivot <= 0.0:
+        assert normal @ wrong == pytest.approx(pivot, rel=1e-9, abs=1e-9)
+        assert normal @ theta > 0.0
