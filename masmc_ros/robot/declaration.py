@@ -43,6 +43,10 @@ BASE_FRAME = 'base_link'
 """Moves in the world as `Mechanism.base_motion` says."""
 
 
+URDF = 'robot.urdf'
+"""Parameter of every node that needs the robot, which describes any; it chooses then."""
+
+
 class Coordinate(NamedTuple):
     """A position, by the name of its joint in a joint state."""
 

@@ -28,7 +28,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
-from masmc_ros.robot.declaration import Mechanism, register
+from masmc_ros.robot.declaration import Mechanism, register, URDF
 from masmc_ros.robot.two_link.names import TWO_LINK
 
 DEFAULT = TWO_LINK
@@ -41,10 +41,6 @@ ENTRY_POINTS = 'masmc_ros.mechanisms'
 
 NAME = 'robot.mechanism'
 """Parameter of every node that needs the robot."""
-
-
-URDF = 'robot.urdf'
-"""Parameter of every such node that describes any robot; it chooses the mechanism then."""
 
 
 def names() -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from masmc_ros.log.read.reader import read_log
+from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.assembly import pseudo_inertia
@@ -69,7 +69,7 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
         [*run, 'simulate', path, '--output', log], env=environment, check=True, timeout=300.0
     )
     (tmp_path / 'small.urdf').unlink()
-    logged = read_log(log)
+    logged = read_run(log)
     assert len(logged.times) == TICKS + 1
     assert logged.joint_names[3:] == (
         'wheel_right_joint', 'wheel_left_joint', 'turret_joint', 'lift_joint', 'upper_joint',
@@ -81,7 +81,7 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
         [*run, 'report', log, '--output', tmp_path / 'report'],
         env=environment, check=True, timeout=300.0,
     )  # fmt: skip
-    assert 'hand_joint' in (tmp_path / 'report' / 'index.html').read_text(encoding='utf-8')
+    assert 'hand_joint' in (tmp_path / 'report' / 'report.html').read_text(encoding='utf-8')
     subprocess.run(
         [*run, 'export', log, tmp_path / 'run.csv'], env=environment, check=True, timeout=300.0
     )

@@ -54,9 +54,9 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.numerics.field import ONE
-from masmc_ros.robot.declaration import Mechanism, Quantity
+from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
-from masmc_ros.robot.registry import chosen, DEFAULT, load, URDF
+from masmc_ros.robot.registry import chosen, DEFAULT, load
 from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
 from numpy.typing import NDArray

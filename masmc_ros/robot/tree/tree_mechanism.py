@@ -35,9 +35,9 @@ from masmc_ros.robot.declaration import (
     Quantity,
     register,
     Shape,
+    URDF,
     Velocity,
 )
-from masmc_ros.robot.registry import URDF
 from masmc_ros.robot.tree import formulas as kernels
 from masmc_ros.robot.tree.assembly import BASES, Frame, joint_pose, tree_robot, TreeRobot
 from masmc_ros.robot.tree.frames import (
