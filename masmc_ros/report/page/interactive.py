@@ -43,6 +43,9 @@ import plotly.graph_objects as go
 Floats = NDArray[np.float64]
 
 _MILLIMETRES = 1.0e3
+
+_MOST = 14
+"""Lines of a plot of what the controller tells."""
 _DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
@@ -122,8 +125,12 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
             if len(set(units)) == 1:
                 quantity = f'{symbol} ({units[0]})'
                 names = [f'{symbol} of {each.html}' if each.html else symbol for each in of]
-            times = series.times - begun
-            add(signal.name, signal.title, quantity, names, times, series.values)
+            title, values = signal.title, series.values
+            if len(names) > _MOST:
+                title = f'{title}: the {_MOST} of {len(names)} that move most'
+                chosen = np.sort(np.argsort(np.nan_to_num(np.ptp(values, axis=0)))[-_MOST:])
+                names, values = [names[i] for i in chosen], values[:, chosen]
+            add(signal.name, title, quantity, names, series.times - begun, values)
 
     if len(tracked.error):
         for point in run.mechanism.points:

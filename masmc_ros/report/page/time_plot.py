@@ -38,6 +38,9 @@ INK = 'ink'
 _SOLID = 4
 """Lines of a plot that are told apart by their colours alone."""
 
+_DASHES = 'dash', 'dot', 'dashdot'
+"""Of the others."""
+
 _NAMED = 8
 """Changes whose names there is room for; those of more are seen by pointing at them."""
 
@@ -54,15 +57,19 @@ class Line(NamedTuple):
 
 def lines(names: Sequence[str], times: Floats, values: Floats) -> list[Line]:
     """
-    Return the columns of values (n, m), m < 8, as lines that differ.
+    Return the columns of values (n, m) as lines that differ, as far as that goes.
 
     From the fifth on they are dashed too: more colours are hard to tell apart.
     """
     return [
-        Line(name, times, column, colour, 'solid' if number < _SOLID else 'dash')
-        for number, (name, column, colour) in enumerate(
-            zip(names, values.T, COLOURS, strict=False)
+        Line(
+            name,
+            times,
+            column,
+            COLOURS[number % len(COLOURS)],
+            'solid' if number < _SOLID else _DASHES[number // len(COLOURS) % len(_DASHES)],
         )
+        for number, (name, column) in enumerate(zip(names, values.T, strict=True))
     ]
 
 
