@@ -105,11 +105,11 @@ class TwistCdr(Message):
 
 
 @cache
-def twist_stamped_layout(frame_prefix: str = '') -> Layout:
-    """Return the layout of geometry_msgs/TwistStamped in `base_link`, with a prefix."""
+def twist_stamped_layout(frame_prefix: str = '', frame: str = BASE_FRAME) -> Layout:
+    """Return the layout of geometry_msgs/TwistStamped in the base's frame, with a prefix."""
     layout = Layout()
     layout.stamp()
-    layout.string(frame_prefix + BASE_FRAME)
+    layout.string(frame_prefix + frame)
     _twist(layout)
     return layout
 
@@ -127,19 +127,19 @@ class TwistStampedCdr(StampedMessage):
 
     """
 
-    def __init__(self, frame_prefix: str = '') -> None:
+    def __init__(self, frame_prefix: str = '', frame: str = BASE_FRAME) -> None:
         """Make a twist of zeros at time 0."""
-        super().__init__(twist_stamped_layout(frame_prefix))
+        super().__init__(twist_stamped_layout(frame_prefix, frame))
         self.linear, self.angular = self._record['linear'], self._record['angular']
 
 
 @cache
-def odometry_layout(frame_prefix: str = '') -> Layout:
-    """Return the layout of nav_msgs/Odometry from `odom` to `base_link`, with a prefix."""
+def odometry_layout(frame_prefix: str = '', frame: str = BASE_FRAME) -> Layout:
+    """Return the layout of nav_msgs/Odometry from `odom` to the base's frame, with a prefix."""
     layout = Layout()
     layout.stamp()
     layout.string(frame_prefix + ODOM_FRAME)
-    layout.string(frame_prefix + BASE_FRAME)
+    layout.string(frame_prefix + frame)
     layout.doubles('position', 3)
     layout.doubles('orientation', 4)
     layout.doubles('pose_covariance', _COVARIANCE)
@@ -169,9 +169,9 @@ class OdometryCdr(StampedMessage):
 
     """
 
-    def __init__(self, frame_prefix: str = '') -> None:
+    def __init__(self, frame_prefix: str = '', frame: str = BASE_FRAME) -> None:
         """Make an odometry at the origin, at rest, at time 0."""
-        super().__init__(odometry_layout(frame_prefix))
+        super().__init__(odometry_layout(frame_prefix, frame))
         record = self._record
         self.position, self.orientation = record['position'], record['orientation']
         self.linear, self.angular = record['linear'], record['angular']

@@ -214,7 +214,7 @@ class SimulationLog:
             rates[:, velocity.place] = stretch.rates[:, number]
         linear, angular = rates[:, :3], rates[:, 3:]
         if self._is_stamped:
-            layout = twist_stamped_layout(self._command_prefix)
+            layout = twist_stamped_layout(self._command_prefix, self._mechanism.frames[0][1])
             twists = layout.messages(stamp=stamps, linear=linear, angular=angular)
         else:
             twists = twist_layout().messages(linear=linear, angular=angular)
@@ -245,7 +245,7 @@ class SimulationLog:
             stretch.position[chosen], stretch.velocity[chosen]
         )
         linear, angular = twist[:, :3], twist[:, 3:]
-        odometry = odometry_layout(self._prefix).messages(
+        odometry = odometry_layout(self._prefix, self._mechanism.frames[0][1]).messages(
             stamp=stamps[chosen],
             position=pose[:, :3],
             orientation=pose[:, 3:],

@@ -115,10 +115,11 @@ class RateOutput:
         """Take the controller and its parameter values; InputError for a bad frame prefix."""
         self.publishers: list[Publisher] = []
         prefix = check_frame_prefix(values['frame_prefix'])
+        base = controller.mechanism.frames[0][1]
         self._twist: TwistCdr | TwistStampedCdr = TwistCdr()
         self._type: Any = Twist
         if values['enable_stamped_cmd_vel']:
-            self._twist, self._type = TwistStampedCdr(prefix), TwistStamped
+            self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
         own = [joint.name for joint in self._mechanism.own_rates]
         self._own = ArmVelocityCdr(own)

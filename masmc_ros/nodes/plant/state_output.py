@@ -51,7 +51,7 @@ class StateOutput:
         self._clock_decimation: int = values['clock_decimation']
         self._display = RobotDisplay(values)
         self._state = JointStateCdr(joint_names(values))
-        self._odometry = OdometryCdr(values['frame_prefix'])
+        self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
         self._time = TimeCdr()
         self.stamp = -1
