@@ -16,8 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from importlib.util import find_spec
 import multiprocessing
 from pathlib import Path
 import shutil
@@ -39,6 +41,8 @@ import numpy as np
 LANES, BLOCK = 16, 100
 """Runs side by side, and ticks that are kept at a time."""
 
+IN_C = '20 s at 1 kHz: rasmc, tanh in C, -O3'
+
 CASES = {
     'smc, sign': ('controller.law=smc', 'controller.switching=sign'),
     'rasmc, tanh': (),
@@ -50,9 +54,11 @@ CASES = {
 }
 
 
-def run_seconds(settings: tuple[str, ...], repeats: int = 10) -> float:
+def run_seconds(
+    settings: tuple[str, ...], repeats: int = 10, config: str = 'paper.yaml'
+) -> float:
     """Return the best time of a 20 s run at 1 kHz, all signals kept, in s."""
-    simulation = Simulation(load_scenario(str(shared_file('config', 'paper.yaml')), settings))
+    simulation = Simulation(load_scenario(str(shared_file('config', config)), settings))
     best = float('inf')
     for _ in range(repeats + 1):
         begin = time.perf_counter()
@@ -144,18 +150,32 @@ def runs_per_second(settings: tuple[str, ...], processes: int) -> float:
         return tasks * LANES * (1 + repeats) / (time.perf_counter() - begin)
 
 
+def beside_c(name: str, seconds: Callable[[], float]) -> Measure:
+    """Return a time in ms beside that of C right before and after: a processor's clock changes."""
+    before, taken, after = c_seconds(), seconds(), c_seconds()
+    in_c = None
+    if before is not None and after is not None:
+        in_c = Measure(IN_C, 500.0 * (before + after), 'ms')
+    return beside(name, 1e3 * taken, 'ms', in_c)
+
+
+def tree_seconds() -> float:
+    """Return the best time of the run of `config/tiago.yaml`, 20 s at 1 kHz, in s."""
+    return run_seconds((), repeats=3, config='tiago.yaml')
+
+
 def measures() -> Iterator[Measure]:
     """Yield the times."""
     seconds = c_seconds()
-    in_c = None
     if seconds is not None:
-        in_c = Measure('20 s at 1 kHz: rasmc, tanh in C, -O3', 1e3 * seconds, 'ms')
-        yield in_c
+        yield Measure(IN_C, 1e3 * seconds, 'ms')
     for name, settings in CASES.items():
-        yield beside(f'20 s at 1 kHz: {name}', 1e3 * run_seconds(settings), 'ms', in_c)
+        yield beside_c(f'20 s at 1 kHz: {name}', partial(run_seconds, settings))
     for name, settings in CASES.items():
-        taken = 1e3 * lanes_seconds(settings, LANES)
-        yield beside(f'the same, each of {LANES} side by side: {name}', taken, 'ms', in_c)
+        name = f'the same, each of {LANES} side by side: {name}'
+        yield beside_c(name, partial(lanes_seconds, settings, LANES))
+    if find_spec('pinocchio') is not None:
+        yield beside_c('20 s at 1 kHz: TIAGo, rasmc, implicit', tree_seconds)
     one, two = (runs_per_second(CASES['rasmc, tanh'], count) for count in (1, 2))
     alone = Measure('runs of rasmc, tanh side by side, one process', one, '/s')
     yield alone

@@ -21,7 +21,7 @@ from fractions import Fraction
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.robot.tree.assembly import pseudo_inertia
-from masmc_ros.robot.tree.natural_adaptation import natural_step
+from masmc_ros.robot.tree.natural_adaptation import bounded, natural_step
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments
 import numpy as np
 from numpy.typing import NDArray
@@ -150,3 +150,19 @@ def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
     after = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
     assert after < 1e-6 * before
     assert moments == pytest.approx(true, rel=1e-4)
+
+
+@MANY
+@given(seeds, seeds, st.floats(1.0, 10.0))
+def test_a_bounded_body_is_a_smaller_one_of_the_same_shape(
+    seed: int, other: int, upper: float
+) -> None:
+    (_, moments), (_, nominal) = body(seed), body(other)
+    found = np.array(bounded(moments, nominal, upper))
+    part = found[0] / moments[0]
+    assert found == pytest.approx(part * np.array(moments), rel=1e-12)
+    assert part <= 1.0
+    grown = max(found[0] / nominal[0], found[4:7].sum() / sum(nominal[4:7])) / upper
+    assert grown <= 1.0 + 1e-12
+    # No smaller than it has to be.
+    assert part == 1.0 or grown >= 1.0 - 1e-12

@@ -45,7 +45,7 @@ from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.dynamics import FIXED, GRAVITY, place, Placement, point_jacobian
 from masmc_ros.robot.tree.model import ONE, TreeModel, unpacked
-from masmc_ros.robot.tree.natural_adaptation import natural_step
+from masmc_ros.robot.tree.natural_adaptation import bounded, natural_step
 from masmc_ros.robot.tree.rotation_vector import (
     angular_motion,
     orientation_error,
@@ -615,12 +615,16 @@ def theta_step(
     """
     Return the moments after a step of natural adaptation, or of each number for itself.
 
-    The gain of a body is the entry of `gamma` for its mass.
+    The gain of a body is the entry of `gamma` for its mass; with projection, neither mass nor
+    size of a body grows beyond `projection.upper` times the nominal one.
     """
     gamma = get(settings, 'gamma', lane)
     if get(settings, 'adaptation', lane) != NATURAL:
         return each(gradient_step, theta, gradient, gamma, period)
-    found: Numbers = _natural(theta, gradient, gamma, period)
+    is_free = get(settings, 'projection_lower', lane) == 0.0
+    upper = 1.0e300 if is_free else get(settings, 'projection_upper', lane)
+    nominal = get(settings, 'nominal', lane)
+    found: Numbers = _natural(theta, nominal, gradient, gamma, period, upper)
     return found
 
 
@@ -631,17 +635,25 @@ def keeps_bodies(model: TreeModel, settings: Any, lane: int) -> bool:
 
 
 @kernel
-def _natural(theta: Numbers, gradient: Numbers, gamma: Numbers, period: float) -> Numbers:
+def _natural(
+    theta: Numbers,
+    nominal: Numbers,
+    gradient: Numbers,
+    gamma: Numbers,
+    period: float,
+    upper: float,
+) -> Numbers:
     out = np.empty(len(theta))
-    moments, along = _moments(theta), _moments(gradient)
+    moments, along, rest = _moments(theta), _moments(gradient), _moments(nominal)
     for body in range(len(theta) // 10):
         moved = natural_step(
             read_row(moments, body, 0, 0, MOMENTS),
             read_row(along, body, 0, 0, MOMENTS),
             period / gamma[10 * body],
         )
+        kept = bounded(moved, read_row(rest, body, 0, 0, MOMENTS), upper)
         for i in range(10):
-            out[10 * body + i] = moved[i]
+            out[10 * body + i] = kept[i]
     return taken(out, theta)
 
 

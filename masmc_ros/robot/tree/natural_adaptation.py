@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import dot, matrix_times
+from masmc_ros.numerics.tuples import dot, each, matrix_times
 from masmc_ros.robot.tree.spatial import Moments
 
 Row = tuple[float, float, float, float]
@@ -122,6 +122,27 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         (found[3], found[9], found[8], found[6]),
     )
     return found if is_body & is_right & is_still_body else moments
+
+
+@formula
+def bounded(moments: Moments, nominal: Moments, upper: float) -> Moments:
+    """
+    Return a body's moments scaled down to where its mass and size are bounded.
+
+    A multiple of a body is one. Neither its mass nor the sum of its second moments is more than
+    `upper` times the nominal one.
+    """
+    most = upper * nominal[0]
+    part = most / moments[0] if moments[0] > most else 1.0
+    size = moments[4] + moments[5] + moments[6]
+    most = upper * (nominal[4] + nominal[5] + nominal[6])
+    part = min(part, most / size) if size > most else part
+    return each(_times, moments, part)
+
+
+@formula
+def _times(value: float, part: float) -> float:
+    return value * part
 
 
 @formula
