@@ -140,7 +140,7 @@ def _source(file: str, settings: Sequence[str]) -> _Source:
         return _Source(values, changes, run.attachments, run)
     file = scenario_file(file)
     values = load_scenario(file, settings)
-    for line in strays(file):
+    for line in strays(file, settings):
         print(line, file=sys.stderr)
     return _Source(values, activation(values), {file: Path(file).read_bytes()}, None)
 

@@ -31,7 +31,6 @@ from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
-from masmc_ros.robot.registry import NAME as MECHANISM
 from masmc_ros.scenario.node_parameters import (
     accepted,
     declared,
@@ -43,6 +42,9 @@ from masmc_ros.scenario.node_parameters import (
 import numpy as np
 
 Values = dict[str, Any]
+
+_OF_ROBOT = 'robot.'
+"""What names of parameters begin with that say what the robot is."""
 
 _MOST_MISSING = 1000
 """Ticks to a state in a log that lacks most of them."""
@@ -67,8 +69,10 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     scenario = {}
     for node in NODES:
         given, places = file.for_node(node), file.places(node)
-        if MECHANISM in extra[node]:
-            given[MECHANISM], places[MECHANISM] = extra[node][MECHANISM], f'--set {MECHANISM}: '
+        # Of every node, also of one that needs no robot and only passes its parameters over.
+        for name in extra['plant']:
+            if name.startswith(_OF_ROBOT):
+                given[name], places[name] = extra['plant'][name], f'--set {name}: '
         mechanism = chosen(given)
         for name in accepted(node, mechanism) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.
@@ -195,9 +199,15 @@ def _check_length(run: Run, timing: Timing) -> None:
         )
 
 
-def strays(path: str) -> list[str]:
-    """Return one line for each block of a file, and one for all names, that no node here knows."""
+def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
+    """
+    Return one line for each block of a file, and one for all names, that no node here knows.
+
+    `settings` as in `load_scenario`: which names nodes know depends on the robot.
+    """
     file = read(path)
+    told = _settings(settings, file.for_node('plant'))['plant']
+    robot = {name: value for name, value in told.items() if name.startswith(_OF_ROBOT)}
     blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
         for block in file.unmatched(NODES)
@@ -205,7 +215,9 @@ def strays(path: str) -> list[str]:
     foreign = {
         name: None
         for node in NODES
-        for name in drop_foreign(node, file.for_node(node), file.shared(node), file.places(node))
+        for name in drop_foreign(
+            node, {**file.for_node(node), **robot}, file.shared(node), file.places(node)
+        )
     }
     return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
@@ -220,7 +232,11 @@ def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
     sorted_: dict[str, Values] = {node: {} for node in NODES}
     settings = tuple(settings)
     pairs = (each.partition('=') for each in settings)
-    told = {name: value for name, _, value in pairs if name == MECHANISM}
+    told = {
+        name: parse_value(text, f'--set {name}={text}')
+        for name, equals, text in pairs
+        if equals and name.startswith(_OF_ROBOT)
+    }
     mechanism = chosen({**plant, **told})
     common = {parameter.name for parameter in shared(mechanism)}
     for setting in settings:

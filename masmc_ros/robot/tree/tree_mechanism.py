@@ -362,6 +362,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         held=held,
         armature=values['robot.armature'],
     )
+    if not robot.joints:
+        raise InputError(f'{where}: no joint that can be controlled; expected one at least')
     tip = values['robot.tip_frame'] or robot.joints[-1].child
     if tip not in robot.frames:
         raise InputError(
@@ -380,7 +382,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         for j in robot.joints
     )
     bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
-    lengths = kernels_lengths(robot)
+    lengths = _length_of_model(robot)
     joints = len(drives) + len(arm)
     efforts = robot.limits.effort
     limits = np.zeros(joints)
@@ -420,7 +422,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     return mechanism
 
 
-def kernels_lengths(robot: TreeRobot) -> int:
+def _length_of_model(robot: TreeRobot) -> int:
     """Return how many numbers the model of a robot has."""
     size = robot.tree.base + len(robot.joints)
     zero = np.zeros(size)
