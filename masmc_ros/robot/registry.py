@@ -66,7 +66,8 @@ def chosen(values: Mapping[str, Any]) -> Mechanism:
 
     Where they have a URDF, it is that robot.
     """
-    if values.get(URDF):
+    urdf = values.get(URDF)
+    if isinstance(urdf, str) and urdf:
         # Only who has such a robot waits for its formulas.
         from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 

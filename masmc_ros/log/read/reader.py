@@ -272,7 +272,7 @@ def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]
     _describe(start, records, namespace)
     told = [start.get(node, {}) for node in ('plant', 'controller')]
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
-    trees = (values for values in told if values.get(URDF))
+    trees = (values for values in told if isinstance(values.get(URDF), str) and values[URDF])
     tree = next(trees, None)
     mechanism = load(next(kinds, DEFAULT.name)) if tree is None else chosen(tree)
     for values in told:
@@ -292,7 +292,7 @@ def _describe(
     if topic is None or not topic.messages or start.get('plant', {}).get('frame_prefix'):
         return
     for values in start.values():
-        if values.get(URDF):
+        if isinstance(values.get(URDF), str) and values[URDF]:
             with suppress(InputError):
                 values[URDF] = text_of(topic.messages[0])
 

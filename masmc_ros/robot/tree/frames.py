@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
+_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
 STANDS, TURNS, SLIDES, BASE = 0, 1, 2, 3
 """How a frame moves in its parent."""
 
@@ -132,7 +134,7 @@ def world_of(pairs: Sequence[tuple[str, str]], of: Array) -> list[tuple[Array, A
     for (parent, child), row in zip(pairs, of, strict=True):
         r, p = known[parent]
         quaternion = tuple(row[3:].tolist())
-        own = np.array([_turned(quaternion, unit) for unit in np.eye(3).tolist()]).T
+        own = np.array([_turned(quaternion, unit) for unit in _UNITS]).T
         known[child] = r @ own, p + r @ row[:3]
         found.append(known[child])
     return found
