@@ -83,8 +83,9 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
     )  # fmt: skip
     assert 'hand_joint' in (tmp_path / 'report' / 'report.html').read_text(encoding='utf-8')
     subprocess.run(
-        [*run, 'export', log, '--output', tmp_path / 'export'], env=environment, check=True, timeout=300.0
-    )
+        [*run, 'export', log, '--output', tmp_path / 'export'],
+        env=environment, check=True, timeout=300.0,
+    )  # fmt: skip
     table = (tmp_path / 'export' / 'run.csv').read_text(encoding='utf-8')
     for name in ('position_lift_joint_m', 'command_lift_joint_N', 'error_rx_tip_rad'):
         assert name in table.splitlines()[0].split(',')
