@@ -237,35 +237,23 @@ def _last(values: Numbers) -> Vector:
 
 
 @kernel
-def _pose(model: TreeModel, placement: Placement) -> Numbers:
-    r, p = _tip(model, placement)
+def task_position(model: TreeModel, posture: Placement, position: Numbers) -> Numbers:
+    """Return the origin and the rotation vector of the frame."""
+    r, p = _tip(model, posture)
     phi = vector_of(r)
     return p[0], p[1], p[2], phi[0], phi[1], phi[2]
 
 
-@formula
-def task_position(model: TreeModel, posture: Placement, position: Numbers) -> Numbers:
-    """Return the origin and the rotation vector of the frame."""
-    found: Numbers = _pose(model, posture)
-    return found
-
-
 @kernel
-def _error(model: TreeModel, placement: Placement, desired: Numbers) -> Numbers:
-    r, p = _tip(model, placement)
-    turned = orientation_error(r, rotation_of(_last(desired)))
-    return (
-        p[0] - desired[0], p[1] - desired[1], p[2] - desired[2], turned[0], turned[1], turned[2]
-    )
-
-
-@formula
 def task_error(
     model: TreeModel, posture: Placement, position: Numbers, desired: Numbers
 ) -> Numbers:
     """Return the origin's distance, and the axis from R_d to R times the angle's sine."""
-    found: Numbers = _error(model, posture, desired)
-    return found
+    r, p = _tip(model, posture)
+    turned = orientation_error(r, rotation_of(_last(desired)))
+    return (
+        p[0] - desired[0], p[1] - desired[1], p[2] - desired[2], turned[0], turned[1], turned[2]
+    )
 
 
 @kernel
@@ -279,31 +267,27 @@ def _times(matrix: Any, x: Any) -> Numbers:
 
 
 @kernel
-def _task_velocity(model: TreeModel, placement: Placement, motion: Numbers) -> Numbers:
-    jacobian, _ = _jacobian(model, placement, _vector(motion))
+def task_velocity(model: TreeModel, posture: Placement, motion: Numbers) -> Numbers:
+    """Return the origin's velocity and the angular velocity."""
+    jacobian, _ = _jacobian(model, posture, _vector(motion))
     found: Numbers = _times(jacobian, motion)
     return found
 
 
-@formula
-def task_velocity(model: TreeModel, posture: Placement, motion: Numbers) -> Numbers:
-    """Return the origin's velocity and the angular velocity."""
-    found: Numbers = _task_velocity(model, posture, motion)
-    return found
-
-
 @kernel
-def _tracking(
+def tracking(
     model: TreeModel,
-    placement: Placement,
+    posture: Placement,
+    position: Numbers,
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    r, p = _tip(model, placement)
+    """Return how the frame follows; what is desired is a rotation vector and its derivatives."""
+    r, p = _tip(model, posture)
     phi = _last(desired[0])
     wanted = rotation_of(phi)
     omega_d, alpha_d = angular_motion(phi, _last(desired[1]), _last(desired[2]))
-    twist = _task_velocity(model, placement, motion)
+    twist = task_velocity(model, posture, motion)
     turned = orientation_error(r, wanted)
     turning = orientation_error_rate(r, _last(twist), wanted, omega_d)
     x, v, a = desired
@@ -316,19 +300,6 @@ def _tracking(
         velocity,
         (a[0], a[1], a[2], alpha_d[0], alpha_d[1], alpha_d[2]),
     )
-
-
-@formula
-def tracking(
-    model: TreeModel,
-    posture: Placement,
-    position: Numbers,
-    motion: Numbers,
-    desired: tuple[Numbers, Numbers, Numbers],
-) -> Tracking:
-    """Return how the frame follows; what is desired is a rotation vector and its derivatives."""
-    found: Tracking = _tracking(model, posture, motion, desired)
-    return found
 
 
 @kernel
@@ -363,31 +334,26 @@ def _factored(model: TreeModel, jacobian: Any) -> tuple[Any, bool]:
 
 
 @kernel
-def _is_singular(model: TreeModel, placement: Placement) -> bool:
-    jacobian, _ = _jacobian(model, placement, np.zeros((len(model.mobility), 1)))
+def is_singular(model: TreeModel, posture: Placement) -> bool:
+    """Tell whether the least pivot of J W^-1 J' is too small."""
+    jacobian, _ = _jacobian(model, posture, np.zeros((len(model.mobility), 1)))
     _, found = _factored(model, jacobian)
     return found
 
 
-@formula
-def is_singular(model: TreeModel, posture: Placement) -> bool:
-    """Tell whether the least pivot of J W^-1 J' is too small."""
-    found: bool = _is_singular(model, posture)
-    return found
-
-
 @kernel
-def _reference_motion(
+def reference_motion(
     model: TreeModel,
-    placement: Placement,
+    posture: Placement,
     position: Numbers,
     motion: Numbers,
     velocity: Numbers,
     acceleration: Numbers,
 ) -> tuple[Numbers, Numbers]:
+    """Return nu_r and a_r - kappa (nu - nu_r)."""
     size, base, gain = len(motion), model.tree.base, model.posture_gain
     nu = _vector(motion)
-    jacobian, derivative = _jacobian(model, placement, nu)
+    jacobian, derivative = _jacobian(model, posture, nu)
     factors, _ = _factored(model, jacobian)
     # z and its derivative: the joints tend to their posture, the base to nothing.
     z, z_dot = np.zeros(size), np.zeros(size)
@@ -421,22 +387,6 @@ def _reference_motion(
 
 
 @formula
-def reference_motion(
-    model: TreeModel,
-    posture: Placement,
-    position: Numbers,
-    motion: Numbers,
-    velocity: Numbers,
-    acceleration: Numbers,
-) -> tuple[Numbers, Numbers]:
-    """Return nu_r and a_r - kappa (nu - nu_r)."""
-    found: tuple[Numbers, Numbers] = _reference_motion(
-        model, posture, position, motion, velocity, acceleration
-    )
-    return found
-
-
-@formula
 def motion_error(
     model: TreeModel, posture: Placement, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
@@ -449,7 +399,7 @@ def _task_inertia(model: TreeModel, placement: Placement, theta: Numbers) -> Any
     """Return (J H^-1 J')^-1 (6, 6), a little damped where that is singular."""
     size = len(model.mobility)
     jacobian, _ = _jacobian(model, placement, np.zeros((size, 1)))
-    h = _inertia(model, placement, theta)
+    h = inertia(model, placement, theta)
     dynamics.factor(h, ONE)
     compliance = np.zeros((AXES, AXES, 1))
     column = np.empty((size, 1))
@@ -492,11 +442,12 @@ def task_inertia(model: TreeModel, posture: Placement, theta: Numbers, surface: 
 
 
 @kernel
-def _motion_from_task(
-    model: TreeModel, placement: Placement, rates: Numbers, like: Numbers
+def motion_from_task(
+    model: TreeModel, posture: Placement, rates: Numbers, like: Numbers
 ) -> Numbers:
+    """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
     size = len(model.mobility)
-    jacobian, _ = _jacobian(model, placement, np.zeros((size, 1)))
+    jacobian, _ = _jacobian(model, posture, np.zeros((size, 1)))
     factors, _ = _factored(model, jacobian)
     y = _vector(rates)
     dynamics.solve(factors, y, ONE)
@@ -508,34 +459,17 @@ def _motion_from_task(
 
 
 @kernel
-def _forces_from_task(
-    model: TreeModel, placement: Placement, force: Numbers, like: Numbers
+def forces_from_task(
+    model: TreeModel, posture: Placement, force: Numbers, like: Numbers
 ) -> Numbers:
+    """Return J' F."""
     size = len(model.mobility)
-    jacobian, _ = _jacobian(model, placement, np.zeros((size, 1)))
+    jacobian, _ = _jacobian(model, posture, np.zeros((size, 1)))
     out = np.zeros(size)
     for k in range(size):
         for i in range(AXES):
             out[k] += jacobian[i, k, 0] * force[i]
     return taken(out, like)
-
-
-@formula
-def motion_from_task(
-    model: TreeModel, posture: Placement, rates: Numbers, like: Numbers
-) -> Numbers:
-    """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    found: Numbers = _motion_from_task(model, posture, rates, like)
-    return found
-
-
-@formula
-def forces_from_task(
-    model: TreeModel, posture: Placement, force: Numbers, like: Numbers
-) -> Numbers:
-    """Return J' F."""
-    found: Numbers = _forces_from_task(model, posture, force, like)
-    return found
 
 
 @kernel
@@ -560,7 +494,8 @@ def regressor(
 
 
 @kernel
-def _regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
+def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
+    """Return H a_r + C nu_r + g, with the inertia of rotors and wheels, which is no parameter."""
     acceleration = _vector(y.acceleration)
     out = np.empty((len(y.motion), 1))
     dynamics.inverse_dynamics(
@@ -574,13 +509,6 @@ def _regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
         out,
     )
     return taken(out[:, 0], y.motion)
-
-
-@formula
-def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
-    """Return H a_r + C nu_r + g, with the inertia of rotors and wheels, which is no parameter."""
-    found: Numbers = _regressor_times(model, y, theta)
-    return found
 
 
 @kernel
@@ -658,68 +586,45 @@ def _natural(
 
 
 @kernel
-def _inertia(model: TreeModel, placement: Placement, theta: Numbers) -> Any:
+def inertia(model: TreeModel, posture: Placement, theta: Numbers) -> Any:
+    """Return H (n, n, 1)."""
     size = len(model.mobility)
     out = np.empty((size, size, 1))
-    dynamics.inertia(model.tree, _moments(theta), placement, out)
+    dynamics.inertia(model.tree, _moments(theta), posture, out)
     return out
 
 
-@formula
-def inertia(model: TreeModel, posture: Placement, theta: Numbers) -> Any:
-    """Return H (n, n, 1)."""
-    return _inertia(model, posture, theta)
-
-
 @kernel
-def _inertia_times(h: Any, acceleration: Numbers) -> Numbers:
+def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numbers:
+    """Return H nudot."""
     out = np.zeros(len(acceleration))
     for i in range(len(acceleration)):
         for j in range(len(acceleration)):
-            out[i] += h[i, j, 0] * acceleration[j]
+            out[i] += inertia[i, j, 0] * acceleration[j]
     return taken(out, acceleration)
 
 
-@formula
-def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numbers:
-    """Return H nudot."""
-    found: Numbers = _inertia_times(inertia, acceleration)
-    return found
-
-
 @kernel
-def _inertia_solve(h: Any, forces: Numbers) -> Numbers:
-    factors = h.copy()
+def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
+    """Return H^-1 f."""
+    factors = inertia.copy()
     dynamics.factor(factors, ONE)
     x = _vector(forces)
     dynamics.solve(factors, x, ONE)
     return taken(x[:, 0], forces)
 
 
-@formula
-def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
-    """Return H^-1 f."""
-    found: Numbers = _inertia_solve(inertia, forces)
-    return found
-
-
 @kernel
-def _bias(model: TreeModel, placement: Placement, theta: Numbers, motion: Numbers) -> Numbers:
-    nu = _vector(motion)
-    out = np.empty((len(motion), 1))
-    dynamics.inverse_dynamics(
-        model.tree, _moments(theta), placement, nu, nu, np.zeros((len(motion), 1)), GRAVITY, out
-    )
-    return taken(out[:, 0], motion)
-
-
-@formula
 def coriolis(
     model: TreeModel, posture: Placement, theta: Numbers, motion: Numbers
 ) -> Numbers:
     """Return C nu + g."""
-    found: Numbers = _bias(model, posture, theta, motion)
-    return found
+    nu = _vector(motion)
+    out = np.empty((len(motion), 1))
+    dynamics.inverse_dynamics(
+        model.tree, _moments(theta), posture, nu, nu, np.zeros((len(motion), 1)), GRAVITY, out
+    )
+    return taken(out[:, 0], motion)
 
 
 @formula

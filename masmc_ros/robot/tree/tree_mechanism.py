@@ -159,6 +159,8 @@ class TreeMechanism(Mechanism):
     """A mechanism of a URDF."""
 
     robot: TreeRobot
+    model: Array
+    """What the formulas need of it: see `model.py`."""
     description: Description
     text: str
     """The URDF."""
@@ -193,23 +195,7 @@ class TreeMechanism(Mechanism):
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
         """Return the model as one vector, and the bodies' moments one after the other."""
-        robot = self.robot
-        base, joints = robot.tree.base, len(robot.joints)
-        mobility = np.ones(base + joints)
-        mobility[:base] = values['base_mobility']
-        tip = robot.frames[self.tip]
-        rest = _as_many(values['posture'], joints, 'robot.posture')
-        lengths = packed(
-            robot.tree,
-            _wheel_rates(robot),
-            (tip.body, tip.rotation, tip.offset),
-            mobility,
-            np.concatenate([np.zeros(base), rest]),
-            values['posture_gain'],
-            values['damping'],
-            values['least_pivot'],
-        )
-        return lengths, robot.moments.ravel()
+        return self.model, self.robot.moments.ravel()
 
     def _start(
         self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
@@ -310,11 +296,6 @@ def _as_many(values: Sequence[float], count: int, name: str) -> Array:
     return np.broadcast_to(np.asarray(values, dtype=np.float64), (count,))
 
 
-def _wheel_rates(robot: TreeRobot) -> Array:
-    """Return the rates of what drives the base, by those of the base."""
-    return np.eye(robot.tree.base) if robot.wheels is None else robot.wheels.matrix
-
-
 def described(urdf: str) -> tuple[str, Description, str]:
     """Return text, description and name of a URDF that is given as a path or as a text."""
     if urdf.lstrip().startswith('<'):
@@ -382,7 +363,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         for j in robot.joints
     )
     bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
-    lengths = _length_of_model(robot)
+    model = _model(robot, robot.frames[tip], values)
     joints = len(drives) + len(arm)
     efforts = robot.limits.effort
     limits = np.zeros(joints)
@@ -405,7 +386,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         point_frame=tip,
         parameters=PARAMETERS,
         law_parameters=_LAW_PARAMETERS,
-        lengths=tuple(f'{i}' for i in range(lengths)),
+        lengths=tuple(map(str, range(len(model)))),
+        model=model,
         module=kernels.__name__,
         defaults={'torque_limit': tuple(limits.tolist()), 'initial_pose': (0.0, 0.0, 0.0)},
         origin='origin of the base',
@@ -422,15 +404,21 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     return mechanism
 
 
-def _length_of_model(robot: TreeRobot) -> int:
-    """Return how many numbers the model of a robot has."""
-    size = robot.tree.base + len(robot.joints)
-    zero = np.zeros(size)
-    tip = Frame(0)
-    return len(
-        packed(
-            robot.tree, np.eye(robot.tree.base), (0, tip.rotation, tip.offset), zero, zero, 0, 0, 0
-        )
+def _model(robot: TreeRobot, tip: Frame, values: Mapping[str, Any]) -> Array:
+    """Return what the formulas need, as one vector."""
+    base, joints = robot.tree.base, len(robot.joints)
+    mobility = np.ones(base + joints)
+    mobility[:base] = values['robot.base_mobility']
+    rest = _as_many(values['robot.posture'], joints, 'robot.posture')
+    return packed(
+        robot.tree,
+        np.eye(base) if robot.wheels is None else robot.wheels.matrix,
+        (tip.body, tip.rotation, tip.offset),
+        mobility,
+        np.concatenate([np.zeros(base), rest]),
+        values['robot.posture_gain'],
+        values['robot.damping'],
+        values['robot.least_pivot'],
     )
 
 
