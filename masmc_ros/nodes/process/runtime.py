@@ -29,6 +29,7 @@ from typing import Protocol
 
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.middleware.exchange import Exchange, ProcessContext
+from masmc_ros.nodes.middleware.logging import prepare_logging
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
 from masmc_ros.nodes.process.ending import bounded_ending, ending_at_once, on_end
@@ -117,6 +118,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
             executor.add_node(node.node)
         if context.log_node is not None:
             executor.add_node(context.log_node)
+        prepare_logging()
         # What was built so far stays; without this a full garbage collection looks through
         # all of it again and again, and stops the ticks for a third of a second.
         gc.collect()
