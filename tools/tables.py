@@ -25,13 +25,20 @@ import re
 import sys
 from unittest.mock import patch
 
+from masmc_ros.law import registry
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
 from masmc_ros.scenario.node_parameters import declared, NODES, shared
 
 ROOT = Path(__file__).resolve().parent.parent
-_BLOCK = re.compile(r'(<!-- table: ([a-z ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
+PAPER_LAWS = ('smc', 'rasmc')
+
+COMMON = {BOUNDARY_LAYER.name}
+"""Parameters of switching terms, which some laws read too."""
+
+_BLOCK = re.compile(r'(<!-- table: ([a-z_ ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
 
 def tables() -> dict[str, str]:
@@ -42,9 +49,16 @@ def tables() -> dict[str, str]:
 
 def _tables() -> dict[str, str]:
     names = {parameter.name for parameter in shared()}
-    own = {
-        node: tuple(p for p in declared(node) if p.name not in names) for node in NODES
+    # Those of laws beside the paper's stand with the law, in docs/laws/.
+    paper = {p.name for name in PAPER_LAWS for p in registry.LAWS[name].parameters}
+    of_laws = {
+        law.name: {p.name for p in law.parameters} - paper for law in registry.LAWS.values()
     }
+    hidden = names.union(*of_laws.values()) - COMMON
+    own = {
+        node: tuple(p for p in declared(node) if p.name not in hidden) for node in NODES
+    }
+    controller = declared('controller')
     return {
         'topics': _topics(),
         'shared parameters': markdown_table(shared()),
@@ -52,7 +66,21 @@ def _tables() -> dict[str, str]:
             tuple(p for p in own['controller'] if not p.read_only)
         ),
         **{f'{node} parameters': markdown_table(own[node]) for node in NODES},
+        **{
+            f'{name} law': markdown_table(tuple(p for p in controller if p.name in of_law))
+            for name, of_law in of_laws.items()
+            if name not in PAPER_LAWS
+        },
+        'laws': _laws(),
     }
+
+
+def _laws() -> str:
+    lines = ['| law | what it is | from |', '|---|---|---|']
+    for name, law in registry.LAWS.items():
+        place = '../control_law.md' if name in PAPER_LAWS else f'{name}.md'
+        lines.append(f'| [`{name}`]({place}) | {law.summary} | {law.source} |')
+    return '\n'.join(lines) + '\n'
 
 
 def _topics() -> str:
@@ -71,7 +99,7 @@ def renewed(text: str) -> str:
 
 def documents() -> list[Path]:
     """Return the documents that may have tables."""
-    return [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+    return [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 
 
 def main() -> int:

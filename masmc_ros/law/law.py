@@ -69,8 +69,14 @@ class Law:
     """What a tick hands on to the next: its own and its parts'."""
     learn: Callable[..., Any] = _learns_nothing
     settle: Callable[..., Any] = _settled
+    summary: str = ''
+    """What it is, in a line."""
     source: str = ''
     """Where it is from."""
+    uses_switching: bool = True
+    """Whether it asks for the reaching term that `switching` names."""
+    most_parameters: int | None = None
+    """Number of base inertial parameters of a robot that it can still reckon with."""
 
     @property
     def formulas(self) -> SimpleNamespace:

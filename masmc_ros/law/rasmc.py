@@ -41,5 +41,14 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held:
 
 
 RASMC = register(
-    Law('rasmc', torque, (*SMC.parameters, GAMMA), SMC.memory, learn=learn, settle=project)
+    Law(
+        'rasmc',
+        torque,
+        (*SMC.parameters, GAMMA),
+        SMC.memory,
+        learn,
+        project,
+        summary='sliding mode control with adaptation of the base inertial parameters',
+        source='(17) and (23) of the paper',
+    )
 )

@@ -51,4 +51,4 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     return each(zero, get(memory, 'commanded', lane))
 
 
-RATES = register(Law('rates', torque, (SIGMA,), (ESTIMATE,), settle=project))
+RATES = register(Law('rates', torque, (SIGMA,), (ESTIMATE,), settle=project, uses_switching=False))

@@ -25,6 +25,7 @@ from functools import cache
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
+from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
@@ -40,8 +41,15 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.robot.declaration import Mechanism
 
-LAWS = {law.name: law for law in (SMC, RASMC)}
-"""The laws of this folder that `law` chooses among."""
+LAWS = {
+    law.name: law
+    for law in (
+        SMC,
+        RASMC,
+        NONLINEAR_FEEDBACK,
+    )
+}
+"""The laws of this folder that `law` chooses among, those of the paper first."""
 
 OF_RATES = RATES
 """The law of commanded rates, whatever `law` says."""
@@ -78,6 +86,18 @@ def load(name: str) -> Law | type[PlugInLaw]:
         if law.name != name:
             raise InputError(f'law = {name}: its Law is called {law.name}, expected {name}')
         register(law)
+    return law
+
+
+def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
+    """Return a law as `load` does; InputError where it is none for a robot of this kind."""
+    law = load(name)
+    most = law.most_parameters if isinstance(law, Law) else None
+    if most is not None and len(mechanism.theta) > most:
+        raise InputError(
+            f'law = {name}: the robot has {len(mechanism.theta)} base inertial parameters, '
+            f'expected at most {most}'
+        )
     return law
 
 

@@ -38,5 +38,14 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 SMC = register(
-    Law('smc', torque, (*GAINS, SIGMA), (ESTIMATE,), learn=correct, settle=project)
+    Law(
+        'smc',
+        torque,
+        (*GAINS, SIGMA),
+        (ESTIMATE,),
+        correct,
+        project,
+        summary='sliding mode control with the nominal model',
+        source='(15) of the paper',
+    )
 )

@@ -37,7 +37,11 @@ class Tick(NamedTuple):
     velocity: Numbers  # v
     reference_velocity: Numbers  # v_r
     reference_acceleration: Numbers  # a_r
+    position: Numbers  # measured
+    desired_velocity: Numbers  # xdot_d of the task
+    desired_acceleration: Numbers  # xddot_d
     error: Numbers  # e of the task, x - x_d
+    error_derivative: Numbers  # de/dt
     error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
     surface: Numbers  # s = edot + sigma e
     regressor: Any  # Y(q, v, v_r, a_r)
@@ -76,7 +80,11 @@ def tick_of(
         v,
         v_r,
         a_r,
+        position,
+        follows.velocity,
+        follows.acceleration,
         follows.error,
+        follows.error_derivative,
         follows.velocity_error,
         each(sliding_surface, follows.error, follows.velocity_error, sigma),
         mechanism.regressor(model, posture, v, v_r, a_r),

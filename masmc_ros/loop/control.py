@@ -37,6 +37,7 @@ SETTINGS = (
     Field('nominal', 'parameters', 'theta of the nominal model'),
     Field('period', description='Control period T', unit='s'),
     Field('takes_rates', description='Whether rates are commanded', kind='i8'),
+    Field('group', 'joints', 'Which part of the robot moves by a joint: 0, 1, ...', kind='i8'),
 )
 """What every law reads, beside the parameters that are declared."""
 

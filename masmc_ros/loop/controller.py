@@ -110,7 +110,7 @@ class Controller:
         what was learned stays.
         """
         self.memory['commanded'] = 0.0
-        self.memory['predicted'] = np.nan
+        self._void()
         self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
         self.memory['follows'] = 0
@@ -134,7 +134,7 @@ class Controller:
         The disturbance estimate takes nothing from what happened in them, and the velocity
         estimator goes through them at once.
         """
-        self.memory['predicted'] = np.nan
+        self._void()
         self.memory['left_out'] += periods
 
     def forget(self) -> None:
@@ -155,12 +155,14 @@ class Controller:
         implicit law, or a disturbance estimate switched on or off, starts that estimate from
         zero.
         """
-        before = self.values
+        before, law = self.values, self._law
         now = {**before, **values}
         if any(now[name] != before[name] for name in ('law', 'switching')):
             self._choose(now)
         self._apply(now)
-        switched = now['switching'] != before['switching']
+        switched = now['switching'] != before['switching'] or law.uses_switching != (
+            self._law.uses_switching
+        )
         if switched or (now['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
@@ -192,9 +194,19 @@ class Controller:
         self._kernel(self.settings, self.memory, self.now)
         return bool(self._singular[0])
 
+    def _void(self) -> None:
+        """Forget what memory has of the tick before this one: it was another one than computed."""
+        for name in self._of_tick_before:
+            self.memory[name] = np.nan
+
+    @property
+    def uses_switching(self) -> bool:
+        """Whether the law in force asks for the reaching term that `switching` names."""
+        return self._law.uses_switching
+
     def _choose(self, values: Mapping[str, Any]) -> None:
         """Make the records of a law; what it has in common with the one before goes on."""
-        law = registry.load(values['law'])
+        law = registry.load_for(values['law'], self.mechanism)
         plug_in = None
         if self.commands_rates:
             law = registry.OF_RATES
@@ -203,11 +215,13 @@ class Controller:
             # The parts that plain Python shares with the built-in laws are theirs.
             law = registry.LAWS['smc']
         self._law = law
+        self._of_tick_before = records.of_tick_before(law)
         settings = records.law_settings(self.mechanism, law, values['switching'])
         fill(settings, 'geometry', self.robot.geometry)
         fill(settings, 'nominal', self.nominal)
         fill(settings, 'period', self.period)
         fill(settings, 'takes_rates', self.commands_rates)
+        fill(settings, 'group', self.mechanism.group_of_joints)
         self.settings, self._plug_in = settings, plug_in
         self._kernel = None
         before, self.memory = self.memory, self._new_memory()

@@ -16,12 +16,14 @@
 The kernels of all laws and switchings, compiled before a live change asks for one.
 
 To compile one takes some seconds, in which a controller would stand still; to load machine code
-from disk takes a thirtieth of one. So a node loads all of it while it starts. Where it is not on
-disk yet, once on a machine, a process beside the node makes it, at the lowest priority.
+from disk takes a thirtieth of one. So a node loads that of the paper's laws and of a user's own
+while it starts; that of the others is loaded when `law` first names them. Where it is not on disk
+yet, once on a machine, a process beside the node makes it, at the lowest priority.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 import json
 import os
@@ -32,11 +34,19 @@ from threading import Thread
 
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.law.rasmc import RASMC
+from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, settle
 from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
+
+
+def fitting(mechanism: Mechanism) -> tuple[Law, ...]:
+    """Return the compiled laws that a robot of this kind can have."""
+    count = len(mechanism.theta)
+    return tuple(law for law in laws() if (law.most_parameters or count) >= count)
 
 
 def laws() -> tuple[Law, ...]:
@@ -45,12 +55,18 @@ def laws() -> tuple[Law, ...]:
     return tuple(law for law in found if isinstance(law, Law))
 
 
-def load(mechanism: Mechanism) -> None:
-    """Have the kernels of all laws and switchings at hand, compiled where they were not."""
+def laws_at_hand() -> tuple[Law, ...]:
+    """Return the laws of the paper and users' own, whose kernels a controller starts with."""
+    others = set(registry.LAWS) - {SMC.name, RASMC.name}
+    return tuple(law for law in laws() if law.name not in others)
+
+
+def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
+    """Have the kernels of laws with all switchings at hand, compiled where they were not."""
     now = records.signals(mechanism)
-    for law in laws():
+    for law in which:
         memory = records.law_memory(mechanism, law)
-        for switching in registry.SWITCHING:
+        for switching in registry.SWITCHING if law.uses_switching else ('',):
             settings = records.law_settings(mechanism, law, switching)
             bound(control_tick, settings, memory, now)
             bound(settle, settings, memory)
@@ -67,7 +83,7 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     if is_interpreted(control_tick):
         return None
     if mark(mechanism).exists():
-        load(mechanism)
+        load(mechanism, laws_at_hand())
         return None
     process = subprocess.Popen(
         [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
@@ -90,7 +106,7 @@ def main() -> None:
     at_work = done.with_suffix('.lock')
     with at_work.open('w') as file:
         if _is_first(file.fileno()):
-            load(mechanism)
+            load(mechanism, fitting(mechanism))
             done.touch()
 
 

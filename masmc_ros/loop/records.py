@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import hashlib
 import inspect
+import math
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1)
     tags = {
         'mechanism': mechanism.tag,
         'law': law_tag(law),
-        'switching': switching,
+        'switching': switching if law.uses_switching else '',
     }
     return new_record(fields, mechanism.sizes, lanes, tags)
 
@@ -83,8 +84,17 @@ def law_tag(law: Law) -> str:
 
 def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
     """Return the memory of a law at its start."""
+    return new_record(_memory_fields(law), mechanism.sizes, lanes)
+
+
+def of_tick_before(law: Law) -> tuple[str, ...]:
+    """Return what the memory of a law has of the tick before: what begins as not-a-number."""
+    return tuple(field.name for field in _memory_fields(law) if math.isnan(field.initial))
+
+
+def _memory_fields(law: Law) -> tuple[Field, ...]:
     terms = (field for term in REACHING.values() for field in term.memory)
-    return new_record((*control.MEMORY, *law.memory, *terms), mechanism.sizes, lanes)
+    return (*control.MEMORY, *law.memory, *terms)
 
 
 def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:

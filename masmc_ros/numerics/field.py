@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import math
 
 ONE = ''
 """Size of a field that is one number."""
@@ -28,17 +29,33 @@ class Field:
     """A declared field of a record."""
 
     name: str
-    size: str | int = ONE
-    """Name of the number of components, or that number; ONE for a single number."""
+    size: str | int | tuple[str | int, ...] = ONE
+    """
+    Name of the number of components, or that number; ONE for a single number.
+
+    Several make a product: ('axes', 9) has nine components for each axis, those of the first
+    axis first.
+    """
     description: str = ''
     unit: str = ''
     kind: str = 'f8'
     """NumPy's code of the type of a component: f8 or i8."""
     initial: float = 0.0
-    """Value of every component in a new record."""
+    """
+    Value of every component in a new record.
+
+    Of a law's memory, what begins as not-a-number is about the tick before: it is void again
+    wherever that is not known (`loop.controller`).
+    """
 
     def count(self, sizes: Mapping[str, int]) -> int:
         """Return the number of components, by the numbers that sizes stand for."""
-        if isinstance(self.size, int):
-            return self.size
-        return 1 if self.size == ONE else sizes[self.size]
+        if isinstance(self.size, tuple):
+            return math.prod(_number(part, sizes) for part in self.size)
+        return _number(self.size, sizes)
+
+
+def _number(size: str | int, sizes: Mapping[str, int]) -> int:
+    if isinstance(size, int):
+        return size
+    return 1 if size == ONE else sizes[size]

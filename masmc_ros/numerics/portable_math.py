@@ -46,6 +46,8 @@ _LN2_HIGH = 6.93145751953125e-01
 _LN2_LOW = 1.42860682030941723212e-06
 # tanh is 1 to the last bit beyond 19.07.
 _TANH_SATURATION = 20.0
+# 2**n is a normal number for all of them.
+_LARGEST_EXPONENT = 700.0
 
 
 @formula
@@ -101,6 +103,33 @@ def sin(angle: float) -> float:
 
 
 @formula
+def _exponential(y: float) -> float:
+    """Return e**y for y between -700 and 700: 2**n exp(r)."""
+    shifted = y * _LOG2_E + _ROUND
+    n = shifted - _ROUND
+    r = (y - n * _LN2_HIGH) - n * _LN2_LOW
+    z = r * r
+    p = r * ((1.26177193074810590878e-04 * z + 3.02994407707441961300e-02) * z + 1.0)
+    q = (
+        (3.00198505138664455042e-06 * z + 2.52448340349684104192e-03) * z
+        + 2.27265548208155028766e-01
+    ) * z + 2.0
+    return (1.0 + 2.0 * (p / (q - p))) * power_of_two(shifted)
+
+
+@formula
+def exp(x: float) -> float:
+    """
+    Return e**x, within two ulp of the exact value for x from -700 to 700.
+
+    Below, that of -700, which is zero to all purposes; above, that of 700.
+    """
+    bounded = x if x > -_LARGEST_EXPONENT else -_LARGEST_EXPONENT
+    bounded = bounded if bounded < _LARGEST_EXPONENT else _LARGEST_EXPONENT
+    return _exponential(bounded) if x == x else x
+
+
+@formula
 def tanh(x: float) -> float:
     """Return the hyperbolic tangent, within two ulp of the exact value."""
     # Small arguments: a rational approximation without cancellation.
@@ -112,21 +141,11 @@ def tanh(x: float) -> float:
         (z + 1.12811678491632931402e02) * z + 2.23548839060100448583e03
     ) * z + 4.84406305325125486048e03
     near = x + x * z * (numerator / denominator)
-    # Others: 1 - 2 / (exp(2 |x|) + 1), the exponential as 2**n exp(r).
+    # Others: 1 - 2 / (exp(2 |x|) + 1).
     magnitude = abs(x)
     magnitude = magnitude if magnitude < _TANH_SATURATION else _TANH_SATURATION
     y = magnitude + magnitude
-    shifted = y * _LOG2_E + _ROUND
-    n = shifted - _ROUND
-    r = (y - n * _LN2_HIGH) - n * _LN2_LOW
-    z = r * r
-    p = r * ((1.26177193074810590878e-04 * z + 3.02994407707441961300e-02) * z + 1.0)
-    q = (
-        (3.00198505138664455042e-06 * z + 2.52448340349684104192e-03) * z
-        + 2.27265548208155028766e-01
-    ) * z + 2.0
-    exponential = (1.0 + 2.0 * (p / (q - p))) * power_of_two(shifted)
-    far = 1.0 - 2.0 / (exponential + 1.0)
+    far = 1.0 - 2.0 / (_exponential(y) + 1.0)
     far = far if x > 0.0 else -far
     value = near if abs(x) < 0.625 else far
     return value if x == x else x

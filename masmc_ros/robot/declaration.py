@@ -259,6 +259,14 @@ class Mechanism:
         """Return the joints as descriptions of parameters name them."""
         return ', '.join(joint.short for joint in self.joints)
 
+    @property
+    def group_of_joints(self) -> tuple[int, ...]:
+        """Number of the group of each joint, one more than the last for a joint of none."""
+        found = [len(self.groups)] * len(self.joints)
+        for number, group in enumerate(self.groups):
+            found[group.joints] = [number] * (group.end - group.first)
+        return tuple(found)
+
     @cached_property
     def tag(self) -> str:
         """Return what keeps machine code apart: the name, and of whom else's which version."""

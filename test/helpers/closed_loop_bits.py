@@ -28,17 +28,17 @@ import sys
 from typing import Any
 
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
-from masmc_ros.law.registry import LAWS, SWITCHING
+from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 import numpy as np
-from scenario import axes, Run, Scenario, whole
+from scenario import axes, PAPER_LAWS, Run, Scenario, whole
 
 
 def scenarios(ticks: int) -> dict[str, Scenario]:
     """Every law with every switching, and a run in which everything else is switched on."""
     runs = {
         f'{law} {switching}': Scenario(law, switching, ticks=ticks)
-        for law in LAWS
+        for law in PAPER_LAWS
         for switching in SWITCHING
     }
     runs['everything on'] = Scenario(

@@ -31,6 +31,9 @@ from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 from robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 
+PAPER_LAWS = ('smc', 'rasmc')
+"""Those that each switching term is tried with."""
+
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
 

@@ -31,7 +31,7 @@ from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
 from masmc_ros.robot.gradient_step import gradient_step
 import pytest
 from robots import between, PROPERTY
-from scenario import Scenario, whole
+from scenario import PAPER_LAWS, Scenario, whole
 
 SIGN, SATURATION, TANH, SIGMOID = 'sign', 'saturation', 'tanh', 'sigmoid'
 SMOOTH = (SATURATION, TANH, SIGMOID)
@@ -62,7 +62,8 @@ def switched(kind: str, s: float, delta: float) -> float:
 def test_laws_and_terms_go_by_their_names() -> None:
     assert (*EXPLICIT, 'implicit') == SWITCHING
     assert {name: term.name for name, term in REACHING.items()} == {n: n for n in SWITCHING}
-    assert {name: law.name for name, law in LAWS.items()} == {'smc': 'smc', 'rasmc': 'rasmc'}
+    assert {name: law.name for name, law in LAWS.items()} == {n: n for n in LAWS}
+    assert {*PAPER_LAWS} <= {*LAWS}
 
 
 @PROPERTY

@@ -31,7 +31,7 @@ from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
 from robots import Machine, machines
-from scenario import Scenario, whole, write_law, write_plant
+from scenario import PAPER_LAWS, Scenario, whole, write_law, write_plant
 
 LANES = 16
 TICKS = 60
@@ -139,7 +139,7 @@ def test_every_lane_is_the_run_alone(
 
 @pytest.mark.slow
 @pytest.mark.parametrize('switching', SWITCHING)
-@pytest.mark.parametrize('law', LAWS)
+@pytest.mark.parametrize('law', PAPER_LAWS)
 @settings(
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

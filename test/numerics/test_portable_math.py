@@ -22,7 +22,7 @@ import math
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-from masmc_ros.numerics.portable_math import sin, sin_cos, tanh
+from masmc_ros.numerics.portable_math import exp, sin, sin_cos, tanh
 import mpmath
 import numpy as np
 import pytest
@@ -126,6 +126,24 @@ def test_tanh_is_odd_and_bounded(x: float) -> None:
     assert abs(tanh(x)) <= 1.0
 
 
+@pytest.mark.parametrize('x', [0.0, -0.0, 1.0, -1.0, 699.9, -699.9])
+def test_exp_of_some(x: float) -> None:
+    assert ulps(exp(x), mpmath.exp(x)) <= 2.0
+
+
+@PROPERTY
+@given(st.floats(-700.0, 700.0))
+def test_exp_is_within_two_ulp(x: float) -> None:
+    assert ulps(exp(x), mpmath.exp(x)) <= 2.0
+
+
+def test_exp_at_its_ends() -> None:
+    assert exp(0.0) == 1.0
+    assert exp(math.inf) == exp(700.0)
+    assert exp(-math.inf) == exp(-700.0) < 1e-300
+    assert math.isnan(exp(math.nan))
+
+
 def test_tanh_at_its_ends() -> None:
     assert (tanh(math.inf), tanh(-math.inf)) == (1.0, -1.0)
     assert (tanh(25.0), tanh(-1e308)) == (1.0, -1.0)
@@ -140,3 +158,6 @@ def test_the_bits_are_those_of_every_machine() -> None:
     values = [value for x in arguments for value in (*sin_cos(x), tanh(x / 7.0))]
     digest = hashlib.sha256(np.array(values, dtype='<f8').tobytes()).hexdigest()
     assert digest == 'e8960bc4e25ce7a7272869c5a4a705890f37f3dd7978ab8867979094b136203c'
+    values = [exp(x / 7.0) for x in arguments]
+    digest = hashlib.sha256(np.array(values, dtype='<f8').tobytes()).hexdigest()
+    assert digest == '417a7e4f52165c60e2fc6ae106dab3da006591e99198bedb5f9b832e53bf75f6'

@@ -26,7 +26,7 @@ from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').glob('*.md'))]
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CHANGELOG.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)')
 
 

@@ -64,7 +64,7 @@ class LayerWatch:
 
     def _warning(self, hold: float, position: Any) -> str | None:
         controller, values = self._controller, self._controller.values
-        if values['switching'] not in _LAYERED or controller.commands_rates:
+        if not controller.uses_switching or values['switching'] not in _LAYERED:
             return None
         theta = controller.nominal / values['model_scale']
         inertia = self._least_inertia(theta, position)

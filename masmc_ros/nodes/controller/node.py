@@ -50,6 +50,7 @@ from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.robot.names import driven_joint_names
+from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
@@ -214,8 +215,8 @@ class ControllerNode(SuiteNode):
 
 
 def _check_law(values: Mapping[str, Any]) -> None:
-    """Refuse a plugged-in law that cannot be loaded."""
-    registry.load(values['law'])
+    """Refuse a law that cannot be loaded, or that is none for this robot."""
+    registry.load_for(values['law'], chosen(values))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,0 +1,111 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Nonlinear feedback: the model inverted, so that errors of the task decay as those of springs.
+
+    xddot_c = xddot_d - K_d edot - K_p e - K_i w,    wdot = e
+    tau = H J^-1 (xddot_c - Jdot v) + V v
+
+is what the literature calls computed torque in task space (reference [1] of the paper); [4]
+decouples inputs from outputs by it, which is the same wherever the output has as many entries as
+there are inputs. K_i is ours, 0 as in the source.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('nonlinear_feedback.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('nonlinear_feedback.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+    PerEntry('nonlinear_feedback.k_i', 'axes', 0.0, 'Gain K_i of the integral', '1/s³'),
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('nonlinear_feedback_integral', 'axes', 'w, integral of the error', 'm·s'),
+)
+
+
+@formula
+def _commanded(
+    desired: float, rate: float, error: float, w: float, k_d: float, k_p: float, k_i: float
+) -> float:
+    """Return xddot_c of one axis."""
+    return desired - k_d * rate - k_p * error - k_i * w
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    acceleration = each(
+        _commanded,
+        tick.desired_acceleration,
+        tick.error_rate,
+        tick.error,
+        get(memory, 'nonlinear_feedback_integral', lane),
+        get(settings, 'nonlinear_feedback_k_d', lane),
+        get(settings, 'nonlinear_feedback_k_p', lane),
+        get(settings, 'nonlinear_feedback_k_i', lane),
+    )
+    return acceleration_torque(tick, tick.nominal, acceleration)
+
+
+@formula
+def _integrated(w: float, error: float, period: float) -> float:
+    return w + period * error
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Integrate the error, unless limits cut the torque: then it would wind up."""
+    if torque == raw:
+        w = get(memory, 'nonlinear_feedback_integral', lane)
+        put(
+            memory,
+            'nonlinear_feedback_integral',
+            lane,
+            each(_integrated, w, tick.error, tick.period),
+        )
+
+
+NONLINEAR_FEEDBACK = register(
+    Law(
+        'nonlinear_feedback',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='the model inverted in task space, with PD feedback (and an integral)',
+        source='[1] of the paper; computed torque in task space',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,79 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The model's torque for a task acceleration or a force, at the velocity that is measured."""
+
+from __future__ import annotations
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.scalars import plus, zero
+from masmc_ros.numerics.tuples import each, matrix_times
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def task_velocity(tick: Tick) -> Numbers:
+    """Return J v."""
+    return each(plus, tick.error_rate, tick.desired_velocity)
+
+
+@formula
+def motion_acceleration(tick: Tick, acceleration: Numbers) -> Numbers:
+    """
+    Return J^-1 (xddot - Jdot v), the velocities' derivative for a task acceleration.
+
+    Damped where J is close to singular; what a redundant robot has left follows its posture.
+    """
+    return mechanism.reference_motion(
+        tick.model, tick.posture, tick.position, tick.velocity, task_velocity(tick), acceleration
+    )[1]
+
+
+@formula
+def model_forces(tick: Tick, theta: Numbers, acceleration: Numbers) -> Numbers:
+    """Return H vdot + V v and the forces against gravity of a model, conjugate to v."""
+    y = mechanism.regressor(tick.model, tick.posture, tick.velocity, tick.velocity, acceleration)
+    return mechanism.regressor_times(tick.model, y, theta)
+
+
+@formula
+def acceleration_torque(tick: Tick, theta: Numbers, acceleration: Numbers) -> Numbers:
+    """Return the joints' torques in N m with which a model has a task acceleration."""
+    f = model_forces(tick, theta, motion_acceleration(tick, acceleration))
+    return mechanism.joint_torques(tick.model, f)
+
+
+@formula
+def gravity_forces(tick: Tick, theta: Numbers) -> Numbers:
+    """Return the forces against gravity of a model, conjugate to v."""
+    still = each(zero, tick.velocity)
+    y = mechanism.regressor(tick.model, tick.posture, still, still, still)
+    return mechanism.regressor_times(tick.model, y, theta)
+
+
+@formula
+def task_force_torque(tick: Tick, u: Numbers) -> Numbers:
+    """Return J' u as the joints' torques in N m, u being a force on the task's axes in N."""
+    f = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
+    return mechanism.joint_torques(tick.model, f)
+
+
+@formula
+def task_mass_times(tick: Tick, acceleration: Numbers) -> Numbers:
+    """Return H_x times a task acceleration, of the nominal model, in N."""
+    h_x = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
+    return matrix_times(h_x, acceleration)

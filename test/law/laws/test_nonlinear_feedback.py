@@ -1,0 +1,66 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Nonlinear feedback: against its formula, and the errors that its theory has."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+
+LAW = 'nonlinear_feedback'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    gains = np.random.default_rng(seed).uniform(1.0, 50.0, (3, 4))
+    names = ('k_p', 'k_d', 'k_i')
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{f'{LAW}__{name}': tuple(gain) for name, gain in zip(names, gains, strict=True)},
+    )
+    k_p, k_d, k_i = gains
+    first, second = tick(controller, at), tick(controller, at)
+    for torque, integral in ((first, 0.0 * at.error), (second, at.period * at.error)):
+        wanted = at.desired[2] - k_d * at.error_rate - k_p * at.error - k_i * integral
+        np.testing.assert_allclose(torque, at.model_torque(wanted), rtol=1e-9, atol=1e-9)
+
+
+def test_with_the_true_model_errors_are_those_of_a_spring() -> None:
+    """Critically damped (k_d**2 = 4 k_p), without a disturbance: e(t) = e_0 (1 + 10 t) e^-10t."""
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'control_period=0.0005',
+        duration=2.0,
+    )
+    decay = (1.0 + 10.0 * track.time) * np.exp(-10.0 * track.time)
+    start, rate = track.error[0], track.surface[0] - 2.0 * track.error[0]
+    expected = start * decay[:, None] + rate * (track.time * np.exp(-10.0 * track.time))[:, None]
+    assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_the_integral_takes_what_is_constant_away() -> None:
+    """A constant force leaves an error that an integral takes away, as far as the arm is slow."""
+    constant = (
+        'controller.model_scale=1.0',
+        'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
+    )
+    plain = run(LAW, *constant, duration=10.0).settled
+    with_integral = run(LAW, *constant, f'controller.{LAW}.k_i=300.0', duration=10.0).settled
+    assert (with_integral < 0.6 * plain).all()
