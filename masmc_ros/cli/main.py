@@ -61,6 +61,14 @@ class _Parser(argparse.ArgumentParser):
         print(message, end='', file=file or sys.stderr)
 
 
+def _count(text: str) -> int:
+    """Return a number of things, at least one."""
+    number = int(text) if text.isdecimal() else 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number from 1 on")
+    return number
+
+
 class _ListScenarios(argparse.Action):
     """Lists the installed parameter files, and is done."""
 
@@ -132,6 +140,22 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.simulate import simulate
 
         return simulate(options.file, options.set, options.output, overwrite=options.overwrite)
+    if options.command == 'compare':
+        from masmc_ros.cli.compare import compare
+
+        return compare(
+            options.file,
+            laws=options.laws,
+            trials=options.trials,
+            seeds=options.seeds,
+            settings=options.set,
+            output=options.output,
+            as_data=options.json,
+        )
+    if options.command == 'laws':
+        from masmc_ros.cli.laws import laws
+
+        return laws(costs=options.cost, as_data=options.json)
     if options.command == 'report':
         from masmc_ros.cli.report import report
 
@@ -141,7 +165,7 @@ def _dispatch(options: argparse.Namespace) -> int:
 
         return recover(options.logs)
     if options.command == 'view':
-        from masmc_ros.cli.view import view
+        from masmc_ros.cli.viewing.view import view
 
         return view(options.log, options.port)
     if options.command == 'param':
@@ -209,6 +233,51 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         '--overwrite', action='store_true', help='replace the output file if it is there'
     )
+
+    laws = commands.add_parser(
+        'laws',
+        help='list the control laws',
+        description='List the control laws that `law` chooses among, with their sources.',
+    )
+    laws.add_argument(
+        '--cost', action='store_true', help='measure what a tick of each costs here'
+    )
+    laws.add_argument('--json', action='store_true', help='print as JSON')
+
+    compare = commands.add_parser(
+        'compare',
+        help='control laws side by side on one scenario',
+        description='Run laws on the same scenario and seeds: ranked by error, with effort and '
+        'chattering, and what breaks which: noise, delay, 100 Hz, a wrong model, limits.',
+    )
+    compare.add_argument('file', help='ROS 2 parameter file, or the name of an installed one')
+    compare.add_argument(
+        '--laws',
+        default='all',
+        metavar='LAW,...',
+        help='LAW or LAW:SWITCHING, separated by commas; or all (%(default)s)',
+    )
+    compare.add_argument(
+        '--trials',
+        default='all',
+        metavar='TRIAL,...',
+        help='what they are put through beside the scenario as it is (%(default)s)',
+    )
+    compare.add_argument(
+        '--seeds',
+        type=_count,
+        default=1,
+        metavar='N',
+        help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
+        '(%(default)s)',
+    )
+    compare.add_argument(
+        '--set', action='append', default=[], metavar='NAME=VALUE', help='as in masmc simulate'
+    )
+    compare.add_argument(
+        '--output', default='compare', help='folder for the report (%(default)s)'
+    )
+    compare.add_argument('--json', action='store_true', help='print as JSON')
 
     recover = commands.add_parser(
         'recover',

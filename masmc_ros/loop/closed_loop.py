@@ -43,6 +43,14 @@ def control_tick(settings: Any, memory: Any, now: Any) -> None:
 
 
 @kernel
+def control_ticks(settings: Any, memory: Any, now: Any, positions: Any) -> None:
+    """Compute a tick of the law at each of some positions (n), all else of the state as it is."""
+    for k in range(len(positions)):
+        put(now[0], 'position', 0, taken(positions[k], get(now[0], 'position', 0)))
+        control(settings[0], memory[0], now[0])
+
+
+@kernel
 def estimate_velocity(settings: Any, memory: Any, now: Any) -> None:
     """Write the velocities in `now` as the estimator has them at the positions in it."""
     gains, position = settings[0], get(now[0], 'position', 0)
@@ -66,7 +74,8 @@ def limit_torque(settings: Any, memory: Any, now: Any) -> None:
 @kernel
 def settle(settings: Any, memory: Any) -> None:
     """Let what was learned comply with parameters that have just changed."""
-    law.settle(settings[0], memory[0], 0)
+    for lane in range(lane_count(settings[0])):
+        law.settle(settings[0], memory[0], lane)
 
 
 @kernel

@@ -31,7 +31,7 @@ from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_to
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.numerics.record import fill, take_over
+from masmc_ros.numerics.record import take_over
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
@@ -217,11 +217,7 @@ class Controller:
         self._law = law
         self._of_tick_before = records.of_tick_before(law)
         settings = records.law_settings(self.mechanism, law, values['switching'])
-        fill(settings, 'geometry', self.robot.geometry)
-        fill(settings, 'nominal', self.nominal)
-        fill(settings, 'period', self.period)
-        fill(settings, 'takes_rates', self.commands_rates)
-        fill(settings, 'group', self.mechanism.group_of_joints)
+        records.write_law(settings, self.robot, self.period, values)
         self.settings, self._plug_in = settings, plug_in
         self._kernel = None
         before, self.memory = self.memory, self._new_memory()

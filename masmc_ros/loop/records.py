@@ -23,6 +23,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, VELOCITY
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
 from masmc_ros.law.registry import parameters, REACHING
@@ -33,6 +34,7 @@ from masmc_ros.numerics.record import fill, new_record
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant import tick as plant_tick
+from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,6 +77,22 @@ def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1)
         'switching': switching if law.uses_switching else '',
     }
     return new_record(fields, mechanism.sizes, lanes, tags)
+
+
+def write_law(
+    settings: Records,
+    robot: Robot,
+    period: float,
+    values: Mapping[str, Any],
+    lane: int | None = None,
+) -> None:
+    """Write what a law's settings have beside its parameters: the nominal robot and the period."""
+    fill(settings, 'geometry', robot.geometry, lane)
+    fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
+    fill(settings, 'period', period, lane)
+    takes_rates = values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY]
+    fill(settings, 'takes_rates', takes_rates, lane)
+    fill(settings, 'group', robot.mechanism.group_of_joints, lane)
 
 
 def law_tag(law: Law) -> str:

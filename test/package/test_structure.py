@@ -37,6 +37,7 @@ ORDER = (
     'log',
     'scenario',
     'report',
+    'compare',
     'nodes',
     'cli',
 )

@@ -1,0 +1,90 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`masmc laws`: which there are, where from, and what a tick of them costs."""
+
+from __future__ import annotations
+
+import json
+from time import perf_counter
+
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.loop.closed_loop import control_ticks
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.numerics.compiled import bound
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
+import numpy as np
+from tqdm import tqdm
+
+_TICKS = 2000
+_TIMES = 5
+
+_AWAY = 0.01
+"""Of the reference from where the robot is, m."""
+
+
+def laws(*, costs: bool, as_data: bool) -> int:
+    """List the laws; with `costs` measure a compiled tick of each for the default robot."""
+    names = registry.names()
+    rows = {name: _row(name) for name in names}
+    if costs:
+        measured = {name: _cost(name) for name in tqdm(names, unit='law', disable=None)}
+        for name, row in rows.items():
+            row['cost_us'] = round(1e6 * measured[name], 2)
+            row['cost'] = round(measured[name] / measured['rasmc'], 2)
+    if as_data:
+        print(json.dumps(list(rows.values()), indent=1))
+        return 0
+    width = max(len(name) for name in names)
+    for row in rows.values():
+        cost = f'{row["cost_us"]:6.2f} us {row["cost"]:5.2f}x  ' if costs else ''
+        source = f' [{row["source"]}]' if row['source'] else ''
+        print(f'{row["law"]:{width}}  {cost}{row["summary"]}{source}')
+    if costs:
+        print('cost: of a compiled tick on this machine, and beside that of rasmc')
+    return 0
+
+
+def _row(name: str) -> dict[str, str | float]:
+    law = registry.load(name)
+    if isinstance(law, Law):
+        return {'law': name, 'summary': law.summary, 'source': law.source}
+    return {'law': name, 'summary': f'plain Python: {law.__module__}.{law.__qualname__}',
+            'source': ''}
+
+
+def _cost(name: str) -> float:
+    """Return the time in s of a tick of a law, compiled, the shortest of some series."""
+    values = {p.name: p.default for p in (*declared('plant'), *declared('controller'))}
+    values['law'] = name
+    robot = robot_of(values)
+    controller = Controller(robot, values['control_period'], values)
+    plant = SimulatedRobot(robot, values['control_period'], values)
+    position, velocity = plant.position, plant.velocity
+    task = robot.task_positions(position[None])[0] + _AWAY
+    reference = np.concatenate([task, *2 * [np.full(len(task), _AWAY)]])
+    controller.tick(position, velocity, reference)
+    # Another place at each tick: else a compiler finds that nothing changes.
+    positions = position + np.linspace(0.0, _AWAY, _TICKS)[:, None]
+    inputs = controller.settings, controller.memory, controller.now, positions
+    ticks = bound(control_ticks, *inputs)
+    times = []
+    for _ in range(_TIMES):
+        begun = perf_counter()
+        ticks(*inputs)
+        times.append((perf_counter() - begun) / _TICKS)
+    return min(times)

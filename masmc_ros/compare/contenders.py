@@ -1,0 +1,86 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which laws are compared: by name, and with a switching term of their own where one is given."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.robot.declaration import Mechanism
+
+
+class Contender(NamedTuple):
+    """A law, and the switching term that it has other than the scenario's; '' for that one."""
+
+    law: str
+    switching: str = ''
+
+    @property
+    def label(self) -> str:
+        """Return how tables call it."""
+        return f'{self.law}:{self.switching}' if self.switching else self.law
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Return the settings that choose it."""
+        chosen = (f'controller.law={self.law}',)
+        return (*chosen, f'controller.switching={self.switching}') if self.switching else chosen
+
+
+_ALL = 'all'
+
+
+def contenders(names: str, mechanism: Mechanism) -> tuple[Contender, ...]:
+    """
+    Return what `--laws` names: LAW or LAW:SWITCHING, separated by commas, or `all`.
+
+    `all` is every law that a robot of this kind can have, those that ask for a reaching term
+    also with `implicit`. Raises InputError for an unknown name, and for a law that is not of
+    formulas or none for the robot.
+    """
+    if names == _ALL:
+        return tuple(_every(mechanism))
+    found = []
+    for name in (each.strip() for each in names.split(',')):
+        law, colon, switching = name.partition(':')
+        if law not in registry.names():
+            raise InputError(f"--laws: '{law}' is unknown; {suggestion(law, registry.names())}")
+        if colon and switching not in registry.SWITCHING:
+            hint = suggestion(switching, registry.SWITCHING)
+            raise InputError(f"--laws: '{switching}' in '{name}' is unknown; {hint}")
+        loaded = registry.load_for(law, mechanism)
+        if not isinstance(loaded, Law):
+            raise InputError(f"--laws: '{law}' is plain Python; expected laws of formulas")
+        if colon and not loaded.uses_switching:
+            raise InputError(f"--laws: '{name}': {law} asks for no reaching term; write {law}")
+        found.append(Contender(law, switching))
+    return tuple(dict.fromkeys(found))
+
+
+def _every(mechanism: Mechanism) -> list[Contender]:
+    found = []
+    for name in registry.names():
+        law = registry.load(name)
+        if not isinstance(law, Law):
+            continue
+        if law.most_parameters is not None and len(mechanism.theta) > law.most_parameters:
+            continue
+        found.append(Contender(name))
+        if law.uses_switching:
+            found.append(Contender(name, 'implicit'))
+    return found

@@ -1,0 +1,192 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A comparison as text, as JSON and as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from masmc_ros import __version__
+from masmc_ros.compare.ranking import Ranked, Row
+from masmc_ros.compare.trials import Trial
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law
+from masmc_ros.report.measure.table import number
+from masmc_ros.robot.declaration import Point
+
+_MILLIMETRES = 1e3
+_LOST = 'lost'
+_SOURCES = Path(__file__).parent
+_STYLE = _SOURCES.parent / 'report' / 'page' / 'page.css'
+_DECADES = 4.0
+"""Of errors beside the least one, from pale to dark."""
+
+
+def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point]) -> str:
+    """Return the ranking, and the error in each trial, as aligned tables."""
+    first = trials[0].name
+    heads, units = _heads(points)
+    body = [[str(k), *_cells(each, first, points)] for k, each in enumerate(ranked, start=1)]
+    symbols = ', '.join(point.symbol for point in points)
+    together = ' together' if len(points) > 1 else ''
+    lines = [f'{trials[0].description}:', '', *_aligned([['', *heads], ['', *units], *body])]
+    if len(trials) > 1:
+        rows = [
+            [each.contender.label, *(_millimetres(each.rows[t.name].error) for t in trials)]
+            for each in ranked
+        ]
+        names = ['law', *(trial.name for trial in trials)]
+        lines += ['', f'RMS error of {symbols}{together}, mm:', '', *_aligned([names, *rows]), '']
+        lines += [f'{trial.name}: {trial.description}' for trial in trials[1:]]
+    runs = next(iter(ranked[0].rows.values())).runs
+    lines += [
+        '',
+        f'Errors, torques and their variation over the second half of a run; medians of {runs} '
+        f'run{"s" if runs != 1 else ""}.',
+        f'{_LOST}: diverged, or farther than 1 m from the path, in most runs.',
+    ]
+    return '\n'.join(lines) + '\n'
+
+
+def _heads(points: Sequence[Point]) -> tuple[list[str], list[str]]:
+    names = [f'{point.symbol} RMS' for point in points]
+    heads = ['law', *names, 'largest', 'torque RMS', 'variation', 'lost']
+    return heads, ['', *['(mm)'] * (len(names) + 1), '(N·m)', '(N·m/s)', 'runs']
+
+
+def _cells(each: Ranked, trial: str, points: Sequence[Point]) -> list[str]:
+    row = each.rows[trial]
+    return [
+        each.contender.label,
+        *(_millimetres(row.errors.get(point.key, math.inf)) for point in points),
+        _millimetres(row.largest),
+        _known(row.torque_rms),
+        _known(row.torque_variation),
+        f'{row.lost}/{row.runs}',
+    ]
+
+
+def _millimetres(error: float) -> str:
+    return number(_MILLIMETRES * error) if math.isfinite(error) else _LOST
+
+
+def _known(value: float) -> str:
+    return number(value) if math.isfinite(value) else '-'
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    texts = [i for i in range(len(widths)) if rows[0][i] == 'law']
+    return [
+        '  '.join(
+            cell.ljust(width) if i in texts else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def as_json(ranked: Sequence[Ranked]) -> str:
+    """Return every number, SI units; null for one that is none."""
+    return json.dumps(
+        [
+            {
+                'law': each.contender.law,
+                'switching': each.contender.switching,
+                'trial': trial,
+                **{name: _finite(value) for name, value in _numbers(row).items()},
+            }
+            for each in ranked
+            for trial, row in each.rows.items()
+        ],
+        indent=1,
+    )
+
+
+def _numbers(row: Row) -> dict[str, Any]:
+    return {
+        'error': row.error,
+        **{f'{key}_rms': value for key, value in row.errors.items()},
+        'worst': row.worst,
+        'largest': row.largest,
+        'torque_rms': row.torque_rms,
+        'torque_variation': row.torque_variation,
+        'runs': row.runs,
+        'lost': row.lost,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def page(
+    ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point], title: str
+) -> str:
+    """Return a comparison as HTML, which loads nothing from elsewhere."""
+    environment = Environment(
+        loader=FileSystemLoader(_SOURCES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    heads, units = _heads(points)
+    rows = [each.rows[trial.name] for each in ranked for trial in trials]
+    least = min((row.error for row in rows), default=math.inf)
+    return environment.get_template('page.html').render(
+        version=__version__,
+        title=title,
+        heads=[f'{name} {unit}'.strip() for name, unit in zip(heads, units, strict=True)],
+        trials=[(trial.name, trial.description) for trial in trials],
+        symbols=' and '.join(point.symbol for point in points),
+        rows=[
+            {
+                'law': each.contender.label,
+                'summary': _summary(each.contender.law),
+                'cells': _cells(each, trials[0].name, points)[1:],
+                'errors': [
+                    (
+                        _millimetres(each.rows[trial.name].error),
+                        _shade(each.rows[trial.name].error, least),
+                    )
+                    for trial in trials
+                ],
+            }
+            for each in ranked
+        ],
+        runs=rows[0].runs if rows else 0,
+        style=Markup(_STYLE.read_text(encoding='utf-8')),
+    )
+
+
+def _shade(error: float, least: float) -> int:
+    """Return how dark a cell is, in percent: 0 for the least error, more by its logarithm."""
+    if not math.isfinite(error):
+        return 100
+    if least <= 0.0:
+        return 0
+    return round(100.0 * min(1.0, math.log10(error / least) / _DECADES))
+
+
+def _summary(name: str) -> str:
+    law = registry.load(name)
+    return law.summary if isinstance(law, Law) else ''

@@ -1,0 +1,112 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What laws are put through: the scenario as it is, and what breaks one law or another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.robot.declaration import Mechanism
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Settings on top of a scenario, as `--set` has them."""
+
+    name: str
+    description: str
+    settings: tuple[str, ...] = ()
+
+    def settings_for(self, mechanism: Mechanism) -> tuple[str, ...]:
+        """Return the settings for a robot, whose drives have limits of their own."""
+        drives = {
+            name: list(mechanism.default(name, 'joints'))
+            for name in ('torque_limit', 'torque_rate_limit')
+        }
+        return tuple(each.format(**drives) for each in self.settings)
+
+
+AS_IS = Trial('as it is', 'the scenario itself')
+
+TRIALS = (
+    AS_IS,
+    Trial('half model', 'a model of half the masses', ('controller.model_scale=0.5',)),
+    Trial('true model', 'the model of the robot itself', ('controller.model_scale=1.0',)),
+    Trial(
+        'noise',
+        'rates measured with noise of 0.05 rad/s, encoders of 0.1 mrad',
+        ('plant.velocity_noise=0.05', 'plant.encoder_resolution=0.0001'),
+    ),
+    Trial('delay', 'states that are 5 ms old', ('plant.measurement_delay=0.005',)),
+    Trial('100 Hz', 'a control period of 10 ms', ('control_period=0.01',)),
+    Trial(
+        'limits',
+        "torques and their rates within the drives' limits",
+        (
+            'controller.torque_limit={torque_limit}',
+            'controller.torque_rate_limit={torque_rate_limit}',
+        ),
+    ),
+)
+
+
+def trials_named(names: str) -> tuple[Trial, ...]:
+    """Return trials by their names, separated by commas; InputError for an unknown one."""
+    known = {trial.name: trial for trial in TRIALS}
+    if names == 'all':
+        return TRIALS
+    found = []
+    for name in (each.strip() for each in names.split(',')):
+        if name not in known:
+            raise InputError(f"--trials: '{name}' is unknown; {suggestion(name, known)}")
+        found.append(known[name])
+    return tuple(dict.fromkeys((AS_IS, *found)))
+
+
+_INERTIAL = ('kg', 'kg·m²')
+"""Units of the robot's parameters that are drawn."""
+
+
+def drawn(scenario: dict[str, dict[str, Any]], mechanism: Mechanism, seed: int) -> Any:
+    """
+    Return a scenario with another true robot, disturbance and noise, drawn by a seed.
+
+    Seed 0 is the scenario as it is. Else each mass and inertia of the robot is multiplied by
+    0.6 to 1.4, which the controller does not know, amplitudes of the disturbance by 0.5 to 1.5,
+    phases are any.
+    """
+    if seed == 0:
+        return scenario
+    rng = np.random.default_rng(seed)
+    plant = dict(scenario['plant'])
+    for parameter in mechanism.parameters:
+        if parameter.unit in _INERTIAL:
+            plant[parameter.name] *= rng.uniform(0.6, 1.4)
+    count = len(mechanism.joints)
+    amplitude = np.array(plant['disturbance.amplitude']) * rng.uniform(0.5, 1.5, count)
+    plant['disturbance.amplitude'] = tuple(amplitude.tolist())
+    plant['disturbance.phase'] = tuple(rng.uniform(0.0, 2.0 * math.pi, count).tolist())
+    plant['seed'] = seed
+    return {**scenario, 'plant': plant}
+
+
+def names_of(trials: Sequence[Trial]) -> str:
+    """Return the names of trials, separated by commas."""
+    return ', '.join(trial.name for trial in trials)

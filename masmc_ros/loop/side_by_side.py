@@ -1,0 +1,141 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Many runs of one law at once, one in each lane: the bits of each are those of the run alone.
+
+What differs from lane to lane are numbers: gains, robots, disturbances, starts, noise, delays.
+What does not is what the loop is compiled for or counts by: law, switching, kind of robot,
+period, steps of integration, and the trajectory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import check_agreement
+from masmc_ros.law.law import Law
+from masmc_ros.law.rates import RATES
+from masmc_ros.law.registry import load_for
+from masmc_ros.loop import records
+from masmc_ros.loop.closed_loop import closed_loop, plant_start, settle
+from masmc_ros.loop.simulated_robot import delay_line, write_plant, write_start
+from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.record import fill
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+from numpy.typing import NDArray
+
+Values = Mapping[str, Any]
+
+BLOCK = 2_000
+"""Ticks held in memory at a time, of all lanes."""
+
+_OF_ALL = {
+    'plant': ('control_period', 'duration', 'integrator_step', 'command_interface'),
+    'controller': ('law', 'switching', 'command_interface'),
+}
+"""Parameters that are the same in all lanes, by node; those of the trajectory are, too."""
+
+
+class SideBySide:
+    """Closed loops of one law, computed together."""
+
+    def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
+        """
+        Take the checked parameter values of every node, by node name, of each run.
+
+        Raises InputError for runs that cannot be computed together, and for a law that is not
+        compiled.
+        """
+        _check_alike(runs)
+        lanes, first = len(runs), runs[0]
+        control = first['controller']
+        robot = robot_of(first['plant'])
+        mechanism = robot.mechanism
+        law = load_for(control['law'], mechanism)
+        if not isinstance(law, Law):
+            raise InputError(
+                f'law = {control["law"]}: it is plain Python, expected one of formulas'
+            )
+        if control['command_interface'] == 'velocity':
+            law = RATES
+        self.mechanism = mechanism
+        self.timing = Timing.from_values(first['plant'])
+        if self.timing.last is None:
+            raise InputError('duration = 0.0: expected a length > 0 s')
+        self._trajectory = Trajectory(first['trajectory'], self.timing.period, robot)
+        self._settings = records.law_settings(mechanism, law, control['switching'], lanes)
+        self._learned = records.law_memory(mechanism, law, lanes)
+        self._plant = records.plant_settings(mechanism, lanes)
+        self._state = records.plant_memory(mechanism, lanes)
+        self._now = records.signals(mechanism, lanes)
+        for lane, run in enumerate(runs):
+            self._write(run, lane)
+        settle(self._settings, self._learned)
+        self._delayed = delay_line(self._plant, mechanism)
+
+    def _write(self, run: Mapping[str, Values], lane: int) -> None:
+        plant, control = run['plant'], run['controller']
+        check_agreement(plant, control)
+        period = self.timing.period
+        write_plant(self._plant, robot_of(plant), period, plant, lane)
+        write_start(self._state, robot_of(plant), plant, lane)
+        nominal = robot_of(control)
+        records.write_law(self._settings, nominal, period, control, lane)
+        records.write_parameters(self._settings, self.mechanism, control, lane)
+        fill(self._learned, 'estimate', control['model_scale'] * nominal.theta, lane)
+
+    def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:
+        """
+        Yield the signals of the runs from the first to the last tick, `block` ticks at a time.
+
+        Records (n) of `loop.signals.SIGNALS` by (component, lane). A run that diverges goes on
+        with numbers that are not finite, and leaves the others alone.
+        """
+        assert self.timing.last is not None
+        ticks = self.timing.last + 1
+        plant_start(self._plant, self._state, self._delayed, self._now)
+        for first in range(0, ticks, block):
+            count = min(block, ticks - first)
+            signals = np.zeros(count, self._now.dtype)
+            closed_loop(
+                self._plant,
+                self._state,
+                self._delayed,
+                self._settings,
+                self._learned,
+                self._now,
+                first,
+                first + count == ticks,
+                self._trajectory.sample(first, count),
+                signals,
+            )
+            yield signals
+
+
+def _check_alike(runs: Sequence[Mapping[str, Values]]) -> None:
+    first = runs[0]
+    names = {**_OF_ALL, 'trajectory': tuple(first['trajectory'])}
+    for run in runs[1:]:
+        for node, of_all in names.items():
+            for name in of_all:
+                if run[node][name] != first[node][name]:
+                    raise InputError(
+                        f'{node}.{name} = {run[node][name]}: expected {first[node][name]}, as in '
+                        'the other runs that are computed with it'
+                    )

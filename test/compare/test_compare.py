@@ -1,0 +1,154 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`masmc compare` and `masmc laws`: the runs are those of `masmc simulate`, in any lane."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from masmc_ros.cli.main import main
+from masmc_ros.compare import campaign
+from masmc_ros.compare.campaign import compute, Task
+from masmc_ros.compare.contenders import Contender, contenders
+from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.trials import AS_IS, drawn, TRIALS, trials_named
+from masmc_ros.errors import InputError
+from masmc_ros.law import registry
+from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+SHORT = ('duration=0.3',)
+
+
+def test_runs_side_by_side_are_those_alone() -> None:
+    """Each draw with its own robot, disturbance and noise: the bits of `Simulation`."""
+    settings = (*SHORT, 'plant.velocity_noise=0.02', 'controller.projection.lower=0.5')
+    scenario = load_scenario(PAPER, settings)
+    runs = [drawn(scenario, TWO_LINK, seed) for seed in range(4)]
+    blocks = list(SideBySide(runs).run(block=100))
+    signals = np.concatenate(blocks)
+    assert len(signals) == 301
+    assert len(blocks) == 4
+    for lane, run in enumerate(runs):
+        alone = next(Simulation(run).run())
+        for name in ('error', 'torque', 'position', 'estimate'):
+            np.testing.assert_array_equal(signals[name][:, :, lane], getattr(alone, name))
+    assert len({tuple(signals['torque'][-1, :, lane]) for lane in range(4)}) == 4
+
+
+def test_runs_that_cannot_be_computed_together_are_refused() -> None:
+    one, other = load_scenario(PAPER, SHORT), load_scenario(PAPER, ('duration=0.4',))
+    with pytest.raises(InputError, match=r'plant.duration = 0.4: expected 0.3'):
+        SideBySide([one, other])
+
+
+def test_draws_are_of_the_plant_alone_and_repeatable() -> None:
+    scenario = load_scenario(PAPER, SHORT)
+    assert drawn(scenario, TWO_LINK, 0) is scenario
+    first, again, other = (drawn(scenario, TWO_LINK, seed) for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+    assert first['controller'] == scenario['controller']
+    masses = [n for n in scenario['plant'] if n.endswith(('_mass', '_inertia'))]
+    assert len(masses) == 9
+    for name in masses:
+        ratio = first['plant'][name] / (scenario['plant'][name] or 1.0)
+        assert ratio == 0.0 or 0.6 <= ratio <= 1.4
+
+
+def test_lanes_and_single_runs_give_the_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = Task(PAPER, SHORT, Contender('rasmc'), (AS_IS,), 5)
+    alone = compute(task)
+    monkeypatch.setattr(campaign, 'LANES', 4)
+    monkeypatch.setattr(campaign, '_WORTH_LANES', 1)
+    assert compute(task) == alone
+
+
+def test_a_run_that_diverges_is_lost_and_no_error() -> None:
+    settings = (*SHORT, 'control_period=0.05', 'controller.k_s1=1e5')
+    (found,) = compute(Task(PAPER, settings, Contender('smc'), (AS_IS,), 1))
+    assert found.reached == (None,)
+    (ranked,) = ranking([found], AS_IS.name)
+    assert ranked.rows[AS_IS.name].lost == 1
+
+
+def test_the_command_writes_what_it_prints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ['compare', PAPER, '--laws', 'smc,rasmc,smc:implicit', '--trials', 'noise,delay']
+    folder = tmp_path / 'out'
+    options = ['--set', SHORT[0], '--output', str(folder)]
+    assert main([*arguments, *options]) == 0
+    printed = capsys.readouterr().out
+    text = (folder / 'compare.txt').read_text(encoding='utf-8')
+    assert printed.startswith(text)
+    for word in ('smc:implicit', 'as it is', 'noise', 'delay', 'lost'):
+        assert word in text
+    page = (folder / 'compare.html').read_text(encoding='utf-8')
+    assert 'smc:implicit' in page
+    assert 'src=' not in page
+    rows = json.loads((folder / 'compare.json').read_text(encoding='utf-8'))
+    assert len(rows) == 9
+    simulated = next(Simulation(load_scenario(PAPER, (*SHORT, 'controller.law=smc'))).run())
+    half = simulated.error[150:-1]
+    expected = np.sqrt((half**2).sum(axis=1).mean())
+    wanted = ['smc', '', AS_IS.name]
+    row = next(r for r in rows if [r['law'], r['switching'], r['trial']] == wanted)
+    assert row['error'] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'line'),
+    [
+        (['--laws', 'smcc'], "--laws: 'smcc' is unknown"),
+        (['--laws', 'smc:tan'], "--laws: 'tan' in 'smc:tan' is unknown"),
+        (['--laws', 'nonlinear_feedback:tanh'], 'asks for no reaching term'),
+        (['--trials', 'noisy'], "--trials: 'noisy' is unknown"),
+        (['--seeds', '0'], "'0': expected a whole number from 1 on"),
+        (['--set', 'controller.command_interface=velocity', '--set',
+          'plant.command_interface=velocity'], 'expected effort'),
+    ],
+)
+def test_bad_arguments_get_one_line(
+    arguments: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['compare', PAPER, *arguments, '--output', str(tmp_path / 'out')]) == 2
+    told = capsys.readouterr().err
+    assert line in told
+    assert told.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+def test_all_are_all() -> None:
+    every = contenders('all', TWO_LINK)
+    assert {each.law for each in every} == set(registry.names())
+    assert Contender('rasmc', 'implicit') in every
+    assert trials_named('all') == TRIALS
+    assert trials_named('delay')[0] is AS_IS
+
+
+def test_laws_are_listed_with_their_sources(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['laws']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(registry.names())
+    assert main(['laws', '--json']) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert all(row['summary'] and row['source'] for row in rows)

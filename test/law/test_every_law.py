@@ -1,0 +1,116 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What holds for every law: the same bits in lanes and tick by tick, limits, pauses, changes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from law_bench import PAPER
+from masmc_ros.law.registry import LAWS
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+
+DOCS = Path(__file__).parents[2] / 'docs' / 'laws'
+OTHERS = [name for name in LAWS if name not in ('smc', 'rasmc')]
+SHORT = 'duration=0.4'
+
+
+def scenario(law: str, *settings: str) -> Any:
+    """Return the paper's experiment with a law, short."""
+    return load_scenario(PAPER, (SHORT, f'controller.law={law}', *settings))
+
+
+@pytest.mark.parametrize('law', OTHERS)
+def test_it_has_its_docs(law: str) -> None:
+    text = (DOCS / f'{law}.md').read_text(encoding='utf-8')
+    assert text.startswith(f'# `{law}`')
+    for heading in ('## Stability', '## Sampled', '## Parameters'):
+        assert heading in text
+    assert f'--set controller.law={law}' in text or law == 'nonlinear_feedback'
+    assert LAWS[law].summary
+    assert LAWS[law].source
+
+
+@pytest.mark.parametrize('law', OTHERS)
+def test_ticks_one_by_one_are_the_whole_run(law: str) -> None:
+    """What the nodes compute, a tick at a time, is what is compiled as a whole: every bit."""
+    values = scenario(law)
+    whole = next(Simulation(values).run())
+    pieces = Simulation(values)
+    stretch = next(pieces.run())
+    controller = pieces.controller
+    controller.reset()
+    for k in range(len(stretch)):
+        controller.tick(stretch.position[k], stretch.velocity[k], stretch.reference[k])
+        np.testing.assert_array_equal(controller.torque, whole.torque[k])
+        np.testing.assert_array_equal(controller.used_estimate, whole.estimate[k])
+
+
+@pytest.mark.parametrize('law', OTHERS)
+def test_limits_hold_and_nothing_winds_up(law: str) -> None:
+    """Torques and their rates stay within limits, and the run stays finite behind them."""
+    limits = ('controller.torque_limit=1.0', 'controller.torque_rate_limit=50.0')
+    run = next(Simulation(scenario(law, *limits)).run())
+    assert np.abs(run.torque).max() <= 1.0
+    assert np.abs(np.diff(run.torque, axis=0)).max() <= 50.0 * 1e-3 * (1.0 + 1e-12)
+    assert np.isfinite(run.position).all()
+    assert np.isfinite(run.estimate).all()
+
+
+@pytest.mark.parametrize('law', OTHERS)
+def test_a_pause_leaves_nothing_of_the_tick_before(law: str) -> None:
+    """After a rest or skipped ticks torques are finite, and a reset is a new beginning."""
+    values = scenario(law)['controller']
+    controller = Controller(robot_of(values), 1e-3, values)
+    run = next(Simulation(scenario(law)).run())
+
+    def torque(k: int) -> Any:
+        controller.tick(run.position[k], run.velocity[k], run.reference[k])
+        return controller.torque.copy()
+
+    first = [torque(k) for k in range(20)]
+    controller.skip(5)
+    assert np.isfinite(torque(26)).all()
+    controller.rest()
+    assert np.isfinite(torque(200)).all()
+    controller.reset()
+    np.testing.assert_array_equal([torque(k) for k in range(20)], first)
+
+
+def test_a_change_of_law_goes_over_within_the_rate_limit() -> None:
+    """Through all laws in a run: no jump of the torque beyond its rate limit."""
+    limit = 2000.0
+    values = scenario('rasmc', f'controller.torque_rate_limit={limit}')
+    plant = Simulation(values)
+    controller, robot = plant.controller, plant.plant
+    plant.plant.reset()
+    before = None
+    for number, law in enumerate(LAWS):
+        controller.change({'law': law})
+        for k in range(15):
+            reference = plant.trajectory.sample(15 * number + k, 1)[0]
+            controller.tick(robot.position, robot.velocity, reference)
+            if before is not None:
+                step = np.abs(controller.torque - before).max()
+                assert step <= limit * 1e-3 * (1.0 + 1e-12), law
+            before = controller.torque.copy()
+            assert np.isfinite(before).all()
+            robot.advance(before)
