@@ -41,8 +41,9 @@ setup: $(VENV)/.installed
 demo: $(VENV)/.installed
 	@$(BIN)/masmc demo
 
-# The files of tests are shared out to two processes, each file whole: its fixtures are made once.
-PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile
+# The files of tests are shared out to two processes, each file whole: its fixtures are made once,
+# and those that take minutes first (test/conftest.py).
+PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-dev
 	@$(PYTEST) -m 'not slow'

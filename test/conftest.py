@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from pathlib import Path
 import re
 import signal
 
@@ -44,6 +45,28 @@ MISSING = re.compile(
     + '|'.join(INSTALLED_BY)
     + r'))\b'
 )
+
+
+LONG = (
+    'loop/test_tree_run.py',
+    'nodes/recorder/test_listeners_killed.py',
+    'loop/test_same_bits.py',
+    'loop/test_lanes.py',
+    'log/test_damaged_logs.py',
+    'nodes/test_random_changes.py',
+    'robot/test_tree_formulas.py',
+    'robot/test_tree_pinocchio.py',
+    'nodes/test_busy_machine.py',
+)
+"""Files that take minutes with what is slow, longest first: a process that began one of them
+at last would be waited for."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the long files, where files are shared out to processes in this order."""
+    folder = Path(__file__).parent
+    place = {folder / name: number for number, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path, len(LONG)))
 
 
 @pytest.hookimpl(wrapper=True)

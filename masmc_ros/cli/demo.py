@@ -29,8 +29,9 @@ from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
+from masmc_ros.robot.registry import chosen, DEFAULT
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import shared_file
+from masmc_ros.share import scenario_file
 from tqdm import tqdm
 
 LAWS = ('smc', 'rasmc')
@@ -39,14 +40,21 @@ NODES = ('recorder', 'trajectory', 'controller', 'plant')
 _START = 60.0
 """Time in s that nodes have to compile and to find each other."""
 
+_FIRST_START = 900.0
+"""The same where a robot's machine code may have to be made first."""
+
 _SLOWEST = 20.0
 """Longest time in s that a simulated second may take."""
 
 _END = 15.0
 
 
-def demo(output: str, *, composed: bool) -> int:
-    """Run the experiment under every law, report it, and say where everything lies."""
+def demo(output: str, *, robot: str, composed: bool) -> int:
+    """
+    Run an experiment under every law, report it, and say where everything lies.
+
+    `robot` is the name of an installed parameter file, `paper` being the paper's experiment.
+    """
     if importlib.util.find_spec('rclpy') is None:
         raise UserError(
             'rclpy cannot be imported; source a ROS 2 Jazzy installation, or install its wheels '
@@ -58,13 +66,16 @@ def demo(output: str, *, composed: bool) -> int:
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f'{folder}: cannot be made ({reason}); name another folder') from error
-    parameters = shared_file('config', 'paper.yaml')
-    duration = load_scenario(str(parameters))['plant']['duration']
+    parameters = Path(scenario_file(robot))
+    values = load_scenario(str(parameters))['plant']
+    duration = values['duration']
+    start = _START if chosen(values) is DEFAULT else _FIRST_START
     logs = []
     for law in LAWS:
         log = folder / f'{law}.mcap'
         with private_domain() as domain:
-            _run(law, parameters, log, domain, duration, composed=composed)
+            patience = start + _SLOWEST * duration
+            _run(law, parameters, log, domain, duration, patience, composed=composed)
         logs.append(str(log))
     report(logs, str(folder / 'report'))
     print()
@@ -80,6 +91,7 @@ def _run(
     log: Path,
     domain: Mapping[str, str],
     duration: float,
+    patience: float,
     *,
     composed: bool,
 ) -> None:
@@ -96,7 +108,7 @@ def _run(
         {'composed': ['--record', *arguments]} if composed else dict.fromkeys(NODES, arguments)
     )
     with _processes(commands, domain, log.parent) as processes:
-        _watch(law, processes, domain, duration)
+        _watch(law, processes, domain, duration, patience)
 
 
 @contextmanager
@@ -139,12 +151,13 @@ def _watch(
     processes: Mapping[str, subprocess.Popen[bytes]],
     domain: Mapping[str, str],
     duration: float,
+    patience: float,
 ) -> None:
     """Show progress until all nodes have ended, one has failed, or it takes too long."""
     # Imported here: without rclpy, `demo` is to say so in one line.
     from masmc_ros.cli.progress import RunProgress
 
-    limit = time.monotonic() + _START + _SLOWEST * duration
+    limit = time.monotonic() + patience
     form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'
     with (
         RunProgress(int(domain['ROS_DOMAIN_ID'])) as progress,
@@ -154,6 +167,6 @@ def _watch(
             if any(process.poll() not in (None, 0) for process in processes.values()):
                 return
             if time.monotonic() > limit:
-                raise UserError(f'{law}: no end after {_START + _SLOWEST * duration:.0f} s')
+                raise UserError(f'{law}: no end after {patience:.0f} s')
             bar.update(min(progress.time(), duration) - bar.n)
         bar.update(duration - bar.n)

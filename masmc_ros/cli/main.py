@@ -180,7 +180,7 @@ def _dispatch(options: argparse.Namespace) -> int:
         )
     from masmc_ros.cli.demo import demo
 
-    return demo(options.output, composed=options.composed)
+    return demo(options.output, robot=options.robot, composed=options.composed)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -195,9 +195,17 @@ def _parser() -> argparse.ArgumentParser:
         'demo',
         help="run the paper's experiment on real nodes and report it",
         description="Run the paper's experiment: four ROS 2 nodes in lock-step on a private "
-        'domain of this machine, first smc, then rasmc; log both runs and report them.',
+        'domain of this machine, first smc, then rasmc; log both runs and report them. '
+        'With --robot those of another experiment.',
     )
     demo.add_argument('--output', default='demo', help='folder for logs and report (%(default)s)')
+    demo.add_argument(
+        '--robot',
+        default='paper',
+        metavar='NAME',
+        help='whose experiment: an installed parameter file (masmc simulate --list), such as '
+        'tiago (%(default)s)',
+    )
     demo.add_argument(
         '--composed', action='store_true', help='all nodes of a run in one process'
     )

@@ -35,7 +35,7 @@ SCRIPT = Path(closed_loop_bits.__file__)
 ROOT = Path(__file__).parents[2]
 TICKS = 2001
 INTERPRETED_TICKS = 201
-TIMEOUT = 300.0
+TIMEOUT = 900.0
 
 RECORDED = {
     'smc sign': 'ea8430c4471f1d7210886339b9bf1ecc362115953632af2e6d296096c779a3d0',
