@@ -41,15 +41,16 @@ setup: $(VENV)/.installed
 demo: $(VENV)/.installed
 	@$(BIN)/masmc demo
 
-# The files of tests are shared out to two processes, each file whole: its fixtures are made once,
-# and those that take minutes first (test/conftest.py).
-PYTEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# The files of tests are shared out to processes, each file whole: its fixtures are made once, and
+# those that take minutes first (test/conftest.py). What is slow waits more than it computes: three
+# processes keep two cores busy.
+PYTEST = $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-dev
-	@$(PYTEST) -m 'not slow'
+	@$(PYTEST) -n 2 -m 'not slow'
 
 test-all: $(VENV)/.installed-all
-	@$(PYTEST)
+	@$(PYTEST) -n 3
 
 # An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.
 OLDEST := .venv-oldest

@@ -153,9 +153,13 @@ def _dispatch(options: argparse.Namespace) -> int:
             as_data=options.json,
         )
     if options.command == 'laws':
-        from masmc_ros.cli.laws import laws
+        from masmc_ros.cli.show.laws import laws
 
         return laws(costs=options.cost, as_data=options.json)
+    if options.command == 'robot':
+        from masmc_ros.cli.show.robot import robot
+
+        return robot(options.file, options.set, as_data=options.json)
     if options.command == 'report':
         from masmc_ros.cli.report import report
 
@@ -165,7 +169,7 @@ def _dispatch(options: argparse.Namespace) -> int:
 
         return recover(options.logs)
     if options.command == 'view':
-        from masmc_ros.cli.viewing.view import view
+        from masmc_ros.cli.show.view import view
 
         return view(options.log, options.port)
     if options.command == 'param':
@@ -286,6 +290,18 @@ def _parser() -> argparse.ArgumentParser:
         '--output', default='compare', help='folder for the report (%(default)s)'
     )
     compare.add_argument('--json', action='store_true', help='print as JSON')
+
+    robot = commands.add_parser(
+        'robot',
+        help='what a parameter file makes of a robot',
+        description='Print joints, limits and masses of the robot of a parameter file, what its '
+        'task is, and where that is at the start.',
+    )
+    robot.add_argument('file', help='ROS 2 parameter file, or the name of an installed one')
+    robot.add_argument(
+        '--set', action='append', default=[], metavar='NAME=VALUE', help='as in masmc simulate'
+    )
+    robot.add_argument('--json', action='store_true', help='print as JSON')
 
     recover = commands.add_parser(
         'recover',

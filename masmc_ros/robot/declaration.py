@@ -267,6 +267,11 @@ class Mechanism:
             found[group.joints] = [number] * (group.end - group.first)
         return tuple(found)
 
+    @property
+    def joint_limits(self) -> Mapping[str, Array]:
+        """What joints cannot exceed, (joints) each: `lower`, `upper` and `speed`, SI units."""
+        return {}
+
     @cached_property
     def tag(self) -> str:
         """Return what keeps machine code apart: the name, and of whom else's which version."""

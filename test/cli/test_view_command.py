@@ -32,7 +32,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from masmc_ros.cli.viewing.file_server import FileServer
+from masmc_ros.cli.show.file_server import FileServer
 from mcap.reader import make_reader
 import pytest
 from viewed_run import computed_run, ROOT

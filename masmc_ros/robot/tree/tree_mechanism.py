@@ -176,6 +176,19 @@ class TreeMechanism(Mechanism):
         """Values of parameters by which it is chosen, also in another process."""
         return dict(self.made_of)
 
+    @property
+    def joint_limits(self) -> Mapping[str, Array]:
+        """What joints cannot exceed, by the URDF; infinite where it says nothing."""
+        limits = self.robot.limits
+        found = {'lower': limits.lower, 'upper': limits.upper, 'speed': limits.speed}
+        # A base without wheels is driven as it is, by joints that are none of the URDF's.
+        free = len(self.joints) - len(limits.lower)
+        signs = {'lower': -np.inf, 'upper': np.inf, 'speed': np.inf}
+        return {
+            name: np.concatenate([np.full(free, signs[name]), each])
+            for name, each in found.items()
+        }
+
     @cached_property
     def tag(self) -> str:
         """Return what keeps machine code apart, which depends on numbers of components alone."""

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A logged run in Foxglove."""
+"""Commands that show what there is: laws, a robot, a logged run in Foxglove."""

@@ -25,7 +25,7 @@ import subprocess
 import sys
 from urllib.parse import urlencode
 
-from masmc_ros.cli.viewing.file_server import FileServer, HOST
+from masmc_ros.cli.show.file_server import FileServer, HOST
 from masmc_ros.errors import InputError
 from masmc_ros.log.records import check_magic, cut_off, MAGIC
 from masmc_ros.log.recover.recover import is_complete

@@ -1,0 +1,118 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`masmc robot`: what a parameter file makes of a robot, before it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import json
+import math
+from typing import Any
+
+from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.share import scenario_file
+import numpy as np
+
+
+def robot(file: str, settings: Sequence[str], *, as_data: bool) -> int:
+    """Print joints, their limits and torques, the task, and where it is at the start."""
+    values = load_scenario(scenario_file(file), settings)
+    found = _told(values)
+    print(json.dumps(found, indent=1) if as_data else _text(found), end='\n' if as_data else '')
+    return 0
+
+
+def _told(values: Any) -> dict[str, Any]:
+    plant, control = values['plant'], values['controller']
+    mechanism, made = chosen(plant), robot_of(plant)
+    position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))
+    task = made.task_positions(position[None])[0]
+    limits = mechanism.joint_limits
+    effort = control['torque_limit']
+    start = position[-len(mechanism.joints):]
+    return {
+        'kind': mechanism.name,
+        'joints': [
+            {
+                'name': joint.name,
+                'unit': joint.unit,
+                'start': float(start[i]),
+                **{name: _finite(each[i]) for name, each in limits.items()},
+                'torque_limit': float(effort[i]) or None,
+                'torque_unit': joint.effort_unit,
+            }
+            for i, joint in enumerate(mechanism.joints)
+        ],
+        'task': [
+            {'name': axis.name, 'unit': axis.unit, 'start': float(at)}
+            for axis, at in zip(mechanism.axes, task, strict=True)
+        ],
+        'parameters': len(mechanism.theta),
+        'masses': {
+            quantity.name: float(value)
+            for quantity, value in zip(mechanism.theta, made.theta, strict=True)
+            if quantity.unit == 'kg'
+        },
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _text(found: dict[str, Any]) -> str:
+    names = [name for name in ('lower', 'upper', 'speed') if name in found['joints'][0]]
+    rows = [['joint', 'start', *names, 'controller.torque_limit']]
+    for joint in found['joints']:
+        unit = joint['unit']
+        units = {'lower': unit, 'upper': unit, 'speed': f'{unit}/s'}
+        rows.append([
+            joint['name'],
+            f'{joint["start"]:g} {unit}',
+            *(_known(joint[name], units[name]) for name in names),
+            _known(joint['torque_limit'], joint['torque_unit']),
+        ])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    task = ', '.join(f'{axis["name"]} ({axis["unit"]})' for axis in found['task'])
+    start = ', '.join(f'{axis["start"]:.8g}' for axis in found['task'])
+    wrong = [joint['name'] for joint in found['joints'] if _is_outside(joint)]
+    masses = ', '.join(f'{name} {value:.4g}' for name, value in found['masses'].items())
+    return '\n'.join([
+        f'robot: {found["kind"]}, {found["parameters"]} base inertial parameters',
+        '',
+        *lines,
+        '',
+        f'task: {task}',
+        f'at the start, where a path had better begin: [{start}]',
+        *([f'masses in kg: {masses}'] if masses else []),
+        *([f'outside of its limits at the start: {", ".join(wrong)}'] if wrong else []),
+        '',
+    ])
+
+
+def _is_outside(joint: dict[str, Any]) -> bool:
+    lower, upper = joint.get('lower'), joint.get('upper')
+    at = joint['start']
+    return (lower is not None and at < lower) or (upper is not None and at > upper)
+
+
+def _known(value: float | None, unit: str) -> str:
+    return 'none' if value is None else f'{value:g} {unit}'
