@@ -25,6 +25,7 @@ from functools import cache
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
+from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
@@ -47,6 +48,8 @@ LAWS = {
         SMC,
         RASMC,
         NONLINEAR_FEEDBACK,
+        # what the paper cites beside it
+        COMPUTED_TORQUE,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
