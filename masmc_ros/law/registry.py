@@ -27,6 +27,7 @@ from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CM
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
+from masmc_ros.law.feedback.null_space import NULL_SPACE
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
@@ -50,6 +51,7 @@ LAWS = {
         NONLINEAR_FEEDBACK,
         # what the paper cites beside it
         COMPUTED_TORQUE,
+        NULL_SPACE,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
