@@ -26,6 +26,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
+from masmc_ros.law.feedback.input_output_decoupling import INPUT_OUTPUT_DECOUPLING
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.feedback.null_space import NULL_SPACE
 from masmc_ros.law.law import Law, register
@@ -52,6 +53,7 @@ LAWS = {
         # what the paper cites beside it
         COMPUTED_TORQUE,
         NULL_SPACE,
+        INPUT_OUTPUT_DECOUPLING,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
