@@ -23,6 +23,7 @@ from __future__ import annotations
 from functools import cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.adaptive.rbf_sliding import RBF_SLIDING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
@@ -54,6 +55,7 @@ LAWS = {
         COMPUTED_TORQUE,
         NULL_SPACE,
         INPUT_OUTPUT_DECOUPLING,
+        RBF_SLIDING,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
