@@ -40,6 +40,7 @@ from masmc_ros.law.reaching.saturation import SATURATION
 from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
 from masmc_ros.law.reaching.tanh import TANH
+from masmc_ros.law.sliding.adaptive_gain import ADAPTIVE_GAIN
 from masmc_ros.law.sliding.decentralised_sliding import DECENTRALISED_SLIDING
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
@@ -58,6 +59,7 @@ LAWS = {
         INPUT_OUTPUT_DECOUPLING,
         RBF_SLIDING,
         DECENTRALISED_SLIDING,
+        ADAPTIVE_GAIN,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
