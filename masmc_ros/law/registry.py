@@ -23,6 +23,7 @@ from __future__ import annotations
 from functools import cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.adaptive.fuzzy_gain import FUZZY_GAIN
 from masmc_ros.law.adaptive.rbf_sliding import RBF_SLIDING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
@@ -60,6 +61,7 @@ LAWS = {
         RBF_SLIDING,
         DECENTRALISED_SLIDING,
         ADAPTIVE_GAIN,
+        FUZZY_GAIN,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
