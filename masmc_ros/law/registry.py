@@ -43,6 +43,7 @@ from masmc_ros.law.reaching.sign import SIGN
 from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.sliding.adaptive_gain import ADAPTIVE_GAIN
 from masmc_ros.law.sliding.decentralised_sliding import DECENTRALISED_SLIDING
+from masmc_ros.law.sliding.variable_structure import VARIABLE_STRUCTURE
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
@@ -62,6 +63,7 @@ LAWS = {
         DECENTRALISED_SLIDING,
         ADAPTIVE_GAIN,
         FUZZY_GAIN,
+        VARIABLE_STRUCTURE,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
