@@ -24,6 +24,7 @@ from functools import cache
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.adaptive.fuzzy_gain import FUZZY_GAIN
+from masmc_ros.law.adaptive.fuzzy_model import FUZZY_MODEL
 from masmc_ros.law.adaptive.rbf_sliding import RBF_SLIDING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
@@ -64,6 +65,7 @@ LAWS = {
         ADAPTIVE_GAIN,
         FUZZY_GAIN,
         VARIABLE_STRUCTURE,
+        FUZZY_MODEL,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
