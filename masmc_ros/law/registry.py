@@ -25,6 +25,7 @@ from functools import cache
 from masmc_ros.errors import InputError
 from masmc_ros.law.adaptive.fuzzy_gain import FUZZY_GAIN
 from masmc_ros.law.adaptive.fuzzy_model import FUZZY_MODEL
+from masmc_ros.law.adaptive.hybrid_network import HYBRID_NETWORK
 from masmc_ros.law.adaptive.rbf_sliding import RBF_SLIDING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
@@ -66,6 +67,7 @@ LAWS = {
         FUZZY_GAIN,
         VARIABLE_STRUCTURE,
         FUZZY_MODEL,
+        HYBRID_NETWORK,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
