@@ -23,9 +23,16 @@ from __future__ import annotations
 from functools import cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.adaptive.fuzzy_gain import FUZZY_GAIN
+from masmc_ros.law.adaptive.fuzzy_model import FUZZY_MODEL
+from masmc_ros.law.adaptive.hybrid_network import HYBRID_NETWORK
+from masmc_ros.law.adaptive.rbf_sliding import RBF_SLIDING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
+from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
+from masmc_ros.law.feedback.input_output_decoupling import INPUT_OUTPUT_DECOUPLING
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
+from masmc_ros.law.feedback.null_space import NULL_SPACE
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
@@ -36,6 +43,9 @@ from masmc_ros.law.reaching.saturation import SATURATION
 from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
 from masmc_ros.law.reaching.tanh import TANH
+from masmc_ros.law.sliding.adaptive_gain import ADAPTIVE_GAIN
+from masmc_ros.law.sliding.decentralised_sliding import DECENTRALISED_SLIDING
+from masmc_ros.law.sliding.variable_structure import VARIABLE_STRUCTURE
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
@@ -47,6 +57,17 @@ LAWS = {
         SMC,
         RASMC,
         NONLINEAR_FEEDBACK,
+        # what the paper cites beside it
+        COMPUTED_TORQUE,
+        NULL_SPACE,
+        INPUT_OUTPUT_DECOUPLING,
+        RBF_SLIDING,
+        DECENTRALISED_SLIDING,
+        ADAPTIVE_GAIN,
+        FUZZY_GAIN,
+        VARIABLE_STRUCTURE,
+        FUZZY_MODEL,
+        HYBRID_NETWORK,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""

@@ -169,6 +169,10 @@ class Track:
     surface: Array
     torque: Array
     estimate: Array
+    position: Array
+    """q as measured."""
+    velocity: Array
+    """Its derivative."""
     controller: Controller
 
     @property
@@ -193,5 +197,7 @@ def run(law: str, *settings: str, duration: float = 20.0) -> Track:
         np.array(stretch.surface),
         np.array(stretch.torque),
         np.array(stretch.estimate),
+        np.array(stretch.position),
+        np.array(stretch.velocity),
         simulation.controller,
     )

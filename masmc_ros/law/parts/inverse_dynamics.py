@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.scalars import plus, zero
+from masmc_ros.numerics.scalars import minus, plus, zero
 from masmc_ros.numerics.tuples import each, matrix_times
 from masmc_ros.robot import mechanism
 
@@ -29,6 +29,14 @@ Numbers = tuple[float, ...]
 def task_velocity(tick: Tick) -> Numbers:
     """Return J v."""
     return each(plus, tick.error_rate, tick.desired_velocity)
+
+
+@formula
+def rate_error(tick: Tick) -> Numbers:
+    """Return the joints' rates less those of the reference velocity v_r, in their own units."""
+    return mechanism.joint_rates(
+        tick.model, each(minus, tick.velocity, tick.reference_velocity)
+    )
 
 
 @formula

@@ -1,0 +1,132 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Sliding mode with a fuzzy gain on each axis, learned, in place of the switching term.
+
+    tau = Y theta_hat + J' u,    u_i = -A_i s_i - K_i,    K_i = theta_i' psi(s_i)
+    theta_i' = gamma_i s_i psi(s_i) - leak theta_i
+
+psi has seven overlapping sets of s, from negative big to positive big. Y. Guo and P.-Y. Woo, "An
+adaptive fuzzy sliding mode controller for robotic manipulators", IEEE Transactions on Systems,
+Man, and Cybernetics A 33, 2003; reference [8] of the paper.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.fuzzy_sets import (
+    alone,
+    bells,
+    learning_step,
+    mean_of_rules,
+    SEVEN,
+    train_rules,
+)
+from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('fuzzy_gain.a', 'axes', 300.0, 'Gain A of the linear term', 'N·s/m'),
+    PerEntry('fuzzy_gain.gamma', 'axes', 5000.0, 'Growth gamma of the rules', 'N/m'),
+    Parameter(
+        'fuzzy_gain.span',
+        0.3,
+        'Where s belongs to the outermost sets',
+        unit='m/s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        read_only=False,
+    ),
+    Parameter(
+        'fuzzy_gain.leak',
+        0.02,
+        'Rate at which the rules return to zero',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    SIGMA,
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('fuzzy_gain_theta', ('axes', len(SEVEN)), 'theta of each rule', 'N'),
+)
+
+
+@formula
+def _degrees(s: float, span: float) -> Numbers:
+    """Return psi(s)."""
+    found: Numbers = bells(s / span, SEVEN)
+    return found
+
+
+@formula
+def _force(s: float, a: float, k: float) -> float:
+    return -a * s - k
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, each(alone, tick.surface))
+    u = each(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
+    return model_torque(tick, get(memory, 'estimate', lane), u)
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Learn the rules, unless limits cut the torque: then they would wind up."""
+    if torque == raw:
+        degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+        gamma = get(settings, 'fuzzy_gain_gamma', lane)
+        train_rules(
+            memory['fuzzy_gain_theta'],
+            lane,
+            degrees,
+            each(alone, tick.surface),
+            each(learning_step, tick.surface, gamma, tick.period),
+            tick.period * get(settings, 'fuzzy_gain_leak', lane),
+        )
+
+
+FUZZY_GAIN = register(
+    Law(
+        'fuzzy_gain',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='sliding mode with a learned fuzzy gain of s on each axis',
+        source='[8] of the paper; Guo and Woo 2003',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,204 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Fuzzy model and fuzzy switching, both learned: nothing is known of the dynamics.
+
+With z = rates - rates_r, joint by joint,
+
+    tau_i = theta_i' xi(rates_r, acceleration_r) - K_i z_i - h_i
+    h_i = (k_i c + eta_i)' phi(z_i)
+    theta_i' = -gamma_i z_i xi - leak theta_i,    eta_i' = gamma_h z_i phi - leak eta_i
+
+xi being 25 products of triangular sets of both, phi seven of z, centred at c. Before anything
+is learned h is linear in z between the outermost sets: what stands in place of k sgn(z).
+Reference [10] of the paper; B. Yoo and W. Ham, "Adaptive fuzzy sliding mode control of nonlinear
+system", IEEE Transactions on Fuzzy Systems 6, 1998.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.fuzzy_sets import (
+    alone,
+    FIVE,
+    hats,
+    learning_step,
+    mean_of_rules,
+    RULES,
+    SEVEN,
+    train_rules,
+)
+from masmc_ros.law.parts.inverse_dynamics import rate_error
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('fuzzy_model.k', 'joints', 2.0, 'Gain K of the linear term', 'N·m·s'),
+    PerEntry('fuzzy_model.k_h', 'joints', 2.0, 'Gain k of the switching term', 'N·m'),
+    PerEntry('fuzzy_model.gamma', 'joints', 300.0, 'Growth gamma of the model', 'N·m'),
+    PerEntry('fuzzy_model.gamma_h', 'joints', 30.0, 'Growth gamma_h of switching', 'N·m'),
+    Parameter(
+        'fuzzy_model.leak',
+        0.02,
+        'Rate at which the rules return to zero',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    PerEntry(
+        'fuzzy_model.velocity_span',
+        'joints',
+        5.0,
+        'Where a rate belongs to the outermost sets',
+        'rad/s',
+        is_positive=True,
+    ),
+    PerEntry(
+        'fuzzy_model.acceleration_span',
+        'joints',
+        10.0,
+        'Where its derivative belongs to the outermost sets',
+        'rad/s²',
+        is_positive=True,
+    ),
+    PerEntry(
+        'fuzzy_model.error_span',
+        'joints',
+        1.0,
+        'Where z belongs to the outermost sets',
+        'rad/s',
+        is_positive=True,
+    ),
+    SIGMA,
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('fuzzy_model_theta', ('joints', RULES), 'theta of each rule', 'N·m'),
+    Field('fuzzy_model_eta', ('joints', len(SEVEN)), 'eta of each rule', 'N·m'),
+)
+
+
+@formula
+def _five(x: float, span: float) -> Numbers:
+    """Return how far x belongs to each of FIVE triangles."""
+    found: Numbers = hats(x / span, FIVE)
+    return found
+
+
+@formula
+def _seven(x: float, span: float) -> Numbers:
+    """Return how far x belongs to each of SEVEN triangles."""
+    found: Numbers = hats(x / span, SEVEN)
+    return found
+
+
+@formula
+def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
+    """Return the sets of both inputs of the model, and those of switching."""
+    rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
+    derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)
+    return (
+        each(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
+        each(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
+        each(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
+    )
+
+
+@formula
+def _switched(degrees: Numbers, k_h: float, learned: float) -> float:
+    """Return h of one joint in N m."""
+    return k_h * dot(degrees, SEVEN) + learned
+
+
+@formula
+def _held(modelled: float, z: float, k: float, switched: float) -> float:
+    return modelled - k * z - switched
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    z = rate_error(tick)
+    first, second, third = _inputs(settings, tick, lane, z)
+    return each(
+        _held,
+        mean_of_rules(memory['fuzzy_model_theta'], lane, first, second),
+        z,
+        get(settings, 'fuzzy_model_k', lane),
+        each(
+            _switched,
+            third,
+            get(settings, 'fuzzy_model_k_h', lane),
+            mean_of_rules(memory['fuzzy_model_eta'], lane, third, each(alone, z)),
+        ),
+    )
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Learn all rules, unless limits cut the torque: then they would wind up."""
+    if torque == raw:
+        z = rate_error(tick)
+        first, second, third = _inputs(settings, tick, lane, z)
+        gamma = get(settings, 'fuzzy_model_gamma', lane)
+        gamma_h = get(settings, 'fuzzy_model_gamma_h', lane)
+        pull = tick.period * get(settings, 'fuzzy_model_leak', lane)
+        train_rules(
+            memory['fuzzy_model_theta'],
+            lane,
+            first,
+            second,
+            each(learning_step, z, gamma, -tick.period),
+            pull,
+        )
+        train_rules(
+            memory['fuzzy_model_eta'],
+            lane,
+            third,
+            each(alone, z),
+            each(learning_step, z, gamma_h, tick.period),
+            pull,
+        )
+
+
+FUZZY_MODEL = register(
+    Law(
+        'fuzzy_model',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='a fuzzy model and fuzzy switching, learned joint by joint from nothing',
+        source='[10] of the paper; Yoo and Ham 1998',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,185 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Kinematic outer loop, and rates that follow it by a fuzzy network and an adaptive robust gain.
+
+With z = rates - rates_r, joint by joint, and v_r, a_r of the outer loop (14),
+
+    tau = H (a_r - K z - W' Phi - k sat(z / delta)) + V v
+    W_i' = gamma_i z_i Phi_i - leak W_i,    k_i' = rate_i (|z_i| - delta_i)+ - leak k_i
+
+with theta_hat, and 25 products of Gaussian sets of rates_r and z for each joint: reference [11]
+of the paper, a hybrid of sliding mode and a fuzzy neural network.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.adaptive_bound import grown
+from masmc_ros.law.parts.fuzzy_sets import (
+    bells,
+    FIVE,
+    learning_step,
+    mean_of_rules,
+    RULES,
+    train_rules,
+)
+from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.reaching.saturation import saturation
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('hybrid_network.k', 'joints', 50.0, 'Gain K of the linear term', '1/s'),
+    PerEntry('hybrid_network.gamma', 'joints', 5000.0, 'Growth gamma of the network', '1/s²'),
+    PerEntry('hybrid_network.rate', 'joints', 20.0, 'Growth of the robust gain k', '1/s²'),
+    PerEntry(
+        'hybrid_network.delta',
+        'joints',
+        0.2,
+        'Boundary layer, and what k does not grow within',
+        'rad/s',
+        is_positive=True,
+    ),
+    Parameter(
+        'hybrid_network.leak',
+        0.1,
+        'Rate at which rules and k return to zero',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    PerEntry(
+        'hybrid_network.velocity_span',
+        'joints',
+        5.0,
+        'Where a rate belongs to the outermost sets',
+        'rad/s',
+        is_positive=True,
+    ),
+    PerEntry(
+        'hybrid_network.error_span',
+        'joints',
+        1.0,
+        'Where z belongs to the outermost sets',
+        'rad/s',
+        is_positive=True,
+    ),
+    SIGMA,
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('hybrid_network_weights', ('joints', RULES), 'W', 'rad/s²'),
+    Field('hybrid_network_robust', 'joints', 'k', 'rad/s²'),
+)
+
+
+@formula
+def _sets(x: float, span: float) -> Numbers:
+    found: Numbers = bells(x / span, FIVE)
+    return found
+
+
+@formula
+def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
+    """Return the sets of both inputs."""
+    rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
+    return (
+        each(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
+        each(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
+    )
+
+
+@formula
+def _correction(z: float, k: float, network: float, robust: float, delta: float) -> float:
+    """Return what is taken off the reference's derivative of one joint."""
+    return k * z + network + robust * saturation(z, delta)
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    z = rate_error(tick)
+    first, second = _inputs(settings, tick, lane, z)
+    correction = each(
+        _correction,
+        z,
+        get(settings, 'hybrid_network_k', lane),
+        mean_of_rules(memory['hybrid_network_weights'], lane, first, second),
+        get(memory, 'hybrid_network_robust', lane),
+        get(settings, 'hybrid_network_delta', lane),
+    )
+    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    f = model_forces(tick, get(memory, 'estimate', lane), a)
+    return mechanism.joint_torques(tick.model, f)
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Learn rules and robust gain, unless limits cut the torque: then they would wind up."""
+    if torque == raw:
+        z = rate_error(tick)
+        first, second = _inputs(settings, tick, lane, z)
+        leak = get(settings, 'hybrid_network_leak', lane)
+        train_rules(
+            memory['hybrid_network_weights'],
+            lane,
+            first,
+            second,
+            each(learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period),
+            tick.period * leak,
+        )
+        robust = each(
+            grown,
+            get(memory, 'hybrid_network_robust', lane),
+            z,
+            get(settings, 'hybrid_network_rate', lane),
+            get(settings, 'hybrid_network_delta', lane),
+            leak,
+            tick.period,
+        )
+        put(memory, 'hybrid_network_robust', lane, robust)
+
+
+HYBRID_NETWORK = register(
+    Law(
+        'hybrid_network',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='an outer kinematic loop, and a fuzzy network with an adaptive robust gain',
+        source='[11] of the paper; sliding mode and fuzzy neural network',
+        uses_switching=False,
+    )
+)

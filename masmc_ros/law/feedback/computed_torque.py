@@ -1,0 +1,105 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Computed torque: the model inverted in the joints' rates, which follow those of an outer loop.
+
+    z = rates - rates_r,    wdot = z
+    tau = H (a_r - K_d z - K_p w) + V v
+
+with v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, in place of desired
+velocities (reference [2] of the paper): with sigma 0 it is the source's law of velocities alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the rates', '1/s'),
+    PerEntry('computed_torque.k_p', 'joints', 100.0, 'Gain K_p of their integral', '1/s²'),
+    SIGMA,
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('computed_torque_integral', 'joints', "w, integral of the rates' error", 'rad'),
+)
+
+
+@formula
+def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
+    """Return K_d z + K_p w of one joint."""
+    return k_d * z + k_p * w
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    correction = each(
+        _corrected,
+        rate_error(tick),
+        get(memory, 'computed_torque_integral', lane),
+        get(settings, 'computed_torque_k_d', lane),
+        get(settings, 'computed_torque_k_p', lane),
+    )
+    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    return mechanism.joint_torques(tick.model, model_forces(tick, tick.nominal, a))
+
+
+@formula
+def _integrated(w: float, z: float, period: float) -> float:
+    return w + period * z
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Integrate the rates' error, unless limits cut the torque: then it would wind up."""
+    if torque == raw:
+        w = get(memory, 'computed_torque_integral', lane)
+        following = each(_integrated, w, rate_error(tick), tick.period)
+        put(memory, 'computed_torque_integral', lane, following)
+
+
+COMPUTED_TORQUE = register(
+    Law(
+        'computed_torque',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary="the model inverted in the joints' rates, which follow an outer kinematic loop",
+        source='[2] of the paper; computed torque of velocities, with their integral',
+        uses_switching=False,
+    )
+)

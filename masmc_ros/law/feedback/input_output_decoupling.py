@@ -1,0 +1,41 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Input-output decoupling: the same torque as `nonlinear_feedback`, by the name of reference [4].
+
+With the outputs y = x, which differentiated twice give yddot = Jdot v + J H^-1 (f - V v), the
+inputs f = (J H^-1)^-1 (nu - Jdot v) + V v make yddot = nu, an output for each input. This is
+H J^-1 (nu - Jdot v) + V v, so that the formulas and parameters are those of the other file.
+"""
+
+from __future__ import annotations
+
+from masmc_ros.law.feedback.nonlinear_feedback import learn, MEMORY, PARAMETERS, torque
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+
+INPUT_OUTPUT_DECOUPLING = register(
+    Law(
+        'input_output_decoupling',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='one output for each input: `nonlinear_feedback` by another name',
+        source='[4] of the paper; input-output linearisation',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,177 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Operational space control: the first axes of the task first, the others in their null space.
+
+With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, cut into the first axes (1) and
+the others (2), and Lambda_1 = A_11^-1, Lambda_2 = A_22^-1,
+
+    F_2 = Lambda_2 b_2,    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
+
+which is J_1' Lambda_1 b_1 + N_1' J_2' Lambda_2 b_2 + V v with N_1 = I - H^-1 J_1' Lambda_1 J_1,
+the dynamically consistent projector of O. Khatib, "A unified approach for motion and force
+control of robot manipulators: the operational space formulation", IEEE Journal of Robotics and
+Automation 3, 1987; reference [3] of the paper. J as a whole is not inverted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.scalars import minus, plus, zero
+from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+import numpy as np
+
+Numbers = tuple[float, ...]
+Columns = tuple[Numbers, ...]
+
+PARAMETERS = (
+    Parameter(
+        'null_space.first_axes',
+        2,
+        'Number of task axes, from the first on, that the others must not disturb',
+        minimum=1,
+        read_only=False,
+    ),
+    PerEntry('null_space.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('null_space.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+)
+
+_LEAST_SHARE = 1.0e-6
+"""Part of its mobility that an axis must keep beside those before it, lest it is given up."""
+
+
+@formula
+def _commanded(desired: float, rate: float, error: float, k_d: float, k_p: float) -> float:
+    """Return the task acceleration asked for on one axis."""
+    return desired - k_d * rate - k_p * error
+
+
+@formula
+def _mobility_column(of: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
+    """Return a column of J H^-1 J'."""
+    model, posture, h, axes, like = of
+    f = mechanism.forces_from_task(model, posture, unit(axes, j), like)
+    return mechanism.task_velocity(model, posture, mechanism.inertia_solve(model, h, f))
+
+
+@kernel
+def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers:
+    """
+    Return F in N on the task's axes.
+
+    Parameters
+    ----------
+    mobility
+        A by its columns, 1/kg.
+    wanted
+        b in m/s2.
+    first
+        number of axes that come first, limited to those there are.
+
+    """
+    n = len(wanted)
+    first = min(first, n)
+    work, force = np.empty((n, n + 1)), np.zeros(n)
+    _solve(n, mobility, wanted, first, n, work, force)
+    _solve(n, mobility, wanted, 0, first, work, force)
+    return taken(force, wanted)
+
+
+@formula
+def _solve(
+    n: int, mobility: Columns, wanted: Numbers, begin: int, end: int, work: Any, force: Any
+) -> None:
+    """Solve for the forces from `begin` up to `end`, given the others: A is semi-definite."""
+    for i in range(begin, end):
+        work[i, n] = wanted[i]
+        for j in range(n):
+            work[i, j] = mobility[j][i]
+            if not begin <= j < end:
+                work[i, n] -= work[i, j] * force[j]
+    for i in range(begin, end):
+        pivot, least = work[i, i], _LEAST_SHARE * mobility[i][i]
+        # 1 / pivot down to the least one, from where on it falls to zero.
+        floored = pivot if pivot > least else least
+        inverse = pivot / (floored * floored) if floored > 0.0 else 0.0
+        work[i, i] = inverse
+        for k in range(i + 1, end):
+            factor = work[k, i] * inverse
+            for j in range(i + 1, end):
+                work[k, j] -= factor * work[i, j]
+            work[k, n] -= factor * work[i, n]
+    for reverse in range(end - begin):
+        i = end - 1 - reverse
+        value = work[i, n]
+        for j in range(i + 1, end):
+            value -= work[i, j] * force[j]
+        force[i] = value * work[i, i]
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    model, posture = tick.model, tick.posture
+    commanded = each(
+        _commanded,
+        tick.desired_acceleration,
+        tick.error_rate,
+        tick.error,
+        get(settings, 'null_space_k_d', lane),
+        get(settings, 'null_space_k_p', lane),
+    )
+    # J of the acceleration with which the task has none is -Jdot v.
+    still = motion_acceleration(tick, each(zero, commanded))
+    wanted = each(plus, commanded, mechanism.task_velocity(model, posture, still))
+    h = mechanism.inertia(model, posture, tick.nominal)
+    mobility = tabulate(
+        _mobility_column, tick.surface, (model, posture, h, tick.surface, tick.velocity)
+    )
+    task_force = prioritised_force(mobility, wanted, get(settings, 'null_space_first_axes', lane))
+    f = mechanism.coriolis(model, posture, tick.nominal, tick.velocity)
+    if len(tick.velocity) > len(tick.surface):
+        # What the whole task leaves free follows the posture: H a less what the task has of it.
+        moved = mechanism.task_velocity(model, posture, still)
+        task_force = each(
+            minus, task_force, prioritised_force(mobility, moved, len(tick.surface))
+        )
+        f = each(plus, f, mechanism.inertia_times(model, h, still))
+    pushed = mechanism.forces_from_task(model, posture, task_force, tick.velocity)
+    return mechanism.joint_torques(model, each(plus, f, pushed))
+
+
+NULL_SPACE = register(
+    Law(
+        'null_space',
+        torque,
+        PARAMETERS,
+        (ESTIMATE,),
+        settle=project,
+        summary='operational space control: the first axes first, the others in their null space',
+        source='[3] of the paper; Khatib 1987',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,127 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Sliding mode with an adaptive gain: the switching gain grows until it suffices.
+
+    tau = Y theta_hat + J' u,    u = -K s - k sat(s / delta)
+    k_i' = gamma (|s_i| - dead zone)+ - leak k_i,    0 <= k_i <= k_max
+
+per axis: with gamma |s_i| alone (reference [7] of the paper) k never stops growing where s is
+never exactly zero, hence dead zone, leak and bound.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.adaptive_bound import grown
+from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
+from masmc_ros.law.reaching.saturation import saturation
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('adaptive_gain.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
+    PerEntry('adaptive_gain.gamma', 'axes', 1000.0, 'Growth gamma of k by |s|', 'N/m'),
+    PerEntry('adaptive_gain.dead_zone', 'axes', 0.01, '|s| within which k does not grow', 'm/s'),
+    Parameter(
+        'adaptive_gain.leak',
+        0.1,
+        'Rate at which k returns to zero',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    PerEntry('adaptive_gain.k_max', 'axes', 200.0, 'Largest k', 'N'),
+    BOUNDARY_LAYER,
+    SIGMA,
+)
+
+MEMORY = (ESTIMATE, Field('adaptive_gain_switching', 'axes', 'k', 'N'))
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    u = each(
+        reaching_force,
+        tick.surface,
+        get(settings, 'adaptive_gain_k', lane),
+        get(memory, 'adaptive_gain_switching', lane),
+        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+    )
+    return model_torque(tick, get(memory, 'estimate', lane), u)
+
+
+@formula
+def _following(
+    k: float,
+    s: float,
+    gamma: float,
+    share: float,
+    dead_zone: float,
+    leak: float,
+    most: float,
+    period: float,
+) -> float:
+    """Return the k of one axis after a period."""
+    found = grown(k, s, share * gamma, dead_zone, leak, period)
+    return found if found < most else most
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Let the gains grow, or only leak while limits cut the torque: more would not help."""
+    share = 1.0 if torque == raw else 0.0
+    following = each(
+        _following,
+        get(memory, 'adaptive_gain_switching', lane),
+        tick.surface,
+        get(settings, 'adaptive_gain_gamma', lane),
+        share,
+        get(settings, 'adaptive_gain_dead_zone', lane),
+        get(settings, 'adaptive_gain_leak', lane),
+        get(settings, 'adaptive_gain_k_max', lane),
+        tick.period,
+    )
+    put(memory, 'adaptive_gain_switching', lane, following)
+
+
+ADAPTIVE_GAIN = register(
+    Law(
+        'adaptive_gain',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='sliding mode whose switching gain grows until it suffices',
+        source='[7] of the paper; Huang, Kuo and Chang 2008',
+        uses_switching=False,
+    )
+)

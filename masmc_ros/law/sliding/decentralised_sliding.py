@@ -1,0 +1,114 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Decentralised sliding mode control: platform and arm each by their own dynamics alone.
+
+    rates' derivative wanted:  J^-1 (xddot_r - Q s - P sat(s / delta) - Jdot v)
+    tau_g = H_gg (wanted)_g + (V v)_g with the joints of all other groups at rest
+
+for every group g of joints, so that s' = -Q s - P sgn s (Gao and Hung's reaching law) as far as
+groups do not act on each other: what P has to outweigh. Reference [6] of the paper.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
+from masmc_ros.law.reaching.saturation import saturation
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.scalars import plus, zero
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('decentralised_sliding.q', 'axes', 20.0, 'Rate Q of the reaching law', '1/s'),
+    PerEntry(
+        'decentralised_sliding.p', 'axes', 40.0, 'Acceleration P of the reaching law', 'm/s²'
+    ),
+    BOUNDARY_LAYER,
+    SIGMA,
+)
+
+
+@formula
+def _where(value: float, other: float, group: int, chosen: int) -> float:
+    """Return the value of a joint of the chosen group, the other one elsewhere."""
+    return value if group == chosen else other
+
+
+@formula
+def _of_group(
+    tick: Tick, theta: Numbers, group: Any, chosen: int, rates: Numbers, derivative: Numbers
+) -> Numbers:
+    """Return the torques of the chosen group's motion, all other joints at rest."""
+    v = mechanism.motion(tick.model, each(_where, rates, 0.0, group, chosen))
+    a = mechanism.motion(tick.model, each(_where, derivative, 0.0, group, chosen))
+    y = mechanism.regressor(tick.model, tick.posture, v, v, a)
+    return mechanism.joint_torques(tick.model, mechanism.regressor_times(tick.model, y, theta))
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    reaching = each(
+        reaching_force,
+        tick.surface,
+        get(settings, 'decentralised_sliding_q', lane),
+        get(settings, 'decentralised_sliding_p', lane),
+        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+    )
+    reference = each(
+        reference_acceleration,
+        tick.desired_acceleration,
+        tick.error_derivative,
+        get(settings, 'sigma', lane),
+    )
+    a = motion_acceleration(tick, each(plus, reference, reaching))
+    rates = mechanism.joint_rates(tick.model, tick.velocity)
+    derivative = mechanism.joint_rates(tick.model, a)
+    theta, group = get(memory, 'estimate', lane), get(settings, 'group', lane)
+    last = group[0]
+    for number in group:
+        last = number if number > last else last
+    found = each(zero, rates)
+    for chosen in range(last + 1):
+        alone = _of_group(tick, theta, group, chosen, rates, derivative)
+        found = each(_where, alone, found, group, chosen)
+    return found
+
+
+DECENTRALISED_SLIDING = register(
+    Law(
+        'decentralised_sliding',
+        torque,
+        PARAMETERS,
+        (ESTIMATE,),
+        settle=project,
+        summary='a sliding mode controller for the platform and one for the arm, uncoupled',
+        source='[6] of the paper; reaching law of Gao and Hung 1993',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,87 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Variable structure control: switched feedback, its gains in proportion to the errors.
+
+    tau = Y theta_hat + J' u,    u_i = -(alpha_i |e_i| + beta_i |edot_i| + k_i) sat(s_i / delta)
+
+K.-K. D. Young, "Controller design for a manipulator using theory of variable structure systems",
+IEEE Transactions on Systems, Man, and Cybernetics 8, 1978; reference [9] of the paper. What the
+model leaves out grows with the errors, and so does what is switched; k is for the disturbance.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.model import ESTIMATE, model_torque
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
+from masmc_ros.law.reaching.saturation import saturation
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('variable_structure.alpha', 'axes', 200.0, 'Gain alpha by |e|', 'N/m'),
+    PerEntry('variable_structure.beta', 'axes', 100.0, 'Gain beta by |edot|', 'N·s/m'),
+    PerEntry('variable_structure.k', 'axes', 120.0, 'Gain k whatever the errors are', 'N'),
+    BOUNDARY_LAYER,
+    SIGMA,
+)
+
+
+@formula
+def _switched(
+    s: float, error: float, rate: float, alpha: float, beta: float, k: float, delta: float
+) -> float:
+    """Return u of one axis in N."""
+    return -(alpha * abs(error) + beta * abs(rate) + k) * saturation(s, delta)
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    u = each(
+        _switched,
+        tick.surface,
+        tick.error,
+        tick.error_rate,
+        get(settings, 'variable_structure_alpha', lane),
+        get(settings, 'variable_structure_beta', lane),
+        get(settings, 'variable_structure_k', lane),
+        get(settings, 'boundary_layer', lane),
+    )
+    return model_torque(tick, get(memory, 'estimate', lane), u)
+
+
+VARIABLE_STRUCTURE = register(
+    Law(
+        'variable_structure',
+        torque,
+        PARAMETERS,
+        (ESTIMATE,),
+        settle=project,
+        summary='switched feedback whose gains are in proportion to the errors',
+        source='[9] of the paper; Young 1978',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,78 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Adaptive switching gain: against its formula, how it grows, and where it stops."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+
+LAW = 'adaptive_gain'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k, gamma, dead_zone = rng.uniform((1.0, 1e2, 0.0), (50.0, 1e5, 0.3), (4, 3)).T
+    leak, most = rng.uniform(0.0, 5.0), rng.uniform(5.0, 100.0, 4)
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{
+            f'{LAW}__k': tuple(k),
+            f'{LAW}__gamma': tuple(gamma),
+            f'{LAW}__dead_zone': tuple(dead_zone),
+            f'{LAW}__leak': leak,
+            f'{LAW}__k_max': tuple(most),
+        },
+    )
+    s, (v_r, a_r) = at.surface, at.reference
+    switching = np.zeros(4)
+    for _ in range(4):
+        u = -k * s - switching * np.clip(s / 0.2, -1.0, 1.0)
+        wanted = at.inertia @ a_r + at.coriolis @ v_r + at.jacobian.T @ u
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+        switching += at.period * gamma * np.maximum(np.abs(s) - dead_zone, 0.0)
+        switching = np.minimum(switching / (1.0 + at.period * leak), most)
+
+
+def test_a_constant_disturbance_is_outgrown() -> None:
+    """Without leak: s ends in the dead zone, where k has stopped, having had no need of k_max."""
+    track = run(
+        LAW,
+        'plant.disturbance.amplitude=[0.0, 0.0, 1.0, 1.0]',
+        'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
+        f'controller.{LAW}.dead_zone=0.02',
+        f'controller.{LAW}.gamma=5000.0',
+        f'controller.{LAW}.leak=0.0',
+        duration=20.0,
+    )
+    assert np.abs(track.surface[-2000:]).max() < 0.022
+    assert np.abs(track.surface[:2000]).max() > 0.1
+    assert (track.controller.memory['adaptive_gain_switching'] < 190.0).all()
+
+
+def test_it_follows_the_path() -> None:
+    plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
+    adaptive = run(LAW, duration=10.0).settled
+    assert (adaptive < 0.5 * plain).all()
+    assert (adaptive < (0.0072, 0.006, 0.0105, 0.0137)).all()
+
+
+def test_it_does_not_grow_while_limits_cut_the_torque() -> None:
+    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not cut.controller.memory['adaptive_gain_switching'].any()

@@ -1,0 +1,72 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Computed torque of velocities: against its formula, and the decay that its theory has."""
+
+from __future__ import annotations
+
+from lagrangian import matrices
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+from robots import DEFAULT
+
+LAW = 'computed_torque'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    k_d, k_p = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
+    controller, at = at_random(seed, LAW, **{f'{LAW}__k_d': tuple(k_d), f'{LAW}__k_p': tuple(k_p)})
+    v_r, a_r = at.reference
+    z = at.v - v_r
+    for k in range(3):
+        a = a_r - k_d * z - k_p * k * at.period * z
+        wanted = at.inertia @ a + at.coriolis @ at.v
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_sigma_zero_leaves_velocities_alone() -> None:
+    """Where the robot is then makes no difference, but through J."""
+    controller, at = at_random(3, LAW, sigma=(0.0, 0.0, 0.0, 0.0))
+    torque = tick(controller, at)
+    controller.reset()
+    at.desired[0] += 0.3
+    np.testing.assert_array_equal(tick(controller, at), torque)
+
+
+def test_rates_decay_as_a_spring_does() -> None:
+    """Critically damped, with the true model and no disturbance: z = z_0 (1 - 10 t) e^-10t."""
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'control_period=0.0005',
+        duration=1.0,
+    )
+    some = slice(0, None, 40)
+    z = np.array([
+        np.linalg.solve(matrices(DEFAULT, q, rates[3:]).jacobian, s)
+        for q, rates, s in zip(
+            track.position[some], track.velocity[some], track.surface[some], strict=True
+        )
+    ])
+    t = track.time[some, None]
+    expected = z[0] * (1.0 - 10.0 * t) * np.exp(-10.0 * t)
+    assert (np.abs(z - expected).max(axis=0) < 0.01 * np.abs(z[0]).max()).all()
+
+
+def test_it_follows_the_path() -> None:
+    """With half the model, as far as the gains are large beside what the model lacks."""
+    assert (run(LAW, duration=10.0).settled < (0.076, 0.109, 0.032, 0.032)).all()

@@ -1,0 +1,82 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Decentralised sliding mode: against its formula, and when it reaches the surface."""
+
+from __future__ import annotations
+
+from lagrangian import matrices
+from law_bench import at_random, PAPER, run, tick
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import DEFAULT
+
+LAW = 'decentralised_sliding'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    """Blocks of H and V, each with the joints of the other group at rest."""
+    q, p = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
+    controller, at = at_random(seed, LAW, **{f'{LAW}__q': tuple(q), f'{LAW}__p': tuple(p)})
+    s = at.surface
+    x_r = at.desired[2] - at.sigma * at.error_rate
+    acceleration = x_r - q * s - p * np.clip(s / 0.2, -1.0, 1.0)
+    a = np.linalg.solve(at.jacobian, acceleration - at.drift)
+    wanted = np.zeros(4)
+    for group in (slice(0, 2), slice(2, 4)):
+        v = np.zeros(4)
+        v[group] = at.v[group]
+        alone = matrices(DEFAULT, at.position, v)
+        wanted[group] = at.inertia[group, group] @ a[group]
+        wanted[group] += at.scale * (alone.reduced_coriolis @ v)[group]
+    np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_it_reaches_the_surface_when_it_should() -> None:
+    """All joints in one group, so that nothing is left out: s' = -Q s - P sgn s to the letter."""
+    q, p, delta = 3.0, 1.5, 0.01
+    simulation = Simulation(
+        load_scenario(
+            PAPER,
+            (
+                'duration=1.0',
+                'control_period=0.0005',
+                f'controller.law={LAW}',
+                f'controller.{LAW}.q={q}',
+                f'controller.{LAW}.p={p}',
+                f'controller.boundary_layer={delta}',
+                'controller.model_scale=1.0',
+                'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+            ),
+        )
+    )
+    simulation.controller.settings['group'] = 0
+    stretch = next(simulation.run(block=10**6))
+    s = np.abs(np.array(stretch.surface))
+    reaching = np.log((q * s[0] + p) / (q * delta + p)) / q
+    reached = (s > delta).sum(axis=0) * 0.0005
+    assert reaching.max() > 0.1
+    np.testing.assert_allclose(reached, reaching, atol=0.002)
+    # Once there it stays: nothing but sampling moves it.
+    assert (s[int(2000 * reaching.max()) + 20:] < delta).all()
+
+
+def test_it_follows_the_path() -> None:
+    """Though the groups act on each other, and the model is half the robot."""
+    track = run(LAW, duration=10.0)
+    assert (track.settled < (0.024, 0.031, 0.0043, 0.0022)).all()
+    assert np.abs(track.surface[len(track.surface) // 2:]).max() < 0.2

@@ -1,0 +1,90 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fuzzy gain: against its formula, and the balance of its Lyapunov function."""
+
+from __future__ import annotations
+
+from lagrangian import matrices
+from law_bench import at_random, run, tick, Track
+import numpy as np
+import pytest
+from robots import DEFAULT
+from rules import gaussians, SEVEN
+
+LAW = 'fuzzy_gain'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, gamma = rng.uniform((1.0, 1e2), (50.0, 1e5), (4, 2)).T
+    leak, span = rng.uniform(0.0, 5.0), rng.uniform(0.2, 3.0)
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{
+            f'{LAW}__a': tuple(a),
+            f'{LAW}__gamma': tuple(gamma),
+            f'{LAW}__leak': leak,
+            f'{LAW}__span': span,
+        },
+    )
+    s, (v_r, a_r) = at.surface, at.reference
+    psi, theta = gaussians(s / span, SEVEN), np.zeros((4, 7))
+    for _ in range(3):
+        u = -a * s - (theta * psi).sum(axis=1)
+        wanted = at.inertia @ a_r + at.coriolis @ v_r + at.jacobian.T @ u
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+        theta += at.period * (gamma * s)[:, None] * psi
+        theta /= 1.0 + at.period * leak
+
+
+def energy(track: Track, k: int) -> float:
+    """Return s' H_x s / 2 at a tick, of the true robot."""
+    now = matrices(DEFAULT, track.position[k], track.velocity[k, 3:])
+    v = np.linalg.solve(now.jacobian, track.surface[k])
+    return float(v @ now.reduced_inertia @ v) / 2.0
+
+
+def test_its_lyapunov_function_falls_by_what_the_linear_term_takes() -> None:
+    """V = (s' H_x s + theta' theta / gamma) / 2 and V' = -s' A s, with the true model alone."""
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'control_period=0.0005',
+        f'controller.{LAW}.leak=0.0',
+        f'controller.{LAW}.a=30.0',
+        f'controller.{LAW}.gamma=500.0',
+        duration=0.5,
+    )
+    theta = track.controller.memory['fuzzy_gain_theta']
+    stored = float((theta**2).sum()) / (2.0 * 500.0)
+    taken = 30.0 * 0.0005 * float((track.surface**2).sum())
+    start = energy(track, 0)
+    assert stored > 0.05 * start
+    assert start - energy(track, -1) - stored == pytest.approx(taken, rel=0.02)
+
+
+def test_it_follows_the_path() -> None:
+    plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
+    learning = run(LAW, duration=10.0).settled
+    assert (learning < 0.5 * plain).all()
+    assert (learning < (0.0013, 0.0012, 0.006, 0.0077)).all()
+
+
+def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
+    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not cut.controller.memory['fuzzy_gain_theta'].any()

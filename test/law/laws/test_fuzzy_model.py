@@ -1,0 +1,87 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fuzzy model and switching: against their formulas, and that no model is needed."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+from rules import FIVE, pairs, SEVEN, triangles
+
+LAW = 'fuzzy_model'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    names = ('k', 'k_h', 'gamma', 'gamma_h', 'velocity_span', 'acceleration_span', 'error_span')
+    values = dict(zip(names, rng.uniform(1.0, 20.0, (7, 4)), strict=True))
+    leak = rng.uniform(0.0, 5.0)
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{f'{LAW}__{name}': tuple(value) for name, value in values.items()},
+        **{f'{LAW}__leak': leak},
+    )
+    v_r, a_r = at.reference
+    z = at.v - v_r
+    xi = pairs(
+        triangles(v_r / values['velocity_span'], FIVE),
+        triangles(a_r / values['acceleration_span'], FIVE),
+    )
+    phi = triangles(z / values['error_span'], SEVEN)
+    theta, eta = np.zeros((4, 25)), np.zeros((4, 7))
+    for _ in range(3):
+        h = values['k_h'] * np.clip(z / values['error_span'], -1.0, 1.0)
+        h += (eta * phi).sum(axis=1)
+        wanted = (theta * xi).sum(axis=1) - values['k'] * z - h
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+        theta -= at.period * (values['gamma'] * z)[:, None] * xi
+        eta += at.period * (values['gamma_h'] * z)[:, None] * phi
+        theta /= 1.0 + at.period * leak
+        eta /= 1.0 + at.period * leak
+
+
+def test_what_is_learned_settles_where_the_rules_can_hold_it() -> None:
+    """
+    A constant disturbance is within what the rules can say: z then falls to what is left.
+
+    Without learning z stays at d / (K + k_h / span), whatever time there is.
+    """
+    constant = (
+        'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
+    )
+    fixed = (f'controller.{LAW}.gamma=0.0', f'controller.{LAW}.gamma_h=0.0')
+    plain = run(LAW, *constant, *fixed, duration=10.0).settled
+    learning = run(LAW, *constant, duration=10.0).settled
+    assert (learning < 0.2 * plain).all()
+
+
+def test_no_model_is_known_to_it() -> None:
+    half = run(LAW, 'controller.model_scale=0.5', duration=1.0)
+    other = run(LAW, 'controller.model_scale=3.0', duration=1.0)
+    np.testing.assert_array_equal(half.torque, other.torque)
+
+
+def test_it_follows_the_path() -> None:
+    assert (run(LAW, duration=10.0).settled < (0.0021, 0.0023, 0.0002, 0.00014)).all()
+
+
+def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
+    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    for name in ('theta', 'eta'):
+        assert not cut.controller.memory[f'fuzzy_model_{name}'].any()

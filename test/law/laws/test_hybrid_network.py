@@ -1,0 +1,93 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Hybrid of sliding mode and a fuzzy network: against its formula, and its Lyapunov function."""
+
+from __future__ import annotations
+
+from lagrangian import matrices
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+from robots import DEFAULT
+from rules import FIVE, gaussians, pairs
+
+LAW = 'hybrid_network'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    names = ('k', 'gamma', 'rate', 'delta', 'velocity_span', 'error_span')
+    values = dict(zip(names, rng.uniform(0.2, 20.0, (6, 4)), strict=True))
+    leak = rng.uniform(0.0, 5.0)
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{f'{LAW}__{name}': tuple(value) for name, value in values.items()},
+        **{f'{LAW}__leak': leak},
+    )
+    v_r, a_r = at.reference
+    z, decay = at.v - v_r, 1.0 + at.period * leak
+    phi = pairs(
+        gaussians(v_r / values['velocity_span'], FIVE),
+        gaussians(z / values['error_span'], FIVE),
+    )
+    weights, robust = np.zeros((4, 25)), np.zeros(4)
+    for _ in range(4):
+        a = a_r - values['k'] * z - (weights * phi).sum(axis=1)
+        a -= robust * np.clip(z / values['delta'], -1.0, 1.0)
+        wanted = at.inertia @ a + at.coriolis @ at.v
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+        weights = (weights + at.period * (values['gamma'] * z)[:, None] * phi) / decay
+        beyond = np.maximum(np.abs(z) - values['delta'], 0.0)
+        robust = (robust + at.period * values['rate'] * beyond) / decay
+
+
+def test_the_lyapunov_function_of_each_joint_falls_by_what_it_should() -> None:
+    """V = (z^2 + W' W / gamma) / 2 and V' = -K z^2, with the true model, joint by joint."""
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'control_period=0.0005',
+        f'controller.{LAW}.leak=0.0',
+        f'controller.{LAW}.rate=0.0',
+        f'controller.{LAW}.k=3.0',
+        f'controller.{LAW}.gamma=100.0',
+        duration=0.4,
+    )
+    z = np.array([
+        np.linalg.solve(matrices(DEFAULT, q, rates[3:]).jacobian, s)
+        for q, rates, s in zip(track.position, track.velocity, track.surface, strict=True)
+    ])
+    weights = track.controller.memory['hybrid_network_weights'][0, :, 0].reshape(4, -1)
+    stored = (weights**2).sum(axis=1) / (2.0 * 100.0)
+    lost = (z[0] ** 2 - z[-1] ** 2) / 2.0 - stored
+    assert (stored > 0.05 * z[0] ** 2 / 2.0).all()
+    np.testing.assert_allclose(lost, 3.0 * 0.0005 * (z**2).sum(axis=0), rtol=0.03)
+
+
+def test_it_follows_the_path() -> None:
+    fixed = (f'controller.{LAW}.gamma=0.0', f'controller.{LAW}.rate=0.0')
+    plain = run(LAW, *fixed, duration=10.0).settled
+    learning = run(LAW, duration=10.0).settled
+    assert (learning < 0.5 * plain).all()
+    assert (learning < (0.0042, 0.007, 0.0011, 0.0013)).all()
+
+
+def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
+    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    for name in ('weights', 'robust'):
+        assert not cut.controller.memory[f'hybrid_network_{name}'].any()

@@ -1,0 +1,64 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Input-output decoupling: against its formula, and each output by itself."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+
+LAW = 'input_output_decoupling'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    """The decoupling matrix J H^-1 of the outputs inverted, where the law inverts J."""
+    controller, at = at_random(seed, LAW)
+    nu = at.desired[2] - 20.0 * at.error_rate - 100.0 * at.error
+    decoupling = at.jacobian @ np.linalg.inv(at.inertia)
+    drift = at.drift - decoupling @ at.coriolis @ at.v
+    wanted = np.linalg.solve(decoupling, nu - drift)
+    np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_it_has_the_bits_of_nonlinear_feedback() -> None:
+    ours, at = at_random(5, LAW)
+    other, _ = at_random(5, 'nonlinear_feedback')
+    for _ in range(3):
+        np.testing.assert_array_equal(tick(ours, at), tick(other, at))
+
+
+def test_each_output_has_its_own_dynamics() -> None:
+    """Of different speeds, critically damped: e_i = (e_0 + (edot_0 + w e_0) t) e^-wt."""
+    w = np.array([6.0, 8.0, 10.0, 12.0])
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'control_period=0.0005',
+        f'controller.nonlinear_feedback.k_p={(w**2).tolist()}',
+        f'controller.nonlinear_feedback.k_d={(2.0 * w).tolist()}',
+        duration=2.0,
+    )
+    start, rate = track.error[0], track.surface[0] - 2.0 * track.error[0]
+    t = track.time[:, None]
+    expected = (start + (rate + w * start) * t) * np.exp(-w * t)
+    assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+def test_it_follows_the_path() -> None:
+    """With half the model, as far as the gains are large beside what the model lacks."""
+    assert (run(LAW, duration=10.0).settled < (0.124, 0.145, 0.038, 0.037)).all()

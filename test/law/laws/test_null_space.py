@@ -1,0 +1,96 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Operational space control: against its formula, and that the first axes come first."""
+
+from __future__ import annotations
+
+from law_bench import at_random, Instant, run, tick
+import numpy as np
+import pytest
+from robots import Array
+
+LAW = 'null_space'
+
+
+def commanded(at: Instant, k_p: Array, k_d: Array) -> Array:
+    """Return J vdot that is wanted (4)."""
+    return at.desired[2] - k_d * at.error_rate - k_p * at.error - at.drift
+
+
+@pytest.mark.parametrize('first', [1, 2, 3, 4])
+@pytest.mark.parametrize('seed', range(6))
+def test_it_is_its_formula(seed: int, first: int) -> None:
+    """By the projector of the source, matrix by matrix."""
+    k_p, k_d = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{
+            f'{LAW}__first_axes': first,
+            f'{LAW}__k_p': tuple(k_p),
+            f'{LAW}__k_d': tuple(k_d),
+        },
+    )
+    b = commanded(at, k_p, k_d)
+    inverse = np.linalg.inv(at.inertia)
+    j_1, j_2 = at.jacobian[:first], at.jacobian[first:]
+    lambda_1 = np.linalg.inv(j_1 @ inverse @ j_1.T)
+    lambda_2 = np.linalg.inv(j_2 @ inverse @ j_2.T)
+    consistent = inverse @ j_1.T @ lambda_1
+    projector = np.eye(4) - consistent @ j_1
+    wanted = (
+        j_1.T @ lambda_1 @ b[:first]
+        + projector.T @ j_2.T @ lambda_2 @ b[first:]
+        + at.coriolis @ at.v
+    )
+    np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+
+
+def motion(at: Instant, torque: Array) -> Array:
+    """Return the task's acceleration of the model under a torque."""
+    found: Array = at.drift + at.jacobian @ np.linalg.solve(
+        at.inertia, torque - at.coriolis @ at.v
+    )
+    return found
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_the_others_do_not_disturb_the_first(seed: int) -> None:
+    """Whatever the others are commanded, the first axes have the acceleration wanted."""
+    moved = []
+    for k_p in (0.0, 1000.0):
+        controller, at = at_random(seed, LAW, **{f'{LAW}__k_p': (100.0, 100.0, k_p, k_p)})
+        moved.append(motion(at, tick(controller, at)))
+    np.testing.assert_allclose(moved[0][:2], moved[1][:2], rtol=1e-8)
+    assert np.abs(moved[0][2:] - moved[1][2:]).max() > 1.0
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_straight_arm_has_the_first_axes_as_wanted(seed: int) -> None:
+    """J is singular there; inverted with damping it has neither."""
+    left = []
+    for law in (LAW, 'nonlinear_feedback'):
+        controller, at = at_random(seed, law)
+        at.position[6] = 0.0
+        at.v[:] = 0.0
+        at.desired[0] = np.random.default_rng(seed).uniform(-0.5, 0.5, 4)
+        b = commanded(at, np.full(4, 100.0), np.full(4, 20.0))
+        left.append(np.abs(motion(at, tick(controller, at)) - b)[:2].max())
+    assert left[0] < 1e-9 < 1e-2 < left[1]
+
+
+def test_it_follows_the_path() -> None:
+    """With half the model, as far as the gains are large beside what the model lacks."""
+    assert (run(LAW, duration=10.0).settled < (0.124, 0.145, 0.037, 0.041)).all()

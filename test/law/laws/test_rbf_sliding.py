@@ -1,0 +1,74 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sliding mode with radial basis functions: against its formula, and that weights are bounded."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+from rules import FIVE, gaussians, pairs
+
+LAW = 'rbf_sliding'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k, k_s = rng.uniform(1.0, 50.0, (2, 4))
+    rate, nu = rng.uniform(100.0, 9000.0), rng.uniform(0.0, 0.1)
+    controller, at = at_random(
+        seed,
+        LAW,
+        **{
+            f'{LAW}__k': tuple(k),
+            f'{LAW}__k_s': tuple(k_s),
+            f'{LAW}__rate': rate,
+            f'{LAW}__nu': nu,
+        },
+    )
+    s, (v_r, a_r) = at.surface, at.reference
+    phi = pairs(
+        gaussians((at.desired[1] - at.sigma * at.error) / 0.5, FIVE),
+        gaussians((at.desired[2] - at.sigma * at.error_rate) / 1.0, FIVE),
+    )
+    weights = np.zeros((4, 25))
+    for _ in range(3):
+        u = (weights * phi).sum(axis=1) - k * s - k_s * np.clip(s / 0.2, -1.0, 1.0)
+        wanted = at.inertia @ a_r + at.coriolis @ v_r + at.jacobian.T @ u
+        np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
+        weights -= at.period * rate * phi * s[:, None]
+        weights /= 1.0 + at.period * rate * nu * np.linalg.norm(s)
+
+
+def test_no_weight_passes_what_nu_says() -> None:
+    """|W| <= 1 / nu, however fast it learns and whatever is asked of it."""
+    nu, rate = f'controller.{LAW}.nu=0.05', f'controller.{LAW}.rate=50000.0'
+    weights = run(LAW, nu, rate, duration=8.0).controller.memory['rbf_sliding_weights']
+    assert 5.0 < np.abs(weights).max() <= 20.0
+    free = run(LAW, f'controller.{LAW}.nu=0.0', rate, duration=8.0)
+    assert np.abs(free.controller.memory['rbf_sliding_weights']).max() > 20.0
+
+
+def test_the_network_learns_what_the_model_lacks() -> None:
+    plain = run(LAW, f'controller.{LAW}.rate=0.0', duration=10.0).settled
+    learning = run(LAW, duration=10.0).settled
+    assert (learning < 0.5 * plain).all()
+    assert (learning < (0.0011, 0.0012, 0.0073, 0.0115)).all()
+
+
+def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
+    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not cut.controller.memory['rbf_sliding_weights'].any()
