@@ -22,6 +22,7 @@ from typing import Any
 
 from log_contents import read_log
 from masmc_ros.cli.main import main
+from masmc_ros.law.registry import LAWS
 from masmc_ros.scenario.node_parameters import declared
 from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
@@ -96,7 +97,7 @@ def test_an_integer_is_a_double_everywhere(controller: Call) -> None:
         ('k_s2', [1.0, 2.0], ('k_s2', '[1.0, 2.0]', '4 numbers')),
         ('sigma', float('nan'), ('sigma', '.nan', 'number')),
         ('gamma', 0.0, ('gamma', '0.0', '> 0')),
-        ('law', 'pid', ('law', 'pid', 'smc, rasmc')),
+        ('law', 'lqr', ('law', 'lqr', 'smc, rasmc')),
         ('switching', 'soft', ('switching', 'soft', 'implicit')),
         ('boundary_layer', 'thin', ('boundary_layer', 'thin', '> 0')),
         ('k_s1', 'strong', ('k_s1', 'strong', '4 numbers')),
@@ -136,8 +137,23 @@ def test_every_parameter_is_described(controller: Call) -> None:
         assert descriptor.read_only == parameter.read_only
 
 
-def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
-    """Run in lock-step and change gains on the way."""
+def test_a_run_through_all_laws_can_be_computed_again(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`ros2 param set law NAME` while the robot moves: live is offline, bit for bit, for each."""
+    log = tmp_path / 'run.mcap'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        _run_with_changes(started, tester, log, *({'law': law} for law in LAWS), {'law': 'smc'})
+    assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
+    assert 'are the same bits' in capfd.readouterr().out
+    told = read_log(tmp_path / 'again.mcap').messages['controller/parameters']
+    assert len(told) >= len(LAWS) + 1
+
+
+def _run_with_changes(
+    started: Processes, tester: Peer, log: Path, *changes: dict[str, Any]
+) -> None:
+    """Run in lock-step and change parameters on the way."""
     stamps = tester.watch_time()
     started.start_all(
         *ros_arguments(
@@ -147,11 +163,7 @@ def _run_with_changes(started: Processes, tester: Peer, log: Path) -> None:
         )
     )
     tester.until(lambda: stamps[-1] >= 100_000_000)
-    for values in (
-        {'k_s1': 150.0, 'sigma': [2.0, 3.0, 2.0, 3.0]},
-        {'switching': 'implicit', 'observer_gain': 0.5},
-        {'law': 'smc'},
-    ):
+    for values in changes:
         request = SetParametersAtomically.Request(
             parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
         )
@@ -168,7 +180,14 @@ def test_a_run_with_changes_can_be_computed_again(
 ) -> None:
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
-        _run_with_changes(started, tester, log)
+        _run_with_changes(
+            started,
+            tester,
+            log,
+            {'k_s1': 150.0, 'sigma': [2.0, 3.0, 2.0, 3.0]},
+            {'switching': 'implicit', 'observer_gain': 0.5},
+            {'law': 'smc'},
+        )
     # What the command does, and a user sees.
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
     printed = capfd.readouterr().out

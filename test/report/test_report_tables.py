@@ -49,6 +49,7 @@ KNOWN = Metrics(
     [
         ({}, 'smc, tanh δ 0.2'),
         ({'law': 'rasmc', 'boundary_layer': 0.05}, 'rasmc, tanh δ 0.05'),
+        ({'law': 'nonlinear_feedback'}, 'nonlinear_feedback'),
         ({'switching': 'sign'}, 'smc, sign'),
         ({'switching': 'implicit', 'observer_gain': 0.5}, 'smc, implicit, β 0.5'),
         ({'switching': 'implicit'}, 'smc, implicit, β 0'),

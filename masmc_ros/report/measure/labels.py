@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from masmc_ros.law import registry
 from masmc_ros.log.read.reader import Run
 
 _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
@@ -81,8 +82,8 @@ def _commands_rates(controller: Mapping[str, Any]) -> bool:
 
 
 def _switching(controller: Mapping[str, Any]) -> list[str]:
-    name = controller.get('switching')
-    if not isinstance(name, str):
+    name, law = controller.get('switching'), registry.LAWS.get(controller['law'])
+    if not isinstance(name, str) or (law is not None and not law.uses_switching):
         return []
     layer, gain = controller.get('boundary_layer'), controller.get('observer_gain')
     if name in _WITH_BOUNDARY_LAYER and isinstance(layer, int | float):
