@@ -86,7 +86,12 @@ ENTRY_POINTS = 'masmc_ros.laws'
 
 def names() -> tuple[str, ...]:
     """Names of all laws, built in and plugged in."""
-    return (*LAWS, *plugged_in(ENTRY_POINTS))
+    return (*LAWS, *_own())
+
+
+def _own() -> tuple[str, ...]:
+    """Names of laws that are plugged in, without those that built-in laws have."""
+    return tuple(name for name in plugged_in(ENTRY_POINTS) if name not in LAWS)
 
 
 @cache
@@ -97,10 +102,15 @@ def load(name: str) -> Law | type[PlugInLaw]:
     Raises
     ------
     InputError
-        where a plugged-in one cannot be loaded.
+        where a plugged-in one cannot be loaded, or has the name of a built-in one.
 
     """
     if name in LAWS:
+        if name in plugged_in(ENTRY_POINTS):
+            raise InputError(
+                f'law = {name}: an installed package brings a law of this name, which a built-in'
+                f' one has; expected another name in its entry points ({ENTRY_POINTS})'
+            )
         return LAWS[name]
     law: Law | type[PlugInLaw] = load_plug_in(ENTRY_POINTS, 'law', name)
     if isinstance(law, Law):
@@ -148,6 +158,6 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *velocity_estimator.PARAMETERS,
             COMMAND_INTERFACE,
             ENABLE_STAMPED_CMD_VEL,
-            *(p for name in plugged_in(ENTRY_POINTS) for p in load(name).parameters),
+            *(p for name in _own() for p in load(name).parameters),
         ),
     )

@@ -123,7 +123,7 @@ BAD_FILES = {
     ),
     'not a number': BadFile('controller', 'k_s1: .nan', ('k_s1', '.nan')),
     'infinity': BadFile('plant', 'initial_pose: [0.0, .inf, 0.0]', ('initial_pose', '.inf')),
-    'unknown law': BadFile('controller', 'law: pid', ('law', 'pid', 'smc, rasmc')),
+    'unknown law': BadFile('controller', 'law: lqr', ('law', 'lqr', 'smc, rasmc')),
     'unknown switching': BadFile('controller', 'switching: tan', ('switching', 'tan', 'tanh')),
     'unknown pacing': BadFile('plant', 'pacing: fast', ('pacing', 'lockstep, realtime')),
     'unknown trajectory': BadFile('trajectory', 'type: circle', ('type', 'circle', 'line_sine')),

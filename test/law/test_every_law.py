@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from law_bench import PAPER
+from masmc_ros.errors import InputError
+from masmc_ros.law import registry
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
@@ -93,6 +95,16 @@ def test_a_pause_leaves_nothing_of_the_tick_before(law: str) -> None:
     assert np.isfinite(torque(200)).all()
     controller.reset()
     np.testing.assert_array_equal([torque(k) for k in range(20)], first)
+
+
+def test_a_plug_in_does_not_hide_behind_a_built_in_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor does it stand in for one: who names it is told."""
+    monkeypatch.setattr(registry, 'plugged_in', lambda group: ('mine', 'smc'))
+    assert registry.names() == (*LAWS, 'mine')
+    registry.load.cache_clear()
+    with pytest.raises(InputError, match=r'law = smc: an installed package brings'):
+        registry.load('smc')
+    registry.load.cache_clear()
 
 
 def test_a_change_of_law_goes_over_within_the_rate_limit() -> None:

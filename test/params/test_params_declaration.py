@@ -128,7 +128,7 @@ def test_right_values_are_coerced(parameter: Parameter, value: object, coerced: 
         ),
         (POSE, 1.0, 'initial_pose = 1.0: expected 3 numbers'),
         (LAW, 'rasm', 'law = rasm: expected one of smc, rasmc; did you mean rasmc?'),
-        (LAW, 'pid', 'law = pid: expected one of smc, rasmc'),
+        (LAW, 'lqr', 'law = lqr: expected one of smc, rasmc'),
         (LAW, True, 'law = true: expected one of smc, rasmc'),
         (LAW, 'a\nb', 'law = "a\\nb": expected one of smc, rasmc'),
         (TOPICS, '/scan', 'extra_topics = /scan: expected an array of strings'),
