@@ -26,6 +26,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
+from masmc_ros.law.feedback.pd_gravity import PD_GRAVITY
 from masmc_ros.law.feedback.pid import PID
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
@@ -49,6 +50,7 @@ LAWS = {
         RASMC,
         NONLINEAR_FEEDBACK,
         PID,
+        PD_GRAVITY,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
