@@ -39,6 +39,7 @@ from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
 from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.sliding.adaptive_super_twisting import ADAPTIVE_SUPER_TWISTING
+from masmc_ros.law.sliding.barrier import BARRIER
 from masmc_ros.law.sliding.super_twisting import SUPER_TWISTING
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
@@ -55,6 +56,7 @@ LAWS = {
         PD_GRAVITY,
         SUPER_TWISTING,
         ADAPTIVE_SUPER_TWISTING,
+        BARRIER,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
