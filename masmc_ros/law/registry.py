@@ -41,6 +41,7 @@ from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.sliding.adaptive_super_twisting import ADAPTIVE_SUPER_TWISTING
 from masmc_ros.law.sliding.barrier import BARRIER
 from masmc_ros.law.sliding.super_twisting import SUPER_TWISTING
+from masmc_ros.law.sliding.terminal import TERMINAL
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
@@ -57,6 +58,7 @@ LAWS = {
         SUPER_TWISTING,
         ADAPTIVE_SUPER_TWISTING,
         BARRIER,
+        TERMINAL,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
