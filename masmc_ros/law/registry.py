@@ -29,6 +29,7 @@ from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.feedback.pd_gravity import PD_GRAVITY
 from masmc_ros.law.feedback.pid import PID
 from masmc_ros.law.law import Law, register
+from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
 from masmc_ros.law.observing.time_delay import TIME_DELAY
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
@@ -61,6 +62,7 @@ LAWS = {
         BARRIER,
         TERMINAL,
         TIME_DELAY,
+        MOMENTUM_OBSERVER,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
