@@ -24,6 +24,7 @@ from functools import cache
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.adaptive.composite_adaptation import COMPOSITE_ADAPTATION
+from masmc_ros.law.adaptive.concurrent_learning import CONCURRENT_LEARNING
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
@@ -65,6 +66,7 @@ LAWS = {
         TIME_DELAY,
         MOMENTUM_OBSERVER,
         COMPOSITE_ADAPTATION,
+        CONCURRENT_LEARNING,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""
