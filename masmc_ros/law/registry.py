@@ -23,6 +23,8 @@ from __future__ import annotations
 from functools import cache
 
 from masmc_ros.errors import InputError
+from masmc_ros.law.adaptive.composite_adaptation import COMPOSITE_ADAPTATION
+from masmc_ros.law.adaptive.concurrent_learning import CONCURRENT_LEARNING
 from masmc_ros.law.adaptive.fuzzy_gain import FUZZY_GAIN
 from masmc_ros.law.adaptive.fuzzy_model import FUZZY_MODEL
 from masmc_ros.law.adaptive.hybrid_network import HYBRID_NETWORK
@@ -33,7 +35,11 @@ from masmc_ros.law.feedback.computed_torque import COMPUTED_TORQUE
 from masmc_ros.law.feedback.input_output_decoupling import INPUT_OUTPUT_DECOUPLING
 from masmc_ros.law.feedback.nonlinear_feedback import NONLINEAR_FEEDBACK
 from masmc_ros.law.feedback.null_space import NULL_SPACE
+from masmc_ros.law.feedback.pd_gravity import PD_GRAVITY
+from masmc_ros.law.feedback.pid import PID
 from masmc_ros.law.law import Law, register
+from masmc_ros.law.observing.momentum_observer import MOMENTUM_OBSERVER
+from masmc_ros.law.observing.time_delay import TIME_DELAY
 from masmc_ros.law.parts import adaptation, command_limits, model, velocity_estimator
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
@@ -44,7 +50,11 @@ from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
 from masmc_ros.law.reaching.tanh import TANH
 from masmc_ros.law.sliding.adaptive_gain import ADAPTIVE_GAIN
+from masmc_ros.law.sliding.adaptive_super_twisting import ADAPTIVE_SUPER_TWISTING
+from masmc_ros.law.sliding.barrier import BARRIER
 from masmc_ros.law.sliding.decentralised_sliding import DECENTRALISED_SLIDING
+from masmc_ros.law.sliding.super_twisting import SUPER_TWISTING
+from masmc_ros.law.sliding.terminal import TERMINAL
 from masmc_ros.law.sliding.variable_structure import VARIABLE_STRUCTURE
 from masmc_ros.law.smc import SMC
 from masmc_ros.params.declaration import Parameter
@@ -68,6 +78,17 @@ LAWS = {
         VARIABLE_STRUCTURE,
         FUZZY_MODEL,
         HYBRID_NETWORK,
+        # the floor that everybody must beat, and what is known today
+        PID,
+        PD_GRAVITY,
+        SUPER_TWISTING,
+        ADAPTIVE_SUPER_TWISTING,
+        BARRIER,
+        TERMINAL,
+        TIME_DELAY,
+        MOMENTUM_OBSERVER,
+        COMPOSITE_ADAPTATION,
+        CONCURRENT_LEARNING,
     )
 }
 """The laws of this folder that `law` chooses among, those of the paper first."""

@@ -36,7 +36,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 
-names = 'controller.law=super_twisting', 'duration=2.0', 'controller.model_scale=1.0'
+names = 'controller.law=explicit_twisting', 'duration=2.0', 'controller.model_scale=1.0'
 whole, single = (Simulation(load_scenario('config/paper.yaml', names)) for _ in range(2))
 (run,) = whole.run()
 plant, controller = single.plant, single.controller
@@ -45,7 +45,7 @@ for k in range(len(run.torque)):
     assert (controller.torque == run.torque[k]).all(), k
     if k + 1 < len(run.torque):
         plant.advance(controller.torque)
-controller.change({'super_twisting.k_1': 0.0, 'super_twisting.k_2': 0.0})
+controller.change({'explicit_twisting.k_1': 0.0, 'explicit_twisting.k_2': 0.0})
 controller.forget()
 controller.tick(plant.position, plant.velocity, run.reference[-1])
 without = controller.torque.copy()
@@ -62,7 +62,7 @@ print(json.dumps({
 def example() -> str:
     """Return the law of the documentation."""
     text = (ROOT / 'docs' / 'extending.md').read_text(encoding='utf-8')
-    found = re.search(r'```python\n# super_twisting\.py\n(.*?)```', text, re.DOTALL)
+    found = re.search(r'```python\n# explicit_twisting\.py\n(.*?)```', text, re.DOTALL)
     assert found is not None
     return found.group(1)
 
@@ -71,12 +71,12 @@ def example() -> str:
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Return the environment of a process in which the documentation's law is installed."""
     folder = tmp_path_factory.mktemp('site')
-    (folder / 'super_twisting.py').write_text(example(), encoding='utf-8')
-    distribution = folder / 'super_twisting-1.0.dist-info'
+    (folder / 'explicit_twisting.py').write_text(example(), encoding='utf-8')
+    distribution = folder / 'explicit_twisting-1.0.dist-info'
     distribution.mkdir()
-    (distribution / 'METADATA').write_text('Name: super_twisting\nVersion: 1.0\n')
+    (distribution / 'METADATA').write_text('Name: explicit_twisting\nVersion: 1.0\n')
     (distribution / 'entry_points.txt').write_text(
-        '[masmc_ros.laws]\nsuper_twisting = super_twisting:SUPER_TWISTING\n'
+        '[masmc_ros.laws]\nexplicit_twisting = explicit_twisting:EXPLICIT_TWISTING\n'
     )
     path = os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])
     return {**os.environ, 'PYTHONPATH': path}

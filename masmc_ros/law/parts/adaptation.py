@@ -185,16 +185,33 @@ def _share(gradient: float, share: float) -> float:
 
 
 @formula
+def tracking_gradient(tick: Tick) -> Numbers:
+    """Return Y' sigma of (23)."""
+    w = mechanism.motion_error(
+        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
+    )
+    return mechanism.regressor_transpose_times(tick.model, tick.regressor, w, tick.nominal)
+
+
+@formula
 def adapt(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
     """Move theta_hat on by one tick, before the projection."""
-    w = mechanism.motion_error(
-        tick.model, tick.posture, tick.velocity, tick.reference_velocity, tick.surface
-    )
-    gradient = mechanism.regressor_transpose_times(
-        tick.model, tick.regressor, w, tick.nominal
-    )
+    adapt_along(settings, tick, memory, lane, raw, torque, tracking_gradient(tick))
+
+
+@formula
+def adapt_along(
+    settings: Any,
+    tick: Tick,
+    memory: Any,
+    lane: int,
+    raw: Numbers,
+    torque: Numbers,
+    gradient: Numbers,
+) -> None:
+    """Move theta_hat on by one tick down a gradient, before the projection."""
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))
     freezes = (get(settings, 'freeze_when_saturated', lane) != 0) & (torque != raw)

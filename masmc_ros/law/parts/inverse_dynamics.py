@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.law.parts.surface import reference_acceleration
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
@@ -63,6 +64,26 @@ def acceleration_torque(tick: Tick, theta: Numbers, acceleration: Numbers) -> Nu
     """Return the joints' torques in N m with which a model has a task acceleration."""
     f = model_forces(tick, theta, motion_acceleration(tick, acceleration))
     return mechanism.joint_torques(tick.model, f)
+
+
+@formula
+def spring(desired: float, rate: float, error: float, k_d: float, k_p: float) -> float:
+    """Return xddot_c = xddot_d - K_d edot - K_p e of one axis."""
+    return desired - k_d * rate - k_p * error
+
+
+@formula
+def _with_surface_rate(desired: float, rate: float, sigma: float, nu: float) -> float:
+    return reference_acceleration(desired, rate, sigma) + nu
+
+
+@formula
+def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> Numbers:
+    """Return the joints' torques in N m with which a model has ds/dt = nu (axes, m/s2)."""
+    acceleration = each(
+        _with_surface_rate, tick.desired_acceleration, tick.error_derivative, sigma, nu
+    )
+    return acceleration_torque(tick, theta, acceleration)
 
 
 @formula

@@ -1,0 +1,150 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Composite adaptation: theta_hat learns from what it did not predict, too.
+
+The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of the last period and f the forces that
+were commanded in it, epsilon = H^-1 (W theta_hat - f) is the error of the predicted acceleration,
+H of the nominal model, and
+
+    theta_hat' = -Gamma^-1 (Y' sigma + kappa W' epsilon_f)
+    epsilon_f' = lambda (epsilon - epsilon_f)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import adapt_along, project, tracking_gradient
+from masmc_ros.law.parts.last_period import last_regressor
+from masmc_ros.law.rasmc import RASMC
+from masmc_ros.law.reaching.reaching import correct
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    *RASMC.parameters,
+    Parameter(
+        'composite_adaptation.kappa',
+        0.1,
+        'Weight kappa of the prediction error beside the tracking error; 0 is rasmc',
+        unit='s',
+        minimum=0.0,
+        read_only=False,
+    ),
+    Parameter(
+        'composite_adaptation.rate',
+        200.0,
+        'Rate lambda of the filter of the prediction error',
+        unit='1/s',
+        minimum=0.0,
+        exclusive_minimum=True,
+        read_only=False,
+    ),
+)
+
+MEMORY = (
+    *RASMC.memory,
+    Field('composite_adaptation_error', 'joints', 'Filtered error of the acceleration'),
+    Field('composite_adaptation_torque', 'joints', 'Torque of the tick before', 'N·m'),
+    Field(
+        'composite_adaptation_velocity', 'joints', 'v of the tick before', initial=math.nan
+    ),
+)
+
+
+@formula
+def _finite(value: float, instead: float) -> float:
+    return value if value == value else instead
+
+
+@formula
+def _filtered(before: float, value: float, share: float, is_known: bool) -> float:
+    return before + share * (value - before) if is_known else 0.0
+
+
+@formula
+def _divided(gradient: float, gamma: float) -> float:
+    return gradient / gamma
+
+
+@formula
+def _sum(tracking: float, prediction: float, weight: float) -> float:
+    return tracking + weight * prediction
+
+
+@formula
+def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return Y' sigma + kappa W' epsilon_f, and remember epsilon_f."""
+    before = get(memory, 'composite_adaptation_velocity', lane)
+    w = last_regressor(tick, each(_finite, before, tick.velocity))
+    h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+    forces = mechanism.forces(tick.model, get(memory, 'composite_adaptation_torque', lane))
+    predicted = mechanism.regressor_times(tick.model, w, get(memory, 'estimate', lane))
+    error = mechanism.inertia_solve(tick.model, h, each(minus, predicted, forces))
+    gain = tick.period * get(settings, 'composite_adaptation_rate', lane)
+    error = each(
+        _filtered,
+        get(memory, 'composite_adaptation_error', lane),
+        error,
+        gain / (1.0 + gain),
+        before[0] == before[0],
+    )
+    put(memory, 'composite_adaptation_error', lane, error)
+    prediction = mechanism.regressor_transpose_times(tick.model, w, error, tick.nominal)
+    # A step along W' epsilon that is explicit overshoots where the robot is accelerated much;
+    # kappa / (1 + T kappa q), q the curvature along it, takes it no farther than to its minimum.
+    step = each(_divided, prediction, get(settings, 'gamma', lane))
+    change = mechanism.regressor_times(tick.model, w, step)
+    curvature = dot(change, mechanism.inertia_solve(tick.model, h, change))
+    slope = dot(prediction, step)
+    kappa = get(settings, 'composite_adaptation_kappa', lane)
+    whole = slope + tick.period * kappa * curvature
+    weight = kappa * slope / (whole if whole > 0.0 else 1.0)
+    return each(_sum, tracking_gradient(tick), prediction, weight)
+
+
+@formula
+def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held: Numbers) -> None:
+    """Correct the prediction of the reaching term, and adapt."""
+    correct(settings, tick, memory, lane, raw, held)
+    gradient = _gradient(settings, tick, memory, lane)
+    adapt_along(settings, tick, memory, lane, raw, held, gradient)
+    put(memory, 'composite_adaptation_torque', lane, held)
+    put(memory, 'composite_adaptation_velocity', lane, tick.velocity)
+
+
+COMPOSITE_ADAPTATION = register(
+    Law(
+        'composite_adaptation',
+        RASMC.torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='rasmc that learns from the error of its predicted acceleration as well',
+        source='Slotine and Li 1989',
+    )
+)

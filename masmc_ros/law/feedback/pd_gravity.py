@@ -1,0 +1,79 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+PD in task space with the nominal model's forces against gravity.
+
+    tau = g(q) + J' (-K_p e - K_d edot)
+
+is passive: about a set point the robot is one with springs and dampers on its task.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import gravity_forces
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.scalars import plus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('pd_gravity.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
+    PerEntry('pd_gravity.k_d', 'axes', 200.0, 'Damping K_d', 'N·s/m'),
+)
+
+
+@formula
+def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
+    """Return the force of one axis in N."""
+    return -k_p * error - k_d * rate
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    u = each(
+        _force,
+        tick.error,
+        tick.error_rate,
+        get(settings, 'pd_gravity_k_p', lane),
+        get(settings, 'pd_gravity_k_d', lane),
+    )
+    pushed = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
+    f = each(plus, gravity_forces(tick, tick.nominal), pushed)
+    return mechanism.joint_torques(tick.model, f)
+
+
+PD_GRAVITY = register(
+    Law(
+        'pd_gravity',
+        torque,
+        PARAMETERS,
+        (ESTIMATE,),
+        settle=project,
+        summary="PD feedback on each axis of the task, and the model's forces against gravity",
+        source='Takegaki and Arimoto 1981',
+        uses_switching=False,
+    )
+)

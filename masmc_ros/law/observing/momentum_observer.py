@@ -1,0 +1,130 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Computed torque in task space, less the disturbance that a momentum observer finds.
+
+    tau = H a_c + V v + g - d,    a_c = J^-1 (xddot_d - K_d edot - K_p e - Jdot v)
+    d' = K_o (H vdot + V v + g - tau - d)
+
+with the nominal model; d is in the forces conjugate to v. Over one period, in implicit Euler,
+with the torque that was really commanded.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
+from masmc_ros.law.parts.last_period import last_acceleration
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('momentum_observer.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('momentum_observer.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+    Parameter(
+        'momentum_observer.rate',
+        200.0,
+        'Rate K_o of the observer; 0 is off',
+        unit='1/s',
+        minimum=0.0,
+        read_only=False,
+    ),
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('momentum_observer_disturbance', 'joints', 'd, conjugate to v'),
+    Field('momentum_observer_drive', 'joints', 'tau - V v - g of the tick before'),
+    Field('momentum_observer_velocity', 'joints', 'v of the tick before', initial=math.nan),
+)
+
+
+@formula
+def _observed(d: float, inertial: float, drive: float, share: float) -> float:
+    """Return the next d of one velocity; what is not known moves nothing."""
+    moved = d + share * (inertial - drive - d)
+    return moved if moved == moved else d
+
+
+@formula
+def _forces(a: float, b: float, disturbance: float) -> float:
+    return a + b - disturbance
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m, and observe the disturbance up to now."""
+    h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+    before = last_acceleration(tick, get(memory, 'momentum_observer_velocity', lane))
+    gain = tick.period * get(settings, 'momentum_observer_rate', lane)
+    d = each(
+        _observed,
+        get(memory, 'momentum_observer_disturbance', lane),
+        mechanism.inertia_times(tick.model, h, before),
+        get(memory, 'momentum_observer_drive', lane),
+        gain / (1.0 + gain),
+    )
+    put(memory, 'momentum_observer_disturbance', lane, d)
+    acceleration = each(
+        spring,
+        tick.desired_acceleration,
+        tick.error_rate,
+        tick.error,
+        get(settings, 'momentum_observer_k_d', lane),
+        get(settings, 'momentum_observer_k_p', lane),
+    )
+    wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
+    model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
+    return mechanism.joint_torques(tick.model, each(_forces, wanted, model, d))
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Remember what moves the robot until the next tick."""
+    model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
+    drive = each(minus, mechanism.forces(tick.model, torque), model)
+    put(memory, 'momentum_observer_drive', lane, drive)
+    put(memory, 'momentum_observer_velocity', lane, tick.velocity)
+
+
+MOMENTUM_OBSERVER = register(
+    Law(
+        'momentum_observer',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='the model inverted in task space, less the disturbance that momentum tells of',
+        source='De Luca and Mattone 2003',
+        uses_switching=False,
+    )
+)

@@ -1,0 +1,103 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Time-delay control: what the last period left unsaid is taken to be there in this one.
+
+    tau_k = tau_{k-1} + H (a_c - vdot_{k-1}),    a_c = J^-1 (xddot_d - K_d edot - K_p e - Jdot v)
+
+tau_{k-1} is what was really commanded. Written as H a_c + n, with n = tau_{k-1} - H vdot_{k-1} all
+of the dynamics but for H vdot: velocities, gravity, disturbances, and what H leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
+from masmc_ros.law.parts.last_period import last_acceleration
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus, plus
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('time_delay.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
+    PerEntry('time_delay.k_d', 'axes', 20.0, 'Damping K_d per mass', '1/s'),
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('time_delay_velocity', 'joints', 'v of the tick before', initial=math.nan),
+)
+
+
+@formula
+def _known(measured: float, modelled: float) -> float:
+    """Return what was measured, or what the model has where there is no tick before."""
+    return measured if measured == measured else modelled
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    acceleration = each(
+        spring,
+        tick.desired_acceleration,
+        tick.error_rate,
+        tick.error,
+        get(settings, 'time_delay_k_d', lane),
+        get(settings, 'time_delay_k_p', lane),
+    )
+    h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
+    before = last_acceleration(tick, get(memory, 'time_delay_velocity', lane))
+    commanded = mechanism.forces(tick.model, get(memory, 'commanded', lane))
+    left = each(minus, commanded, mechanism.inertia_times(tick.model, h, before))
+    model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
+    wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
+    f = each(plus, wanted, each(_known, left, model))
+    return mechanism.joint_torques(tick.model, f)
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Remember the velocity."""
+    put(memory, 'time_delay_velocity', lane, tick.velocity)
+
+
+TIME_DELAY = register(
+    Law(
+        'time_delay',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='the last torque, corrected by what the acceleration then lacked',
+        source='Youcef-Toumi and Ito 1990; Hsia and Gao 1990',
+        uses_switching=False,
+    )
+)

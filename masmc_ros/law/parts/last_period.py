@@ -1,0 +1,53 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the last period tells: how the robot was accelerated, and what a model has for it.
+
+`before` is v at the tick before, not-a-number where there is none: the results are so, too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot import mechanism
+
+Numbers = tuple[float, ...]
+
+
+@formula
+def _rate(now: float, before: float, period: float) -> float:
+    return (now - before) / period
+
+
+@formula
+def _middle(now: float, before: float) -> float:
+    return 0.5 * (now + before)
+
+
+@formula
+def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
+    """Return dv/dt over the last period."""
+    return each(_rate, tick.velocity, before, tick.period)
+
+
+@formula
+def last_regressor(tick: Tick, before: Numbers) -> Any:
+    """Return W = Y(q, v, v, dv/dt) of the last period: the forces in it were W theta."""
+    v = each(_middle, tick.velocity, before)
+    return mechanism.regressor(tick.model, tick.posture, v, v, last_acceleration(tick, before))

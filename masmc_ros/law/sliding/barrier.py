@@ -1,0 +1,138 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Sliding mode with a barrier function for its gain: no bound of the disturbance is needed.
+
+    sdot = nu,    nu = -K sgn s,    K = rho |s| / (eps - |s|)
+
+once |s| has come within eps / 2; before that K begins with K_0 and grows at the rate K' |s|. In
+implicit Euler, s+ being in the place of s on the right, |s+| < eps whatever s is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import surface_torque
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.parts.surface import SIGMA
+from masmc_ros.law.reaching.sign import sign
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    SIGMA,
+    PerEntry(
+        'barrier.width', 'axes', 0.02, 'Barrier eps that |s| does not reach', 'm/s',
+        is_positive=True,
+    ),
+    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho, which it has at eps / 2', 'm/s²'),
+    PerEntry('barrier.start', 'axes', 10.0, 'Gain K_0 at first, outside', 'm/s²'),
+    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside, per |s|", '1/s²'),
+)
+
+MEMORY = (
+    ESTIMATE,
+    Field('barrier_growth', 'axes', 'K less K_0 outside', 'm/s²'),
+    Field('barrier_inside', 'axes', '1 once |s| has been within eps / 2 and has not left'),
+)
+
+
+@formula
+def _inside(inside: float, s: float, width: float) -> float:
+    """Return 1 where the barrier is in force, else 0."""
+    entered = 1.0 if abs(s) <= 0.5 * width else inside
+    return entered if abs(s) < width else 0.0
+
+
+@formula
+def _surface_rate(
+    s: float, inside: float, growth: float, start: float, width: float, gain: float, period: float
+) -> float:
+    """Return nu = (s+ - s) / T of one axis in m/s2."""
+    size = abs(s)
+    half = 0.5 * (width + period * gain + size)
+    held = width * size / (half + math.sqrt(half * half - width * size))
+    left = size - period * (start + growth)
+    reached = left if left > 0.0 else 0.0
+    return sign(s) * ((held if inside > 0.0 else reached) - size) / period
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    width = get(settings, 'barrier_width', lane)
+    nu = each(
+        _surface_rate,
+        tick.surface,
+        each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
+        get(memory, 'barrier_growth', lane),
+        get(settings, 'barrier_start', lane),
+        width,
+        get(settings, 'barrier_gain', lane),
+        tick.period,
+    )
+    return surface_torque(
+        tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
+    )
+
+
+@formula
+def _grown(growth: float, inside: float, s: float, rate: float, period: float) -> float:
+    return growth if inside > 0.0 else growth + period * rate * abs(s)
+
+
+@formula
+def learn(
+    settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
+) -> None:
+    """Let the gain grow outside, unless limits cut the torque: it would wind up."""
+    width = get(settings, 'barrier_width', lane)
+    inside = each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
+    put(memory, 'barrier_inside', lane, inside)
+    if torque == raw:
+        growth = each(
+            _grown,
+            get(memory, 'barrier_growth', lane),
+            inside,
+            tick.surface,
+            get(settings, 'barrier_growth', lane),
+            tick.period,
+        )
+        put(memory, 'barrier_growth', lane, growth)
+
+
+BARRIER = register(
+    Law(
+        'barrier',
+        torque,
+        PARAMETERS,
+        MEMORY,
+        learn,
+        project,
+        summary='sliding mode whose gain grows without bound towards a barrier around s = 0',
+        source='Obeid, Fridman, Laghrouche and Harmouche 2018',
+        uses_switching=False,
+    )
+)

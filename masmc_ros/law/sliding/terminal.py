@@ -1,0 +1,93 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Nonsingular fast terminal sliding mode: errors end, and do not only decay.
+
+    s_t = e + c_1 |e| e + c_2 |edot|^(3/2) sgn edot
+    xddot_c = xddot_d - 2 / (3 c_2) sqrt|edot| sgn edot (1 + 2 c_1 |e|)
+              - k_1 s_t - k_2 sqrt|s_t| sgn s_t
+
+The surface s_t is this law's own: what is logged as `surface` is s = edot + sigma e.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.law.declared import PerEntry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.adaptation import project
+from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
+from masmc_ros.law.parts.model import ESTIMATE
+from masmc_ros.law.reaching.sign import sign
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.tuples import each
+
+Numbers = tuple[float, ...]
+
+PARAMETERS = (
+    PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),
+    PerEntry(
+        'terminal.c_2', 'axes', 0.5, 'Coefficient c_2 of the power of its rate', 's^1.5/m^0.5',
+        is_positive=True,
+    ),
+    PerEntry('terminal.k_1', 'axes', 400.0, 'Gain k_1 of the linear reaching term', '1/s²'),
+    PerEntry('terminal.k_2', 'axes', 200.0, 'Gain k_2 of the root', 'm^0.5/s²'),
+)
+
+
+@formula
+def _commanded(
+    desired: float, e: float, rate: float, c_1: float, c_2: float, k_1: float, k_2: float
+) -> float:
+    """Return xddot_c of one axis in m/s2."""
+    root = math.sqrt(abs(rate))
+    s_t = e + c_1 * abs(e) * e + c_2 * rate * root
+    slope = 1.0 + 2.0 * c_1 * abs(e)
+    sliding = 2.0 / (3.0 * c_2) * root * sign(rate) * slope
+    return desired - sliding - k_1 * s_t - k_2 * math.sqrt(abs(s_t)) * sign(s_t)
+
+
+@formula
+def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
+    """Return the joints' torques in N m."""
+    acceleration = each(
+        _commanded,
+        tick.desired_acceleration,
+        tick.error,
+        tick.error_rate,
+        get(settings, 'terminal_c_1', lane),
+        get(settings, 'terminal_c_2', lane),
+        get(settings, 'terminal_k_1', lane),
+        get(settings, 'terminal_k_2', lane),
+    )
+    return acceleration_torque(tick, get(memory, 'estimate', lane), acceleration)
+
+
+TERMINAL = register(
+    Law(
+        'terminal',
+        torque,
+        PARAMETERS,
+        (ESTIMATE,),
+        settle=project,
+        summary='nonsingular fast terminal sliding mode: errors end in finite time',
+        source='Yang and Yang 2011; Feng, Yu and Man 2002',
+        uses_switching=False,
+    )
+)

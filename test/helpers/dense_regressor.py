@@ -1,0 +1,41 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Regressor of the default robot in its joints' rates, from what robots of one body take to move.
+
+The matrices are those of `lagrangian.py`, derived without the package.
+"""
+
+from __future__ import annotations
+
+from independent import base_parameters, one_body_robots
+from lagrangian import matrices
+import numpy as np
+from robots import Array, DEFAULT
+
+THETA = base_parameters(DEFAULT)
+"""Of the default robot (7)."""
+
+
+def regressor(position: Array, v: Array, v_r: Array, a_r: Array) -> Array:
+    """Return Y (4, 7) at a state, position (7) and rates (4): H a_r + V v_r = Y theta."""
+    bodies = one_body_robots(DEFAULT)
+    forces = []
+    for body in bodies:
+        m = matrices(body, position, v)
+        forces.append(m.reduced_inertia @ a_r + m.reduced_coriolis @ v_r)
+    coordinates = np.array([base_parameters(body) for body in bodies])
+    found: Array = np.linalg.solve(coordinates, np.array(forces)).T
+    return found

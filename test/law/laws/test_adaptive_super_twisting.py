@@ -1,0 +1,77 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Adaptive super-twisting: against its formula, and gains that rise and fall as they should."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+from robots import Array
+
+LAW = 'adaptive_super_twisting'
+
+
+def step(s: Array, w: Array, alpha: Array, beta: Array, period: float) -> tuple[Array, Array]:
+    """Return nu and the next w, sqrt|s+| as the root of a quadratic."""
+    b = s + period * w
+    nu, w_next = -s / period, -s / period
+    for i in np.flatnonzero(np.abs(b) > period**2 * beta):
+        root = np.roots([1.0, period * alpha[i], period**2 * beta[i] - abs(b[i])]).max()
+        w_next[i] = w[i] - period * beta[i] * np.sign(b[i])
+        nu[i] = -alpha[i] * root * np.sign(b[i]) + w_next[i]
+    return nu, w_next
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    given = {
+        'rate': rng.uniform(10.0, 1e4, 4),
+        'zone': rng.uniform(0.1, 0.5, 4),
+        'least': rng.uniform(0.5, 5.0, 4),
+        'epsilon': rng.uniform(1.0, 1e4, 4),
+    }
+    controller, at = at_random(
+        seed, LAW, **{f'{LAW}__{name}': tuple(value) for name, value in given.items()}
+    )
+    w, alpha = np.zeros(4), given['least']
+    for _ in range(4):
+        nu, w = step(at.surface, w, alpha, 2.0 * given['epsilon'] * alpha, at.period)
+        wanted = at.desired[2] - at.sigma * at.error_rate + nu
+        np.testing.assert_allclose(
+            tick(controller, at), at.model_torque(wanted), rtol=1e-9, atol=1e-9
+        )
+        side = np.sign(np.abs(at.surface) - given['zone'])
+        alpha = np.maximum(alpha + at.period * given['rate'] * side, given['least'])
+
+
+def test_gains_grow_until_the_surface_is_near_and_fall_there() -> None:
+    """Without a disturbance they fall back to where they began; a disturbance holds them up."""
+    quiet = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        duration=10.0,
+    )
+    growth = quiet.controller.memory['adaptive_super_twisting_growth'][0, :, 0]
+    assert (np.abs(quiet.surface[len(quiet.surface) // 2:]) < 0.02).all()
+    assert (growth == 0.0).all()
+    pushed = run(LAW, 'plant.disturbance.amplitude=[6.0, 6.0, 12.0, 12.0]', duration=10.0)
+    assert pushed.controller.memory['adaptive_super_twisting_growth'][0, :, 0].max() > 1.0
+
+
+def test_it_follows_the_path() -> None:
+    assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

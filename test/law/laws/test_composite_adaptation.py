@@ -1,0 +1,103 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Composite adaptation: its update against its formula, and that theta_hat finds theta."""
+
+from __future__ import annotations
+
+from dense_regressor import regressor, THETA
+from law_bench import at_random, Instant, run, tick
+import numpy as np
+import pytest
+from robots import Array
+
+LAW = 'composite_adaptation'
+
+EXCITED = (
+    'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+    'trajectory.line_sine.slope=[0.0, 0.0, 0.0, 0.0]',
+    'trajectory.line_sine.amplitude=[0.1, 0.15, 0.1, 0.1]',
+    'trajectory.line_sine.frequency=[3.0, 2.0, 1.0, 1.7]',
+)
+"""Every parameter is felt, and nothing disturbs."""
+
+
+def torque(at: Instant, theta: Array) -> Array:
+    """Return Y theta + J' u with tanh and the gains of the paper's file."""
+    y = regressor(at.position, at.v, *at.reference)
+    u = -100.0 * at.surface - 100.0 * np.tanh(at.surface / 0.2)
+    found: Array = y @ theta + at.jacobian.T @ u
+    return found
+
+
+def tracking(at: Instant) -> Array:
+    """Return Y' sigma."""
+    y = regressor(at.position, at.v, *at.reference)
+    found: Array = y.T @ np.linalg.solve(at.jacobian, at.surface)
+    return found
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    gamma, kappa, rate = rng.uniform(0.5, 5.0, 7), rng.uniform(0.1, 5.0), rng.uniform(50, 1e3)
+    controller, at = at_random(
+        seed, LAW, gamma=tuple(gamma), **{f'{LAW}__kappa': kappa, f'{LAW}__rate': rate}
+    )
+    theta, filtered = at.scale * THETA, np.zeros(4)
+    gradient, last = tracking(at), at.v
+    for _ in range(3):
+        given = torque(at, theta)
+        np.testing.assert_allclose(tick(controller, at), given, rtol=1e-9, atol=1e-9)
+        theta = theta - at.period * gradient / gamma
+        np.testing.assert_allclose(controller.estimate, theta, rtol=1e-9, atol=1e-9)
+        last, v = at.v, at.v + 0.01 * rng.normal(size=4)
+        at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
+        middle = 0.5 * (v + last)
+        w = regressor(at.position, middle, middle, (v - last) / at.period)
+        error = np.linalg.solve(at.inertia, w @ theta - given)
+        filtered = (filtered + at.period * rate * error) / (1.0 + at.period * rate)
+        along = w.T @ filtered
+        change = w @ (along / gamma)
+        curvature = change @ np.linalg.solve(at.inertia, change) / (along @ (along / gamma))
+        gradient = tracking(at) + kappa / (1.0 + at.period * kappa * curvature) * along
+
+
+def test_it_finds_theta_where_rasmc_does_not() -> None:
+    """Each parameter, as a part of its own; half of it is missing at first."""
+    gamma = ', '.join(f'{0.03 / theta**2:.6g}' for theta in THETA)
+    settings = (*EXCITED, f'controller.gamma=[{gamma}]', f'controller.{LAW}.kappa=2.0')
+    found, tracked = (
+        np.abs(run(law, *settings, duration=10.0).estimate[-1] / THETA - 1.0)
+        for law in (LAW, 'rasmc')
+    )
+    assert found.max() < 0.05
+    assert tracked.max() > 0.5
+
+
+def test_nothing_is_learned_of_a_tick_that_is_not_known() -> None:
+    """After a pause the tracking error alone moves theta_hat, as in rasmc."""
+    controller, at = at_random(0, LAW)
+    other, _ = at_random(0, 'rasmc')
+    for known in (controller, other):
+        tick(known, at)
+    controller.rest()
+    other.rest()
+    for known in (controller, other):
+        tick(known, at)
+    assert (controller.estimate == other.estimate).all()
+
+
+def test_it_follows_the_path() -> None:
+    assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -1,0 +1,77 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The momentum observer: against its formula, and the disturbance that it finds."""
+
+from __future__ import annotations
+
+from law_bench import at_random, Instant, run, tick
+from masmc_ros.robot.two_link.geometry import quasi_velocity
+import numpy as np
+import pytest
+from robots import DEFAULT, Machine
+
+LAW = 'momentum_observer'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k_p, k_d = rng.uniform(1.0, 50.0, (2, 4))
+    rate = rng.uniform(10.0, 1000.0)
+    controller, at = at_random(
+        seed,
+        LAW,
+        momentum_observer__k_p=tuple(k_p),
+        momentum_observer__k_d=tuple(k_d),
+        momentum_observer__rate=rate,
+    )
+    d, last = np.zeros(4), None
+    for _ in range(3):
+        if last is not None:
+            v, drive = last
+            seen = at.inertia @ (at.v - v) / at.period - drive
+            d = (d + at.period * rate * seen) / (1.0 + at.period * rate)
+        wanted = at.desired[2] - k_d * at.error_rate - k_p * at.error
+        torque = at.model_torque(wanted) - d
+        found = tick(controller, at)
+        np.testing.assert_allclose(found, torque, rtol=1e-9, atol=1e-8)
+        last = at.v, found - at.coriolis @ at.v
+        v = at.v + 0.01 * rng.normal(size=4)
+        at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
+
+
+def test_it_finds_a_constant_disturbance() -> None:
+    """In the forces conjugate to v: d is what the disturbing torques are in them."""
+    track = run(
+        LAW,
+        'controller.model_scale=1.0',
+        'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
+        duration=4.0,
+    )
+    d = track.controller.memory['momentum_observer_disturbance'][0, :, 0]
+    # What a torque does on a unit rate of its joint, d does on the motion of that.
+    power = [np.dot(d, quasi_velocity(Machine(DEFAULT).geometry, *rate)) for rate in np.eye(4)]
+    np.testing.assert_allclose(power, [1.5, 1.5, 3.0, 3.0], rtol=0.02)
+    assert np.abs(track.settled).max() < 1e-3
+
+
+def test_it_beats_computed_torque_without_the_observer() -> None:
+    settled = [
+        np.linalg.norm(run(LAW, f'controller.{LAW}.rate={rate}', duration=10.0).settled)
+        for rate in (0.0, 200.0)
+    ]
+    assert settled[1] < 4e-3
+    assert settled[1] < 0.2 * settled[0]

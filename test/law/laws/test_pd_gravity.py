@@ -1,0 +1,78 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""PD with gravity: against its formula, and that its energy only falls at a set point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lagrangian import matrices
+from law_bench import at_random, PAPER, run, tick
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from robots import DEFAULT
+from small_tree import write_scenario
+
+LAW = 'pd_gravity'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    """The default robot moves in a plane: its gravity is zero."""
+    k_p, k_d = np.random.default_rng(seed).uniform(1.0, 500.0, (2, 4))
+    controller, at = at_random(seed, LAW, pd_gravity__k_p=tuple(k_p), pd_gravity__k_d=tuple(k_d))
+    force = -k_p * at.error - k_d * at.error_rate
+    np.testing.assert_allclose(tick(controller, at), at.jacobian.T @ force, rtol=1e-9, atol=1e-9)
+
+
+def test_energy_only_falls_at_a_set_point() -> None:
+    """The robot's and that of the springs, K_p e^2 / 2, but for what holding for T adds."""
+    at_rest = (
+        'trajectory.line_sine.slope=[0.0, 0.0, 0.0, 0.0]',
+        'trajectory.line_sine.amplitude=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+    )
+    given = load_scenario(PAPER, (f'controller.law={LAW}', 'duration=2.0', *at_rest))
+    simulation = Simulation(given)
+    plant, controller = simulation.plant, simulation.controller
+    reference = np.array([0.3, 0.5, *[0.0] * 10])
+    energy = []
+    for _ in range(2000):
+        controller.tick(plant.position, plant.velocity, reference)
+        rates = plant.velocity[-4:]
+        h = matrices(DEFAULT, plant.position, rates).reduced_inertia
+        energy.append(0.5 * rates @ h @ rates + 1000.0 * controller.error @ controller.error)
+        plant.advance(controller.torque)
+    assert max(np.diff(energy)) < 1e-5 * energy[0]
+    assert energy[-1] < 0.05 * energy[0]
+
+
+@pytest.mark.slow
+def test_it_carries_what_a_lift_carries(tmp_path: Path) -> None:
+    """Without gains: lift, arm and hand of the small robot, 5.1 kg, of a model of a half."""
+    scenario = write_scenario(tmp_path, [0.0] * 6, 1.0)
+    none = [f'controller.{LAW}.{gain}=0.0' for gain in ('k_p', 'k_d')]
+    settings = (f'controller.law={LAW}', 'controller.model_scale=0.5', *none)
+    simulation = Simulation(load_scenario(str(scenario), settings))
+    plant, controller = simulation.plant, simulation.controller
+    controller.tick(plant.position, plant.velocity, np.zeros(controller.now['reference'].size))
+    assert controller.raw_torque[3] == pytest.approx(0.5 * 5.1 * 9.81, rel=1e-9)
+    assert controller.raw_torque[:3] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_it_follows_the_path() -> None:
+    assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -1,0 +1,58 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""PID: against its formula, and what its integral is there for."""
+
+from __future__ import annotations
+
+from law_bench import at_random, run, tick
+import numpy as np
+import pytest
+
+LAW = 'pid'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    k_p, k_d, k_i = np.random.default_rng(seed).uniform(1.0, 500.0, (3, 4))
+    controller, at = at_random(
+        seed, LAW, pid__k_p=tuple(k_p), pid__k_d=tuple(k_d), pid__k_i=tuple(k_i)
+    )
+    for passed in range(3):
+        force = -k_p * at.error - k_d * at.error_rate - k_i * passed * at.period * at.error
+        np.testing.assert_allclose(
+            tick(controller, at), at.jacobian.T @ force, rtol=1e-9, atol=1e-9
+        )
+
+
+def test_nothing_is_integrated_while_limits_cut_the_torque() -> None:
+    controller, at = at_random(0, LAW, torque_limit=(0.01,) * 4)
+    first, second = tick(controller, at), tick(controller, at)
+    assert (first == second).all()
+    controller.change({'torque_limit': (0.0,) * 4})
+    tick(controller, at)
+    assert (tick(controller, at) != first).all()
+
+
+def test_the_integral_takes_what_is_constant_away() -> None:
+    constant = (
+        'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
+    )
+    plain = run(LAW, *constant, 'controller.pid.k_i=0.0', duration=10.0).settled
+    assert (run(LAW, *constant, duration=10.0).settled < 0.5 * plain).all()
+
+
+def test_it_follows_the_path() -> None:
+    assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

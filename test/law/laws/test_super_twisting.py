@@ -1,0 +1,132 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Super-twisting: against its implicit step, its finite time, and that it does not chatter."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from law_bench import at_random, run, tick
+from masmc_ros.law import registry
+from masmc_ros.law.law import Law, register
+from masmc_ros.law.parts.inverse_dynamics import surface_torque
+from masmc_ros.law.reaching.sign import sign
+from masmc_ros.law.sliding.super_twisting import MEMORY, PARAMETERS
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.tuples import each
+import numpy as np
+import pytest
+from robots import Array
+
+LAW = 'super_twisting'
+
+QUIET = (
+    'controller.model_scale=1.0',
+    'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
+)
+
+
+def step(s: Array, w: Array, k_1: Array, k_2: Array, period: float) -> tuple[Array, Array]:
+    """Return nu and the next w; the root of what is monotone in s+, by bisection."""
+    nu, w_next = np.empty_like(s), np.empty_like(s)
+    for i, (x, y, one, two) in enumerate(zip(s, w, k_1, k_2, strict=True)):
+        b = x + period * y
+        beyond = abs(b) - period**2 * two
+        if beyond <= 0.0:
+            nu[i] = w_next[i] = -x / period
+            continue
+        low, high = 0.0, beyond
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            exceeds = middle + period * one * math.sqrt(middle) > beyond
+            low, high = (low, middle) if exceeds else (middle, high)
+        following = math.copysign(0.5 * (low + high), b)
+        w_next[i] = y - period * math.copysign(two, b)
+        nu[i] = -one * math.sqrt(abs(following)) * math.copysign(1.0, b) + w_next[i]
+        assert abs(x + period * nu[i] - following) < 1e-12
+    return nu, w_next
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_it_is_its_formula(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k_1, k_2 = rng.uniform(1.0, 100.0, 4), 10.0 ** rng.uniform(1.0, 6.0, 4)
+    controller, at = at_random(
+        seed, LAW, super_twisting__k_1=tuple(k_1), super_twisting__k_2=tuple(k_2)
+    )
+    w = np.zeros(4)
+    for _ in range(3):
+        nu, w = step(at.surface, w, k_1, k_2, at.period)
+        wanted = at.desired[2] - at.sigma * at.error_rate + nu
+        np.testing.assert_allclose(
+            tick(controller, at), at.model_torque(wanted), rtol=1e-9, atol=1e-9
+        )
+
+
+def test_the_surface_is_reached_in_the_steps_that_are_predicted() -> None:
+    """With the true model and no disturbance each axis is the scalar recursion."""
+    track = run(LAW, *QUIET, duration=1.0)
+    s, w = track.surface[0], np.zeros(4)
+    k_1, k_2 = np.full(4, 15.0), np.full(4, 110.0)
+    predicted = []
+    for _ in range(len(track.time)):
+        predicted.append(s)
+        nu, w = step(s, w, k_1, k_2, 0.001)
+        s = s + 0.001 * nu
+    expected = np.array(predicted)
+    reached = [int(np.flatnonzero(expected[:, i])[-1]) + 1 for i in range(4)]
+    assert max(reached) < 900
+    start = np.abs(expected).max()
+    assert np.abs(track.surface - expected).max() < 0.02 * start
+    for i, first in enumerate(reached):
+        assert np.abs(track.surface[first + 50:, i]).max() < 1e-4 * start
+
+
+@formula
+def _explicit(s: float, w: float, k_1: float) -> float:
+    return w - k_1 * math.sqrt(abs(s)) * sign(s)
+
+
+@formula
+def _integrated(w: float, s: float, k_2: float, period: float) -> float:
+    return w - period * k_2 * sign(s)
+
+
+@formula
+def _torque(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
+    w = get(memory, 'super_twisting_w', lane)
+    nu = each(_explicit, tick.surface, w, get(settings, 'super_twisting_k_1', lane))
+    k_2 = get(settings, 'super_twisting_k_2', lane)
+    put(memory, 'super_twisting_w', lane, each(_integrated, w, tick.surface, k_2, tick.period))
+    return surface_torque(tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu)
+
+
+def test_it_does_not_chatter_as_the_explicit_form_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    explicit = register(
+        Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
+    )
+    monkeypatch.setitem(registry.LAWS, explicit.name, explicit)
+    implicit, chattering = (
+        np.abs(np.diff(run(name, *QUIET, duration=4.0).torque[2000:], axis=0)).sum()
+        for name in (LAW, explicit.name)
+    )
+    assert implicit < 0.2 * chattering
+
+
+def test_it_follows_the_path() -> None:
+    assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02
