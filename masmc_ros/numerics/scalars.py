@@ -35,3 +35,9 @@ def minus(a: float, b: float) -> float:
 def zero(of: float) -> float:
     """Return 0, whatever the number is."""
     return 0.0
+
+
+@formula
+def moved(value: float, rate: float, period: float) -> float:
+    """Return a value that changed at a rate for a period: a step of explicit Euler."""
+    return value + period * rate

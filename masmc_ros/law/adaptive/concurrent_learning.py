@@ -35,6 +35,7 @@ from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
@@ -138,8 +139,7 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     """
     Return Gamma (theta - theta+) for theta+ after an implicit step, `weight` being T kappa.
 
-    (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta), by elimination without
-    pivoting: the matrix is symmetric positive definite.
+    (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """
     information = memory['concurrent_learning_information']
     vector = memory['concurrent_learning_vector']
@@ -153,17 +153,7 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
         work[i, n] = weight * rest
-    for i in range(n):
-        for k in range(i + 1, n):
-            factor = work[k, i] / work[i, i]
-            for j in range(i, n + 1):
-                work[k, j] -= factor * work[i, j]
-    for reverse in range(n):
-        i = n - 1 - reverse
-        value = work[i, n]
-        for j in range(i + 1, n):
-            value -= work[i, j] * work[j, n]
-        work[i, n] = value / work[i, i]
+    solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]
     return taken(work[:, 0], theta)

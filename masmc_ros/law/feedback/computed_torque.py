@@ -36,7 +36,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scalars import minus, moved
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
@@ -75,18 +75,13 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 @formula
-def _integrated(w: float, z: float, period: float) -> float:
-    return w + period * z
-
-
-@formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
     """Integrate the rates' error, unless limits cut the torque: then it would wind up."""
     if torque == raw:
         w = get(memory, 'computed_torque_integral', lane)
-        following = each(_integrated, w, rate_error(tick), tick.period)
+        following = each(moved, w, rate_error(tick), tick.period)
         put(memory, 'computed_torque_integral', lane, following)
 
 

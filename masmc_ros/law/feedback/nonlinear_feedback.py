@@ -36,6 +36,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import moved
 from masmc_ros.numerics.tuples import each
 
 Numbers = tuple[float, ...]
@@ -77,11 +78,6 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 @formula
-def _integrated(w: float, error: float, period: float) -> float:
-    return w + period * error
-
-
-@formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
@@ -92,7 +88,7 @@ def learn(
             memory,
             'nonlinear_feedback_integral',
             lane,
-            each(_integrated, w, tick.error, tick.period),
+            each(moved, w, tick.error, tick.period),
         )
 
 

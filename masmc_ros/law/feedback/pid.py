@@ -31,6 +31,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import moved
 from masmc_ros.numerics.tuples import each
 
 Numbers = tuple[float, ...]
@@ -66,18 +67,13 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 @formula
-def _integrated(w: float, error: float, period: float) -> float:
-    return w + period * error
-
-
-@formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
     """Integrate the error, unless limits cut the torque: then it would wind up."""
     if torque == raw:
         w = get(memory, 'pid_integral', lane)
-        put(memory, 'pid_integral', lane, each(_integrated, w, tick.error, tick.period))
+        put(memory, 'pid_integral', lane, each(moved, w, tick.error, tick.period))
 
 
 PID = register(

@@ -37,9 +37,10 @@ from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus, zero
+from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.numerics.tuples import each, least, matrix_times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
@@ -61,7 +62,6 @@ Columns = tuple[Numbers, ...]
 _STEPS = 200
 _TOLERANCE = 1.0e-13
 _NO_SIDE = 2.0
-_NO_PIVOT = 1.0e300
 
 
 @formula
@@ -152,11 +152,6 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 
 @formula
-def _moved(predicted: float, change: float, period: float) -> float:
-    return predicted + period * change
-
-
-@formula
 def correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
@@ -170,7 +165,7 @@ def correct(
         h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
         a = mechanism.inertia_solve(tick.model, h, force)
         change = mechanism.task_velocity(tick.model, tick.posture, a)
-        predicted = each(_moved, get(memory, 'predicted', lane), change, tick.period)
+        predicted = each(moved, get(memory, 'predicted', lane), change, tick.period)
         put(memory, 'predicted', lane, predicted)
 
 
@@ -237,21 +232,9 @@ def _minimise_on_sides(
         right -= period * k_s2[i] * side[i] if side[i] != _NO_SIDE else 0.0
         work[i, i] = 1.0 if stays else inertia[i, i] + period * k_s1[i]
         work[i, n] = 0.0 if stays else right
-    # Elimination without pivoting: the matrix is symmetric positive definite. A pivot is
-    # zero only where a singular task and no gain leave an axis without inertia: it stays.
-    for i in range(n):
-        pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
-        work[i, i] = pivot
-        for k in range(i + 1, n):
-            factor = work[k, i] / pivot
-            for j in range(i, n + 1):
-                work[k, j] -= factor * work[i, j]
-    for reverse in range(n):
-        i = n - 1 - reverse
-        value = work[i, n]
-        for j in range(i + 1, n):
-            value -= work[i, j] * work[j, n]
-        work[i, n] = value / work[i, i]
+    # A pivot is zero only where a singular task and no gain leave an axis without inertia: it
+    # stays.
+    solve_definite(n, work)
 
 
 @formula

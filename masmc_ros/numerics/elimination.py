@@ -1,0 +1,46 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Linear systems with a symmetric positive definite matrix."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+
+_NO_PIVOT = 1.0e300
+
+
+@formula
+def solve_definite(n: int, work: Any) -> None:
+    """
+    Solve A x = b in place: `work` (n, n + 1) is A and b beside it, and then has x in b's place.
+
+    By elimination without pivoting. Where A is only semi-definite an entry whose pivot is not
+    positive is zero.
+    """
+    for i in range(n):
+        pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
+        work[i, i] = pivot
+        for k in range(i + 1, n):
+            factor = work[k, i] / pivot
+            for j in range(i, n + 1):
+                work[k, j] -= factor * work[i, j]
+    for reverse in range(n):
+        i = n - 1 - reverse
+        value = work[i, n]
+        for j in range(i + 1, n):
+            value -= work[i, j] * work[j, n]
+        work[i, n] = value / work[i, i]
