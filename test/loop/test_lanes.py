@@ -18,6 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+import subprocess
+import sys
 from typing import Any
 
 from hypothesis import given, HealthCheck, settings
@@ -32,6 +35,7 @@ import numpy as np
 import pytest
 from robots import Machine, machines
 from scenario import PAPER_LAWS, Scenario, whole, write_law, write_plant
+from surroundings import surroundings
 
 LANES = 16
 TICKS = 60
@@ -150,3 +154,15 @@ def test_so_it_is_for_every_law(
     assert_as_alone(
         [varied(seed, robot, law, switching, lane) for lane, robot in enumerate(robots)]
     )
+
+
+def test_every_law_in_lanes_is_the_run_alone_interpreted() -> None:
+    done = subprocess.run(
+        [sys.executable, Path(__file__).parents[1] / 'helpers' / 'laws_in_lanes.py'],
+        env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},
+        capture_output=True,
+        text=True,
+        timeout=300.0,
+        check=True,
+    )
+    assert done.stdout == ''

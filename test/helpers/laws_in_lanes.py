@@ -1,0 +1,58 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compare runs of every law in lanes with the runs alone; print the laws of which a bit differs.
+
+For NUMBA_DISABLE_JIT=1: lanes of all laws would take minutes to compile.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from masmc_ros.compare.trials import drawn
+from masmc_ros.law.registry import LAWS
+from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+LANES = 3
+
+
+def differing(law: str) -> list[str]:
+    """Return the signals in which a lane is not the run alone; rates are limited on the way."""
+    settings = (
+        'duration=0.008',
+        f'controller.law={law}',
+        'controller.torque_rate_limit=[2000.0, 0.0, 5000.0, 0.0]',
+        'plant.velocity_noise=0.01',
+    )
+    scenario = load_scenario(PAPER, settings)
+    runs = [drawn(scenario, TWO_LINK, seed) for seed in range(LANES)]
+    (signals,) = SideBySide(runs).run()
+    alone = [next(Simulation(run).run()) for run in runs]
+    return [
+        f'{law}: {name}, lane {lane}'
+        for lane, run in enumerate(alone)
+        for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface')
+        if not np.array_equal(signals[name][:, :, lane], getattr(run, name))
+    ]
+
+
+if __name__ == '__main__':
+    print('\n'.join(line for law in LAWS for line in differing(law)), end='')
