@@ -15,12 +15,14 @@
 """
 Digests of closed-loop runs, in this process or for another CPU.
 
-`python closed_loop_bits.py TICKS` prints them as JSON, with what the machine code is made of.
+`python closed_loop_bits.py TICKS [NAME...]` prints them as JSON, with what the machine code is
+made of.
 The digests that test_same_bits.py records are those of 2001 ticks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import hashlib
 import json
 import re
@@ -98,11 +100,12 @@ def machine_code() -> dict[str, int]:
     return {name: sum(len(re.findall(kind, t)) for t in texts) for name, kind in kinds.items()}
 
 
-def report(ticks: int) -> dict[str, Any]:
-    """Return digests and kinds of instructions."""
-    digests = {name: digest(whole(scenario)) for name, scenario in scenarios(ticks).items()}
+def report(ticks: int, names: Sequence[str]) -> dict[str, Any]:
+    """Return digests, of some scenarios or of all, and kinds of instructions."""
+    known = scenarios(ticks)
+    digests = {name: digest(whole(known[name])) for name in names or known}
     return {'digests': digests, 'machine code': machine_code()}
 
 
 if __name__ == '__main__':
-    print(json.dumps(report(int(sys.argv[1])), indent=1))
+    print(json.dumps(report(int(sys.argv[1]), sys.argv[2:]), indent=1))

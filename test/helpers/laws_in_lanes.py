@@ -23,7 +23,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from masmc_ros.compare.trials import drawn
-from masmc_ros.law.registry import LAWS
+from masmc_ros.law.registry import LAWS, SWITCHING
 from masmc_ros.loop.side_by_side import SideBySide
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.two_link.names import TWO_LINK
@@ -34,11 +34,22 @@ PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 LANES = 3
 
 
-def differing(law: str) -> list[str]:
+def combinations() -> list[tuple[str, str]]:
+    """Return every law with the switching terms that it may ask for."""
+    return [
+        (name, switching)
+        for name, law in LAWS.items()
+        for switching in (SWITCHING if law.uses_switching else ('tanh',))
+    ]
+
+
+def differing(law: str, switching: str) -> list[str]:
     """Return the signals in which a lane is not the run alone; rates are limited on the way."""
     settings = (
         'duration=0.008',
         f'controller.law={law}',
+        f'controller.switching={switching}',
+        'controller.observer_gain=0.5',
         'controller.torque_rate_limit=[2000.0, 0.0, 5000.0, 0.0]',
         'plant.velocity_noise=0.01',
     )
@@ -47,7 +58,7 @@ def differing(law: str) -> list[str]:
     (signals,) = SideBySide(runs).run()
     alone = [next(Simulation(run).run()) for run in runs]
     return [
-        f'{law}: {name}, lane {lane}'
+        f'{law} {switching}: {name}, lane {lane}'
         for lane, run in enumerate(alone)
         for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface')
         if not np.array_equal(signals[name][:, :, lane], getattr(run, name))
@@ -55,4 +66,4 @@ def differing(law: str) -> list[str]:
 
 
 if __name__ == '__main__':
-    print('\n'.join(line for law in LAWS for line in differing(law)), end='')
+    print('\n'.join(line for each in combinations() for line in differing(*each)), end='')

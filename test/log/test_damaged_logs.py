@@ -37,7 +37,7 @@ from whole_log import read
 import zstandard
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES, LIMIT = 400, 150.0
+FILES, LIMIT = 400, 80.0
 """Damaged files, and the time in s for them."""
 
 
