@@ -45,6 +45,7 @@ from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.law.reaching.saturation import SATURATION
 from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
@@ -151,6 +152,18 @@ def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
             f'expected at most {most}'
         )
     return law
+
+
+@cache
+def _names_of(law: str) -> frozenset[str]:
+    return frozenset(parameter.name for parameter in LAWS[law].parameters)
+
+
+def parameters_of_others(law: Law) -> frozenset[str]:
+    """Return names of parameters that neither a law reads, nor what all laws have in common."""
+    common = _names_of(SMC.name) | _names_of(RASMC.name) | {BOUNDARY_LAYER.name}
+    others = frozenset[str]().union(*(_names_of(name) for name in LAWS))
+    return others - common - {parameter.name for parameter in law.parameters}
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:

@@ -26,7 +26,7 @@ from typing import Any
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, VELOCITY
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
-from masmc_ros.law.registry import parameters, REACHING
+from masmc_ros.law.registry import parameters, parameters_of_others, REACHING
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
@@ -68,8 +68,12 @@ def field_name(parameter: str) -> str:
 
 
 def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
-    """Return settings of a law, all zero."""
-    declared = map(field_of, declared_for(mechanism, (*parameters(mechanism), *law.parameters)))
+    """Return settings of a law, all zero: what it may read, not what other laws alone do."""
+    declared = [
+        field_of(parameter)
+        for parameter in declared_for(mechanism, (*parameters(mechanism), *law.parameters))
+        if parameter.name not in parameters_of_others(law)
+    ]
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.tag,
