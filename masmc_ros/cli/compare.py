@@ -25,6 +25,7 @@ from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.tables import as_json, page, text
 from masmc_ros.compare.trials import trials_named
 from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.report.files import make_folder, whole_file
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.scenario import load_scenario
@@ -47,7 +48,7 @@ def compare(
     """Compute the runs of all laws in all trials, print the tables and write them."""
     file = scenario_file(file)
     scenario = load_scenario(file, settings)
-    if scenario['controller']['command_interface'] == 'velocity':
+    if takes_rates(scenario['controller']):
         raise InputError(
             f'{file}: command_interface = velocity: rates are commanded by one law alone; '
             'expected effort'

@@ -31,7 +31,7 @@ from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
 from masmc_ros.robot.registry import chosen, DEFAULT
 from masmc_ros.scenario.scenario import load_scenario
-from masmc_ros.share import scenario_file
+from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 
 LAWS = ('smc', 'rasmc')
@@ -66,7 +66,8 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f'{folder}: cannot be made ({reason}); name another folder') from error
-    parameters = Path(scenario_file(robot))
+    # An installed one first: a folder that is called as it must not be taken for it.
+    parameters = scenarios().get(robot) or Path(scenario_file(robot))
     values = load_scenario(str(parameters))['plant']
     duration = values['duration']
     start = _START if chosen(values) is DEFAULT else _FIRST_START

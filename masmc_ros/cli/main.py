@@ -61,6 +61,14 @@ class _Parser(argparse.ArgumentParser):
         print(message, end='', file=file or sys.stderr)
 
 
+def _add_settings(parser: argparse.ArgumentParser, what: str = 'as in masmc simulate') -> None:
+    parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', help=what)
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--json', action='store_true', help='print as JSON')
+
+
 def _count(text: str) -> int:
     """Return a number of things, at least one."""
     number = int(text) if text.isdecimal() else 0
@@ -234,12 +242,8 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         '--list', action=_ListScenarios, nargs=0, help='list the installed parameter files'
     )
-    simulate.add_argument(
-        '--set',
-        action='append',
-        default=[],
-        metavar='NAME=VALUE',
-        help='set a parameter: NODE.parameter, or a shared one for every node; repeatable',
+    _add_settings(
+        simulate, 'set a parameter: NODE.parameter, or a shared one for every node; repeatable'
     )
     simulate.add_argument('--output', metavar='RUN.mcap', help='log the run into this file')
     simulate.add_argument(
@@ -254,7 +258,7 @@ def _parser() -> argparse.ArgumentParser:
     laws.add_argument(
         '--cost', action='store_true', help='measure what a tick of each costs here'
     )
-    laws.add_argument('--json', action='store_true', help='print as JSON')
+    _add_json(laws)
 
     compare = commands.add_parser(
         'compare',
@@ -283,13 +287,11 @@ def _parser() -> argparse.ArgumentParser:
         help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
         '(%(default)s)',
     )
-    compare.add_argument(
-        '--set', action='append', default=[], metavar='NAME=VALUE', help='as in masmc simulate'
-    )
+    _add_settings(compare)
     compare.add_argument(
         '--output', default='compare', help='folder for the report (%(default)s)'
     )
-    compare.add_argument('--json', action='store_true', help='print as JSON')
+    _add_json(compare)
 
     robot = commands.add_parser(
         'robot',
@@ -298,10 +300,8 @@ def _parser() -> argparse.ArgumentParser:
         'task is, and where that is at the start.',
     )
     robot.add_argument('file', help='ROS 2 parameter file, or the name of an installed one')
-    robot.add_argument(
-        '--set', action='append', default=[], metavar='NAME=VALUE', help='as in masmc simulate'
-    )
-    robot.add_argument('--json', action='store_true', help='print as JSON')
+    _add_settings(robot)
+    _add_json(robot)
 
     recover = commands.add_parser(
         'recover',

@@ -84,10 +84,10 @@ def _leave_interrupts_to_parent() -> None:
 
 def compute(task: Task) -> tuple[Outcome, ...]:
     """Compute all runs of a contender; InputError where there are none."""
+    settings = (*task.settings, *task.contender.settings)
+    mechanism = chosen(load_scenario(task.file, settings)['plant'])
     found = []
     for trial in task.trials:
-        settings = (*task.settings, *task.contender.settings)
-        mechanism = chosen(load_scenario(task.file, settings)['plant'])
         scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism)))
         runs = [drawn(scenario, mechanism, seed) for seed in range(task.seeds)]
         together = LANES if task.seeds >= _WORTH_LANES else 1

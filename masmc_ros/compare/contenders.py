@@ -76,9 +76,7 @@ def _every(mechanism: Mechanism) -> list[Contender]:
     found = []
     for name in registry.names():
         law = registry.load(name)
-        if not isinstance(law, Law):
-            continue
-        if law.most_parameters is not None and len(mechanism.theta) > law.most_parameters:
+        if not isinstance(law, Law) or not law.fits(mechanism):
             continue
         found.append(Contender(name))
         if law.uses_switching:

@@ -45,6 +45,11 @@ ENABLE_STAMPED_CMD_VEL = Parameter(
 """Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
 
 
+def takes_rates(values: Mapping[str, Any]) -> bool:
+    """Tell whether rates are commanded, by the values of the plant or of the controller."""
+    return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
+
+
 def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
     """Raise InputError where a plant does not take what a controller sends, by their values."""
     for name in (MECHANISM, COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):

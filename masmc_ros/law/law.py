@@ -41,6 +41,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, contract
 from masmc_ros.numerics.field import Field
+from masmc_ros.robot.declaration import Mechanism
 
 
 @formula
@@ -77,6 +78,10 @@ class Law:
     """Whether it asks for the reaching term that `switching` names."""
     most_parameters: int | None = None
     """Number of base inertial parameters of a robot that it can still reckon with."""
+
+    def fits(self, mechanism: Mechanism) -> bool:
+        """Tell whether a robot of this kind can have it."""
+        return self.most_parameters is None or len(mechanism.theta) <= self.most_parameters
 
     @property
     def formulas(self) -> SimpleNamespace:

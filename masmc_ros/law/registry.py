@@ -45,7 +45,6 @@ from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.reaching.implicit import IMPLICIT
-from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.law.reaching.saturation import SATURATION
 from masmc_ros.law.reaching.sigmoid import SIGMOID
 from masmc_ros.law.reaching.sign import SIGN
@@ -124,15 +123,10 @@ def load(name: str) -> Law | type[PlugInLaw]:
     Raises
     ------
     InputError
-        where a plugged-in one cannot be loaded, or has the name of a built-in one.
+        where a plugged-in one cannot be loaded.
 
     """
     if name in LAWS:
-        if name in plugged_in(ENTRY_POINTS):
-            raise InputError(
-                f'law = {name}: an installed package brings a law of this name, which a built-in'
-                f' one has; expected another name in its entry points ({ENTRY_POINTS})'
-            )
         return LAWS[name]
     law: Law | type[PlugInLaw] = load_plug_in(ENTRY_POINTS, 'law', name)
     if isinstance(law, Law):
@@ -143,40 +137,37 @@ def load(name: str) -> Law | type[PlugInLaw]:
 
 
 def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
-    """Return a law as `load` does; InputError where it is none for a robot of this kind."""
+    """
+    Return the law that is chosen by a name, for a robot.
+
+    Raises
+    ------
+    InputError
+        as `load`, where a plugged-in law has the name of a built-in one, and where it is none
+        for a robot of this kind.
+
+    """
+    if name in LAWS and name in plugged_in(ENTRY_POINTS):
+        raise InputError(
+            f'law = {name}: an installed package brings a law of this name, which a built-in'
+            f' one has; expected another name in its entry points ({ENTRY_POINTS})'
+        )
     law = load(name)
-    most = law.most_parameters if isinstance(law, Law) else None
-    if most is not None and len(mechanism.theta) > most:
+    if isinstance(law, Law) and not law.fits(mechanism):
         raise InputError(
             f'law = {name}: the robot has {len(mechanism.theta)} base inertial parameters, '
-            f'expected at most {most}'
+            f'expected at most {law.most_parameters}'
         )
     return law
 
 
-@cache
-def _names_of(law: str) -> frozenset[str]:
-    return frozenset(parameter.name for parameter in LAWS[law].parameters)
-
-
-def parameters_of_others(law: Law) -> frozenset[str]:
-    """Return names of parameters that neither a law reads, nor what all laws have in common."""
-    common = _names_of(SMC.name) | _names_of(RASMC.name) | {BOUNDARY_LAYER.name}
-    others = frozenset[str]().union(*(_names_of(name) for name in LAWS))
-    return others - common - {parameter.name for parameter in law.parameters}
-
-
-def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """
-    Return the controller's declarations: of laws, reaching terms and parts, and of users' own.
-
-    Every name once, in the order in which nodes and tables show them.
-    """
+def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Return the declarations that any law may read: of the paper's, reaching terms and parts."""
     return declared_for(
         mechanism,
         (
             Parameter('law', 'rasmc', 'Control law', choices=names(), read_only=False),
-            *(p for law in LAWS.values() for p in law.parameters),
+            *(p for law in (SMC, RASMC) for p in law.parameters),
             Parameter(
                 'switching',
                 'implicit',
@@ -192,6 +183,21 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             *velocity_estimator.PARAMETERS,
             COMMAND_INTERFACE,
             ENABLE_STAMPED_CMD_VEL,
+        ),
+    )
+
+
+def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """
+    Return the controller's declarations: those shared, of all other laws, and of users' own.
+
+    Every name once, in the order in which nodes and tables show them.
+    """
+    return declared_for(
+        mechanism,
+        (
+            *shared_parameters(mechanism),
+            *(p for law in LAWS.values() for p in law.parameters),
             *(p for name in _own() for p in load(name).parameters),
         ),
     )

@@ -21,7 +21,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.law.command_interface import COMMAND_INTERFACES, VELOCITY
+from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
@@ -36,7 +36,6 @@ from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-VELOCITY_INTERFACE = COMMAND_INTERFACES[VELOCITY]
 ESTIMATED_RATES = SOURCES[ESTIMATED]
 
 Array = NDArray[np.float64]
@@ -70,7 +69,7 @@ class Controller:
         self.used_estimate = signals['estimate'][:, 0]
         self.velocity_command = signals['rates'][:, 0]
         self.nominal = values['model_scale'] * robot.theta
-        self.commands_rates = values['command_interface'] == VELOCITY_INTERFACE
+        self.commands_rates = takes_rates(values)
         self.values: dict[str, Any] = {}
         self._plug_in: PlugInLaw | None = None
         self._law: Law = registry.OF_RATES

@@ -45,8 +45,7 @@ from masmc_ros.robot.registry import chosen
 
 def fitting(mechanism: Mechanism) -> tuple[Law, ...]:
     """Return the compiled laws that a robot of this kind can have."""
-    count = len(mechanism.theta)
-    return tuple(law for law in laws() if (law.most_parameters or count) >= count)
+    return tuple(law for law in laws() if law.fits(mechanism))
 
 
 def laws() -> tuple[Law, ...]:

@@ -23,10 +23,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.law.command_interface import COMMAND_INTERFACE, COMMAND_INTERFACES, VELOCITY
+from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.law.declared import declared_for
 from masmc_ros.law.law import Law
-from masmc_ros.law.registry import parameters, parameters_of_others, REACHING
+from masmc_ros.law.registry import parameters, REACHING, shared_parameters
 from masmc_ros.loop import control
 from masmc_ros.loop.signals import SIGNALS
 from masmc_ros.numerics.field import Field
@@ -69,11 +69,8 @@ def field_name(parameter: str) -> str:
 
 def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
     """Return settings of a law, all zero: what it may read, not what other laws alone do."""
-    declared = [
-        field_of(parameter)
-        for parameter in declared_for(mechanism, (*parameters(mechanism), *law.parameters))
-        if parameter.name not in parameters_of_others(law)
-    ]
+    own = (*shared_parameters(mechanism), *law.parameters)
+    declared = map(field_of, declared_for(mechanism, own))
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
     tags = {
         'mechanism': mechanism.tag,
@@ -94,8 +91,7 @@ def write_law(
     fill(settings, 'geometry', robot.geometry, lane)
     fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
     fill(settings, 'period', period, lane)
-    takes_rates = values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY]
-    fill(settings, 'takes_rates', takes_rates, lane)
+    fill(settings, 'takes_rates', takes_rates(values), lane)
     fill(settings, 'group', robot.mechanism.group_of_joints, lane)
 
 

@@ -26,7 +26,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.law.command_interface import check_agreement
+from masmc_ros.law.command_interface import check_agreement, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
@@ -72,7 +72,7 @@ class SideBySide:
             raise InputError(
                 f'law = {control["law"]}: it is plain Python, expected one of formulas'
             )
-        if control['command_interface'] == 'velocity':
+        if takes_rates(control):
             law = RATES
         self.mechanism = mechanism
         self.timing = Timing.from_values(first['plant'])

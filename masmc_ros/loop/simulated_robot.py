@@ -23,9 +23,8 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import (
     COMMAND_INTERFACE,
-    COMMAND_INTERFACES,
     ENABLE_STAMPED_CMD_VEL,
-    VELOCITY,
+    takes_rates,
 )
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import plant_hold, plant_start, plant_tick
@@ -159,8 +158,7 @@ class SimulatedRobot:
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
             self.now[name][0, :, 0] for name in OF_PLANT
         )
-        takes_rates = self.settings['takes_rates'][0, 0]
-        self._command = self.now['rates' if takes_rates else 'torque'][0, :, 0]
+        self._command = self.now['rates' if takes_rates(values) else 'torque'][0, :, 0]
         self._move: Callable[..., bool] | None = None
         self._hold: Callable[..., bool] | None = None
         self.tick = 0
@@ -217,9 +215,9 @@ def write_plant(
         'steps in a control period',
     )
     steps = max(1, round(period / step))
-    takes_rates = values['command_interface'] == COMMAND_INTERFACES[VELOCITY]
+    with_rates = takes_rates(values)
     bandwidth = np.array(values['velocity_loop.bandwidth'])
-    if not takes_rates:
+    if not with_rates:
         # Whoever commands torques integrates as the robot needs it; drives that hold follow.
         bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
     for name, value in {
@@ -232,7 +230,7 @@ def write_plant(
         'rate_limit': values['torque_rate_limit'],
         'period': period,
         'steps': steps,
-        'takes_rates': takes_rates,
+        'takes_rates': with_rates,
         'is_exact': not any(imperfect),
         'resolution': values['encoder_resolution'],
         'noise': values['velocity_noise'],

@@ -26,6 +26,7 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -56,12 +57,9 @@ def test_ticks_one_by_one_are_the_whole_run(law: str) -> None:
     """What the nodes compute, a tick at a time, is what is compiled as a whole: every bit."""
     values = scenario(law)
     whole = next(Simulation(values).run())
-    pieces = Simulation(values)
-    stretch = next(pieces.run())
-    controller = pieces.controller
-    controller.reset()
-    for k in range(len(stretch)):
-        controller.tick(stretch.position[k], stretch.velocity[k], stretch.reference[k])
+    controller = Controller(robot_of(values['controller']), 1e-3, values['controller'])
+    for k in range(len(whole)):
+        controller.tick(whole.position[k], whole.velocity[k], whole.reference[k])
         np.testing.assert_array_equal(controller.torque, whole.torque[k])
         np.testing.assert_array_equal(controller.used_estimate, whole.estimate[k])
 
@@ -101,10 +99,10 @@ def test_a_plug_in_does_not_hide_behind_a_built_in_law(monkeypatch: pytest.Monke
     """Nor does it stand in for one: who names it is told."""
     monkeypatch.setattr(registry, 'plugged_in', lambda group: ('mine', 'smc'))
     assert registry.names() == (*LAWS, 'mine')
-    registry.load.cache_clear()
     with pytest.raises(InputError, match=r'law = smc: an installed package brings'):
-        registry.load('smc')
-    registry.load.cache_clear()
+        registry.load_for('smc', TWO_LINK)
+    # Whoever chooses another law has no part in it.
+    assert registry.load_for('rasmc', TWO_LINK) is LAWS['rasmc']
 
 
 def test_a_change_of_law_goes_over_within_the_rate_limit() -> None:

@@ -30,7 +30,7 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
+from masmc_ros.law.parts.inverse_dynamics import acceleration_torque, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
@@ -54,25 +54,23 @@ MEMORY = (
 
 
 @formula
-def _commanded(
-    desired: float, rate: float, error: float, w: float, k_d: float, k_p: float, k_i: float
-) -> float:
+def _with_integral(acceleration: float, k_i: float, w: float) -> float:
     """Return xddot_c of one axis."""
-    return desired - k_d * rate - k_p * error - k_i * w
+    return acceleration - k_i * w
 
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     acceleration = each(
-        _commanded,
-        tick.desired_acceleration,
-        tick.error_rate,
-        tick.error,
-        get(memory, 'nonlinear_feedback_integral', lane),
-        get(settings, 'nonlinear_feedback_k_d', lane),
-        get(settings, 'nonlinear_feedback_k_p', lane),
+        _with_integral,
+        spring(
+            tick,
+            get(settings, 'nonlinear_feedback_k_d', lane),
+            get(settings, 'nonlinear_feedback_k_p', lane),
+        ),
         get(settings, 'nonlinear_feedback_k_i', lane),
+        get(memory, 'nonlinear_feedback_integral', lane),
     )
     return acceleration_torque(tick, tick.nominal, acceleration)
 

@@ -33,7 +33,7 @@ from typing import Any
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
-from masmc_ros.law.parts.inverse_dynamics import motion_acceleration
+from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
@@ -62,12 +62,6 @@ PARAMETERS = (
 
 _LEAST_SHARE = 1.0e-6
 """Part of its mobility that an axis must keep beside those before it, lest it is given up."""
-
-
-@formula
-def _commanded(desired: float, rate: float, error: float, k_d: float, k_p: float) -> float:
-    """Return the task acceleration asked for on one axis."""
-    return desired - k_d * rate - k_p * error
 
 
 @formula
@@ -135,13 +129,8 @@ def _solve(
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     model, posture = tick.model, tick.posture
-    commanded = each(
-        _commanded,
-        tick.desired_acceleration,
-        tick.error_rate,
-        tick.error,
-        get(settings, 'null_space_k_d', lane),
-        get(settings, 'null_space_k_p', lane),
+    commanded = spring(
+        tick, get(settings, 'null_space_k_d', lane), get(settings, 'null_space_k_p', lane)
     )
     # J of the acceleration with which the task has none is -Jdot v.
     still = motion_acceleration(tick, each(zero, commanded))

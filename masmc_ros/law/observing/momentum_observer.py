@@ -91,11 +91,8 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         gain / (1.0 + gain),
     )
     put(memory, 'momentum_observer_disturbance', lane, d)
-    acceleration = each(
-        spring,
-        tick.desired_acceleration,
-        tick.error_rate,
-        tick.error,
+    acceleration = spring(
+        tick,
         get(settings, 'momentum_observer_k_d', lane),
         get(settings, 'momentum_observer_k_p', lane),
     )

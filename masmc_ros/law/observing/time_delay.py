@@ -62,13 +62,8 @@ def _known(measured: float, modelled: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    acceleration = each(
-        spring,
-        tick.desired_acceleration,
-        tick.error_rate,
-        tick.error,
-        get(settings, 'time_delay_k_d', lane),
-        get(settings, 'time_delay_k_p', lane),
+    acceleration = spring(
+        tick, get(settings, 'time_delay_k_d', lane), get(settings, 'time_delay_k_p', lane)
     )
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, get(memory, 'time_delay_velocity', lane))

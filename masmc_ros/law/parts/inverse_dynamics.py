@@ -20,7 +20,7 @@ from masmc_ros.law.parts.surface import reference_acceleration
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each, matrix_times
+from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -67,9 +67,14 @@ def acceleration_torque(tick: Tick, theta: Numbers, acceleration: Numbers) -> Nu
 
 
 @formula
-def spring(desired: float, rate: float, error: float, k_d: float, k_p: float) -> float:
-    """Return xddot_c = xddot_d - K_d edot - K_p e of one axis."""
+def _spring(desired: float, rate: float, error: float, k_d: float, k_p: float) -> float:
     return desired - k_d * rate - k_p * error
+
+
+@formula
+def spring(tick: Tick, k_d: Numbers, k_p: Numbers) -> Numbers:
+    """Return the task acceleration xddot_c = xddot_d - K_d edot - K_p e."""
+    return each(_spring, tick.desired_acceleration, tick.error_rate, tick.error, k_d, k_p)
 
 
 @formula
@@ -99,10 +104,3 @@ def task_force_torque(tick: Tick, u: Numbers) -> Numbers:
     """Return J' u as the joints' torques in N m, u being a force on the task's axes in N."""
     f = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
     return mechanism.joint_torques(tick.model, f)
-
-
-@formula
-def task_mass_times(tick: Tick, acceleration: Numbers) -> Numbers:
-    """Return H_x times a task acceleration, of the nominal model, in N."""
-    h_x = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
-    return matrix_times(h_x, acceleration)
