@@ -57,7 +57,7 @@ def compare(
     put_through = trials_named(trials)
     tasks = [
         Task(file, tuple(settings), contender, put_through, seeds)
-        for contender in contenders(laws, mechanism)
+        for contender in contenders(laws, mechanism, scenario['controller']['switching'])
     ]
     folder = Path(output)
     make_folder(folder)

@@ -44,17 +44,20 @@ class Contender(NamedTuple):
 
 _ALL = 'all'
 
+_BOTH = ('tanh', 'implicit')
+"""Reaching terms with which all laws are compared: smooth, and the one that the sampling knows."""
 
-def contenders(names: str, mechanism: Mechanism) -> tuple[Contender, ...]:
+
+def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, ...]:
     """
     Return what `--laws` names: LAW or LAW:SWITCHING, separated by commas, or `all`.
 
-    `all` is every law that a robot of this kind can have, those that ask for a reaching term
-    also with `implicit`. Raises InputError for an unknown name, and for a law that is not of
-    formulas or none for the robot.
+    `all` is every law that a robot of this kind can have; those that ask for a reaching term have
+    the scenario's `own`, and `tanh` and `implicit` beside it. Raises InputError for an unknown
+    name, and for a law that is not of formulas or none for the robot.
     """
     if names == _ALL:
-        return tuple(_every(mechanism))
+        return tuple(_every(mechanism, own))
     found = []
     for name in (each.strip() for each in names.split(',')):
         law, colon, switching = name.partition(':')
@@ -72,7 +75,7 @@ def contenders(names: str, mechanism: Mechanism) -> tuple[Contender, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _every(mechanism: Mechanism) -> list[Contender]:
+def _every(mechanism: Mechanism, own: str) -> list[Contender]:
     found = []
     for name in registry.names():
         law = registry.load(name)
@@ -80,5 +83,5 @@ def _every(mechanism: Mechanism) -> list[Contender]:
             continue
         found.append(Contender(name))
         if law.uses_switching:
-            found.append(Contender(name, 'implicit'))
+            found += [Contender(name, switching) for switching in _BOTH if switching != own]
     return found

@@ -138,9 +138,12 @@ def test_bad_arguments_get_one_line(
 
 
 def test_all_are_all() -> None:
-    every = contenders('all', TWO_LINK)
+    every = contenders('all', TWO_LINK, 'tanh')
     assert {each.law for each in every} == set(registry.names())
-    assert Contender('rasmc', 'implicit') in every
+    assert [each.switching for each in every if each.law == 'rasmc'] == ['', 'implicit']
+    others = contenders('all', TWO_LINK, 'implicit')
+    assert [each.switching for each in others if each.law == 'rasmc'] == ['', 'tanh']
+    assert [each for each in others if each.law == 'pid'] == [Contender('pid')]
     assert trials_named('all') == TRIALS
     assert trials_named('delay')[0] is AS_IS
 

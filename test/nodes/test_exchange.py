@@ -22,10 +22,12 @@ import signal
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from log_contents import read_log
 from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.exchange import Exchange
-from masmc_ros.nodes.middleware.qos import subscription_qos
+from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from processes import PAPER, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import SetParameters
@@ -33,6 +35,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+STEPS = 20
 
 TOPICS = {
     'joint_states': JointState,
@@ -170,3 +175,41 @@ def test_what_comes_from_outside_is_heard(tmp_path: Path) -> None:
     assert wrong.to_bytes() in recorded['effort_commands']
     # What rclpy sends by itself comes to this process's recorder, once.
     assert len([raw for raw in recorded['parameter_events'] if b'observer_gain' in raw]) == 1
+
+
+def is_of_plant(report: DiagnosticArray) -> bool:
+    """Tell whether a report is the plant's."""
+    return any(status.name == '/plant' for status in report.status)
+
+
+@pytest.mark.parametrize('past', [True, False])
+def test_a_listener_that_comes_late_has_the_past_if_it_asks_for_it(
+    past: bool, tmp_path: Path
+) -> None:
+    """Though the middleware was given nothing as long as nobody outside listened."""
+    arguments = ros_arguments(PAPER, duration=0.0)
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        times = tester.watch_time()
+        reports = tester.collect(DiagnosticArray, '/diagnostics', past=False)
+        started.start('composed', *arguments)
+        tester.until(lambda: times[-1] > 3 * 10**9, 'a past longer than what is kept')
+        paused = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
+        reports.clear()
+        here = round(float(paused.message.split()[-2]) * 1000)
+        # Nodes look for listeners more often than they report: what was sent is old by then.
+        tester.until(lambda: sum(map(is_of_plant, reports)) > 2, 'reports of standstill')
+        found = tester.collect(JointState, 'joint_states', raw=True, past=past)
+        tester.until(lambda: tester.node.count_publishers('joint_states'), 'the plant')
+        if past:
+            tester.until(lambda: len(found) >= DEEP, 'the past')
+        for _ in range(STEPS):
+            assert tester.call(Trigger, '/plant/step', Trigger.Request(), again=False).success
+        tester.until(
+            lambda: found and header_stamp(found[-1]) == (here + STEPS) * 10**6, 'the last state'
+        )
+        started.signal(signal.SIGINT)
+        assert started.wait() == {'composed': 0}, started.output()
+    ticks = [header_stamp(raw) // 10**6 for raw in found]
+    # Each of them once, in the order of sending.
+    assert ticks == list(range(ticks[0], here + STEPS + 1))
+    assert len(ticks) == DEEP + STEPS if past else len(ticks) <= STEPS

@@ -31,11 +31,11 @@ from functools import partial
 import time
 from typing import Any
 
+from masmc_ros.nodes.middleware.publisher import ExchangePublisher
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 
 _LOG_TOPIC = '/rosout'
 
@@ -55,11 +55,21 @@ class _Inbox:
             self._callback(self.waiting.popleft())
 
 
-class _Topic:
-    """Who of this process listens to a topic, and what was sent to it from here."""
+class Topic:
+    """
+    Who of this process listens to a topic, and what was sent to it from here.
+
+    Attributes
+    ----------
+    with_past
+        number of those who listen and asked for the past.
+
+    """
 
     def __init__(self, due: deque[_Inbox]) -> None:
+        """Take the queue of inboxes whose turn comes."""
         self._due = due
+        self.with_past = 0
         self._inboxes: list[_Inbox] = []
         self._pasts: list[deque[bytes]] = []
 
@@ -75,7 +85,8 @@ class _Topic:
         if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             inbox.waiting.extend(raw for past in self._pasts for raw in past)
             self._due.extend([inbox] * len(inbox.waiting))
-        return partial(self._inboxes.remove, inbox)
+            self.with_past += 1
+        return partial(self._leave, inbox, qos.durability)
 
     def send(self, raw: bytes) -> None:
         """Hand a message to everybody who listens."""
@@ -83,18 +94,22 @@ class _Topic:
             inbox.waiting.append(raw)
             self._due.append(inbox)
 
+    def _leave(self, inbox: _Inbox, durability: DurabilityPolicy) -> None:
+        self._inboxes.remove(inbox)
+        self.with_past -= durability == DurabilityPolicy.TRANSIENT_LOCAL
+
 
 class Exchange:
     """The topics of one process."""
 
     def __init__(self) -> None:
         """Start without topics."""
-        self._topics: dict[str, _Topic] = {}
+        self._topics: dict[str, Topic] = {}
         self._due: deque[_Inbox] = deque()
 
-    def topic(self, name: str) -> _Topic:
+    def topic(self, name: str) -> Topic:
         """Return the topic of a full name."""
-        return self._topics.setdefault(name, _Topic(self._due))
+        return self._topics.setdefault(name, Topic(self._due))
 
     def deliver(self, seconds: float) -> bool:
         """
@@ -157,39 +172,6 @@ class ProcessContext(Context):
         super().try_shutdown()
 
 
-class ExchangePublisher(Publisher):
-    """A publisher whose messages go to this process by an exchange, if there is one."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        """Take what rclpy gives a publisher."""
-        super().__init__(*arguments, **options)
-        # rclpy asks for the message's type and locks the publisher at every call, which takes
-        # longer than to send what is bytes already.
-        self._send = self.handle.publish_raw
-        self._count = self.handle.get_subscription_count
-        qos = self.qos_profile
-        self._is_latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self._hand_over: Take | None = None
-
-    def join(self, exchange: Exchange) -> None:
-        """Send by an exchange too."""
-        topic = exchange.topic(self.topic_name)
-        self._hand_over = topic.send
-        if self._is_latched:
-            self._keep = topic.past(self.qos_profile.depth).append
-
-    def publish(self, msg: Any) -> None:
-        """Send a message or its bytes."""
-        raw = msg if type(msg) is bytes else serialize_message(msg)
-        if self._hand_over is not None:
-            self._hand_over(raw)
-            if self._is_latched:
-                self._keep(raw)
-        # The middleware keeps what is latched for who comes later.
-        if self._is_latched or self._count():
-            self._send(raw)
-
-
 class ExchangeNode(Node):
     """A node whose publishers and subscriptions use the exchange of its process, if it has one."""
 
@@ -200,7 +182,7 @@ class ExchangeNode(Node):
         )
         context = self.context
         if isinstance(context, ProcessContext) and context.exchange is not None:
-            publisher.join(context.exchange)
+            publisher.join(context.exchange.topic(publisher.topic_name))
         return publisher
 
     def create_subscription(

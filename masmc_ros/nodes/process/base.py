@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.publisher import ExchangePublisher
 from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
@@ -34,7 +35,6 @@ from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 _DELIVERY = 5.0
@@ -85,8 +85,7 @@ class SuiteNode:
         self.values = self.parameters.values
         self.log = self.node.get_logger()
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._publishers: list[Publisher | Latched] = []
-        self._latched: list[Latched] = []
+        self._publishers: list[ExchangePublisher | Latched] = []
         self._waiting: str | None = None
         self._waiting_since = 0.0
         self._reminded = 0.0
@@ -94,18 +93,20 @@ class SuiteNode:
 
     def publisher(
         self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
-    ) -> Publisher:
+    ) -> ExchangePublisher:
         """
         Create a publisher whose messages are delivered before the node ends.
 
         With `past`, who joins late is given what it has sent, as far as `depth` goes.
         """
         qos = publisher_qos(depth, past=past)
-        publisher = self.node.create_publisher(message_type, topic, qos)
+        created: Any = self.node.create_publisher(message_type, topic, qos)
+        publisher: ExchangePublisher = created
+        publisher.hold_past(self.node)
         self._publishers.append(publisher)
         return publisher
 
-    def stream(self, message_type: Any, topic: str) -> Publisher:
+    def stream(self, message_type: Any, topic: str) -> ExchangePublisher:
         """Create a publisher of what comes tick by tick, of which nobody needs the past."""
         return self.publisher(message_type, topic, past=False)
 
@@ -114,7 +115,6 @@ class SuiteNode:
         qos = publisher_qos(1)
         latched = Latched(self.node.create_publisher(message_type, topic, qos))
         self._publishers.append(latched)
-        self._latched.append(latched)
         return latched
 
     def connect(self) -> None:
@@ -170,8 +170,8 @@ class SuiteNode:
             signal.raise_signal(signal.SIGTERM)
 
     def _send_waiting(self) -> None:
-        for latched in self._latched:
-            latched.send_waiting()
+        for publisher in self._publishers:
+            publisher.send_waiting()
 
     def _remind(self) -> None:
         now = time.monotonic()
