@@ -22,7 +22,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from masmc_ros import __version__
 from masmc_ros.compare.ranking import Ranked, Row
@@ -30,12 +29,12 @@ from masmc_ros.compare.trials import Trial
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.report.measure.table import number
+from masmc_ros.report.page.template import STYLE, template_at
 from masmc_ros.robot.declaration import Point
 
 _MILLIMETRES = 1e3
 _LOST = 'lost'
-_SOURCES = Path(__file__).parent
-_STYLE = _SOURCES.parent / 'report' / 'page' / 'page.css'
+_PAGE = Path(__file__).with_name('page.html')
 _DECADES = 4.0
 """Of errors beside the least one, from pale to dark."""
 
@@ -142,17 +141,10 @@ def page(
     ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point], title: str
 ) -> str:
     """Return a comparison as HTML, which loads nothing from elsewhere."""
-    environment = Environment(
-        loader=FileSystemLoader(_SOURCES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     heads, units = _heads(points)
     rows = [each.rows[trial.name] for each in ranked for trial in trials]
     least = min((row.error for row in rows), default=math.inf)
-    return environment.get_template('page.html').render(
+    return template_at(_PAGE).render(
         version=__version__,
         title=title,
         heads=[f'{name} {unit}'.strip() for name, unit in zip(heads, units, strict=True)],
@@ -174,7 +166,7 @@ def page(
             for each in ranked
         ],
         runs=rows[0].runs if rows else 0,
-        style=Markup(_STYLE.read_text(encoding='utf-8')),
+        style=Markup(STYLE.read_text(encoding='utf-8')),
     )
 
 

@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from masmc_ros import __version__
 from masmc_ros.report.measure.metrics import Metrics
@@ -30,9 +29,11 @@ from masmc_ros.report.measure.settling import BAND, FLOOR
 from masmc_ros.report.measure.table import cells, heads, points_of
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
+from masmc_ros.report.page.template import STYLE, template_at
 from plotly.offline import get_plotlyjs
 
 _SOURCES = Path(__file__).parent
+_PAGE = _SOURCES / 'page.html'
 _SCRIPTS = ('lines.js', 'page.js')
 _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
@@ -44,16 +45,9 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
     Scripts, styles and data are in the page, and its content security policy keeps the
     browser from loading anything else.
     """
-    environment = Environment(
-        loader=FileSystemLoader(_SOURCES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     points = points_of(reached)
     span = span_of([each.run for each in compared])
-    return environment.get_template('page.html').render(
+    return template_at(_PAGE).render(
         version=__version__,
         heads=heads(points),
         rows=[
@@ -65,7 +59,7 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
         runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
         scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
-        style=Markup((_SOURCES / 'page.css').read_text(encoding='utf-8')),
+        style=Markup(STYLE.read_text(encoding='utf-8')),
     )
 
 
