@@ -78,11 +78,13 @@ setup(
             f'ros-jazzy-common-interfaces; {WHEELS}',
         ],
         'live': ['foxglove-sdk'],
+        'mujoco': ['mujoco-core>=4'],
         'parquet': ['pyarrow'],
         'test': [
             'foxglove-sdk',
             'hypothesis',
             'mpmath',
+            'mujoco-core>=4',
             'pyarrow',
             'pytest',
             'pytest-xdist',

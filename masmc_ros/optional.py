@@ -28,6 +28,7 @@ PACKAGES = {
     'lz4': 'lz4',
     'mcap': 'mcap',
     'mcap_ros2': 'mcap-ros2-support',
+    'mujoco': 'mujoco-core',
     'plotly': 'plotly',
     'pyarrow': 'pyarrow',
     'rosbags': 'rosbags',

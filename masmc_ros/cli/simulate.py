@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.report.measure.labels import law_label
@@ -74,7 +75,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     errors: list[Any] = []
     torques: list[Any] = []
     active: list[Any] = []
-    singular = 0
+    singular, slip = 0, 0.0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
         for stretch in simulation.run():
@@ -88,6 +89,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
             active.append(stretch.active)
             if not stretch.commands_rates:
                 torques.append(stretch.torque)
+            slip = max(slip, largest_slip(stretch.contact))
             singular += int(stretch.singular.sum())
             progress.update(len(stretch))
     _print_table(source, simulation, errors, torques, active, stretch)
@@ -95,6 +97,8 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
         print(again.verdict(set_anew=bool(settings)))
     if output is not None:
         print(f'log: {output}')
+    if len(simulation.plant.contact):
+        print(f'fastest slip of a wheel: {1000.0 * slip:.3g} mm/s')
     if singular:
         print(
             f'warning: {simulation.plant.mechanism.lost} was close to singular at {singular} of '

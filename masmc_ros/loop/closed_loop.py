@@ -27,7 +27,13 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
 from masmc_ros.numerics.tuples import dot, each
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.plant.tick import advance, observe, write_velocity
+from masmc_ros.robot.plant.tick import (
+    advance,
+    drive_step,
+    observe,
+    release,
+    write_velocity,
+)
 
 
 @kernel
@@ -101,6 +107,29 @@ def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bo
     """
     advance(plant[0], memory[0], tick, now[0], True)
     observe(plant[0], memory[0], delayed, tick + 1, now[0])
+    return is_finite(now[0])
+
+
+@kernel
+def plant_drive(
+    plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
+) -> None:
+    """
+    Write the torques over one step of a plant that is integrated elsewhere.
+
+    They are `driven` and `push` of the memory, whose `rates` are those at the step's beginning;
+    the first step of a tick takes the signals' command, nobody's if `holds`.
+    """
+    drive_step(plant[0], memory[0], tick, step, now[0], holds)
+
+
+@kernel
+def plant_observe(
+    plant: Any, memory: Any, delayed: Any, tick: int, now: Any, holds: bool
+) -> bool:
+    """Measure the state in the memory of such a plant; tell whether all of it is finite."""
+    release(plant[0], memory[0], now[0], holds)
+    observe(plant[0], memory[0], delayed, tick, now[0])
     return is_finite(now[0])
 
 

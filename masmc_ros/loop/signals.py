@@ -24,6 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from masmc_ros.numerics.field import Field
+import numpy as np
+from numpy.typing import NDArray
 
 EACH = '*'
 """In the unit of a signal: that of what a component belongs to, such as a task axis."""
@@ -74,3 +76,17 @@ OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
 
 TOLD = tuple(signal for signal in SIGNALS if signal.label)
 """What the controller tells of its ticks, a topic each."""
+
+CONTACT = (
+    'slip in the rolling direction in m/s',
+    'slip along the axle in m/s',
+    'normal force in N',
+    'friction in N',
+)
+"""What a plant whose wheels touch the ground tells of each of them."""
+
+
+def largest_slip(contact: NDArray[np.float64]) -> float:
+    """Return the speed in m/s of the wheel that slips most, of one or many of such (..., n)."""
+    told = contact.reshape(-1, len(CONTACT))
+    return float(np.hypot(told[:, 0], told[:, 1]).max(initial=0.0))

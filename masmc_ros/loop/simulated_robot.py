@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from decimal import Decimal
+from importlib import import_module
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -35,9 +36,13 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.robot import Robot
+from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 from numpy.typing import NDArray
+
+PHYSICS = {'rigid': (__name__, 'SimulatedRobot'),
+           'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
+"""What can move the robot: modules, which are imported when they are asked for, and classes."""
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -53,6 +58,39 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
     base = mechanism.start_names or tuple(each.short for each in mechanism.base)
     return (
+        Parameter(
+            'physics',
+            'rigid',
+            'What moves the robot: its equations of motion, in which wheels cannot slip, or '
+            'MuJoCo, where they are in contact with the ground',
+            choices=tuple(PHYSICS),
+        ),
+        Parameter(
+            'friction',
+            0.8,
+            'With MuJoCo, friction coefficient of wheels on the ground',
+            minimum=0.0,
+            exclusive_minimum=True,
+        ),
+        Parameter(
+            'castor_distance',
+            0.0,
+            'With MuJoCo, how far ahead of the axle and behind it a castor without friction is; '
+            '0 is half of the track',
+            unit='m',
+            minimum=0.0,
+        ),
+        Parameter(
+            'payload.mass',
+            0.0,
+            'With MuJoCo, mass that the robot picks up with its tip; 0 is none',
+            unit='kg',
+            minimum=0.0,
+        ),
+        Parameter(
+            'payload.time', 0.0, 'When it does so, rounded to control periods', unit='s',
+            minimum=0.0,
+        ),
         Parameter(
             'initial_pose',
             mechanism.default('initial_pose', 'base'),
@@ -145,6 +183,9 @@ class SimulatedRobot:
     within the motors' limits, or with commanded rates the mean of what the drives made of them.
     """
 
+    is_compiled = True
+    """Whether the kernel of whole runs moves it as well."""
+
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
         """Take the true robot, the control period in s and checked values of `parameters`."""
         self.period = period
@@ -163,6 +204,11 @@ class SimulatedRobot:
         self._hold: Callable[..., bool] | None = None
         self.tick = 0
         self.reset()
+
+    @property
+    def contact(self) -> NDArray[np.float64]:
+        """Return what `CONTACT` names of each wheel in turn; nothing of wheels that roll."""
+        return np.zeros(0)
 
     def reset(self) -> None:
         """Return to the initial state at t = 0; InputError where that is not finite."""
@@ -194,6 +240,19 @@ class SimulatedRobot:
         self.tick += 1
         if not finite:
             raise diverged(self.tick * self.period)
+
+
+def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
+    """
+    Return the robot of a plant's checked values, moved by what they choose, in its initial state.
+
+    The control period is in s. Raises InputError where there is no such robot, and
+    ModuleNotFoundError where what is to move it is not installed.
+    """
+    module, name = PHYSICS[values['physics']]
+    kind = getattr(import_module(module), name)
+    found: SimulatedRobot = kind(robot_of(values), period, values)
+    return found
 
 
 def write_plant(

@@ -26,7 +26,7 @@ from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.loop.signals import OF_PLANT
-from masmc_ros.loop.simulated_robot import diverged, SimulatedRobot
+from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
@@ -58,9 +58,8 @@ class Simulation:
         self._is_active = True
         self._approach: Approach | None = None
         check_agreement(plant, control)
-        robot = robot_of(plant)
         self.timing = Timing.from_values(plant)
-        self.plant = SimulatedRobot(robot, self.timing.period, plant)
+        self.plant = plant_of(plant, self.timing.period)
         self.controller = Controller(robot_of(control), self.timing.period, control)
         self.trajectory = Trajectory(
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
@@ -94,18 +93,22 @@ class Simulation:
         edges = sorted({first, end, *(change.tick for change in changes)})
         signals = np.zeros(len(reference), self.plant.now.dtype)
         active = np.zeros(len(reference), bool)
+        contact = np.zeros((len(reference), len(self.plant.contact)))
         for start, stop in pairwise(edges):
             for change in changes:
                 if change.tick == start:
                     self._make(change)
             rows = slice(start - first, stop - first)
-            compiles = self._is_active and self.controller.is_compiled
-            advance = self._compiled if compiles else self._interpreted
+            compiles = self.plant.is_compiled and self.controller.is_compiled
+            advance = self._compiled if compiles and self._is_active else self._interpreted
             followed = self._followed(start, reference[rows])
-            advance(start, followed, signals[rows], final=final and stop == end)
+            advance(
+                start, followed, signals[rows], contact[rows], final=final and stop == end
+            )
             active[rows] = self._is_active
         signals['reference'][:, :, 0] = reference
-        return Stretch(first, signals, active, self.controller.commands_rates, changes)
+        rates = self.controller.commands_rates
+        return Stretch(first, signals, active, rates, contact, changes)
 
     def _make(self, change: Change) -> None:
         if change.values:
@@ -149,7 +152,9 @@ class Simulation:
             tick = stretch.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
-    def _compiled(self, first: int, followed: Array, signals: Any, *, final: bool) -> None:
+    def _compiled(
+        self, first: int, followed: Array, signals: Any, _: Array, *, final: bool
+    ) -> None:
         plant, controller = self.plant, self.controller
         closed_loop(
             plant.settings,
@@ -165,8 +170,10 @@ class Simulation:
         )
         plant.tick = first + len(followed)
 
-    def _interpreted(self, first: int, followed: Array, signals: Any, *, final: bool) -> None:
-        """Run tick by tick, as the nodes do; for laws in plain Python, and at rest."""
+    def _interpreted(
+        self, first: int, followed: Array, signals: Any, contact: Array, *, final: bool
+    ) -> None:
+        """Run tick by tick, as the nodes do; for what is in plain Python, and at rest."""
         plant, controller, is_active = self.plant, self.controller, self._is_active
         for k, row in enumerate(signals):
             if is_active:
@@ -177,5 +184,6 @@ class Simulation:
                 row['error'], row['surface'] = np.nan, np.nan
             for name in OF_PLANT:
                 row[name] = plant.now[0][name]
+            contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
                 plant.advance(row['torque'][:, 0] if is_active else None)

@@ -59,6 +59,8 @@ class Stretch:
     """(n) whether a command was computed."""
     commands_rates: bool
     """Whether `rates` are commanded, and not `torque`; what is not is 0."""
+    contact: Array
+    """(n, ...) where wheels touch the ground, as the plant's `contact`; (n, 0) where none do."""
     changes: tuple[Change, ...] = ()
     """Of the controller's parameters, at ticks of the stretch."""
 

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.loop.signals import Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, Signal, TOLD
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
     CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
@@ -131,6 +132,14 @@ TOPICS = (
         '4, 8 or 12 bare numbers are a set-point, taken where no trajectory runs',
     ),
     Topic('odom', ODOMETRY, 'plant →', 'pose and twist of `base_link` in `odom`'),
+    Topic(
+        CONTACT_TOPIC,
+        FLOAT_ARRAY,
+        'plant →',
+        'with `physics` mujoco, of each wheel '
+        f'{", ".join(CONTACT[:-1])} and {CONTACT[-1]}, after [sec, nanosec]',
+        turns_up=True,
+    ),
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),
     *(
         Topic(

@@ -38,6 +38,7 @@ from masmc_ros.messages.names import (
     CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
     REFERENCE_TOPIC,
@@ -111,6 +112,8 @@ class SimulationLog:
         torques = COMMAND_TOPIC, *of_torques
         for name in torques if simulation.controller.commands_rates else rates:
             del types[name]
+        if not len(simulation.plant.contact):
+            del types[CONTACT_TOPIC]
         self._channels = {
             name: self._writer.channel(
                 f'/{name.lstrip("/")}',
@@ -255,6 +258,9 @@ class SimulationLog:
         yield self._rows('odom', stamps[chosen], odometry)
         twists = twist_layout().messages(linear=linear, angular=angular)
         yield self._rows('base_twist', stamps[chosen], twists)
+        if CONTACT_TOPIC in self._channels:
+            contact = telemetry_messages('contact', stamps[chosen], stretch.contact[chosen])
+            yield self._rows(CONTACT_TOPIC, stamps[chosen], contact)
 
     def _clock(
         self, ticks: NDArray[np.int64], stamps: NDArray[np.int64]

@@ -24,6 +24,9 @@ from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 from rclpy.node import Node
 
+_SLIPS = 0.05
+"""Speed in m/s from which a wheel slips; below it creeps."""
+
 
 class PlantHealth:
     """
@@ -55,8 +58,9 @@ class PlantHealth:
         state: str,
         ticks: int,
         command_age: float,
+        slip: float | None,
     ) -> Health:
-        """Return how the plant is; `topics` are those of the commands."""
+        """Return how the plant is; `topics` are of commands, `slip` is in m/s."""
         now = time.monotonic()
         rate = max(0, ticks - self._tick) / max(now - self._since, 1e-9)
         self._since, self._tick = now, ticks
@@ -70,6 +74,8 @@ class PlantHealth:
             'late ticks': str(self.late),
             **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
         }
+        if slip is not None:
+            values['fastest slip of a wheel (m/s)'] = f'{slip:.4f}'
         problems = sum(refusals.counts.values()) + self.dropped + self.late
         is_worse, self._problems = problems > self._problems, problems
         crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
@@ -78,4 +84,6 @@ class PlantHealth:
             return Health(WARN, 'more than one node commands the robot', values)
         if is_worse:
             return Health(WARN, 'commands refused or dropped, or ticks late', values)
+        if slip is not None and slip > _SLIPS:
+            return Health(WARN, 'wheels slip', values)
         return Health(OK, state, values)

@@ -23,7 +23,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.errors import InputError
-from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
@@ -40,7 +40,6 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.robot.robot import robot_of
 import numpy as np
 from rclpy.context import Context
 from std_srvs.srv import SetBool, Trigger
@@ -55,7 +54,7 @@ class PlantNode(SuiteNode):
         """Make the robot and compile its tick."""
         super().__init__(context=context, command_line=command_line)
         self._timing = Timing.from_values(self.values)
-        self._robot = SimulatedRobot(robot_of(self.values), self._timing.period, self.values)
+        self._robot = plant_of(self.values, self._timing.period)
         self._wait_for = [name for name in self.values['wait_for'] if name]
         # To no consequence, so that the first real tick is not late: it is compiled here.
         for command in (np.zeros(len(self._robot.mechanism.joints)), None):
@@ -199,6 +198,7 @@ class PlantNode(SuiteNode):
             state=self._state_text(),
             ticks=self._robot.tick,
             command_age=self._input.age(time.monotonic()),
+            slip=self._output.slip_since(),
         )
 
     def _state_text(self) -> str:

@@ -19,11 +19,13 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import Twist
+from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import CLOCK_TOPIC
+from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_TOPIC
 from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
+from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.plant.robot_display import RobotDisplay
 from masmc_ros.nodes.process.base import SuiteNode
@@ -31,6 +33,7 @@ from masmc_ros.robot.names import joint_names
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 
 class StateOutput:
@@ -53,6 +56,8 @@ class StateOutput:
         self._state = JointStateCdr(joint_names(values))
         self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
+        self._slip = 0.0
+        self._contact = TelemetryCdr('contact', len(robot.contact))
         self._time = TimeCdr()
         self.stamp = -1
         self._base = len(robot.mechanism.base)
@@ -67,6 +72,8 @@ class StateOutput:
         depth = max(1, DEEP // self._odom_decimation)
         self._odom = node.publisher(Odometry, 'odom', depth)
         self._base_twist = node.publisher(Twist, 'base_twist', depth)
+        if len(self._contact.values):
+            self._contacts = node.publisher(Float64MultiArray, CONTACT_TOPIC, depth)
         self._clock = node.stream(Clock, CLOCK_TOPIC)
         self._display.connect(node)
 
@@ -97,6 +104,13 @@ class StateOutput:
         """Publish the state at hand once more."""
         self._states.publish(self._state.to_bytes())
 
+    def slip_since(self) -> float | None:
+        """Return the fastest slip in m/s told since this was asked, None where wheels cannot."""
+        if not len(self._contact.values):
+            return None
+        slip, self._slip = self._slip, 0.0
+        return slip
+
     def _publish_motion(self, stamp: int) -> None:
         pose, twist = self._base_motion(self._robot.position[None], self._robot.velocity[None])
         odometry, velocity = self._odometry, self._twist
@@ -106,3 +120,8 @@ class StateOutput:
         self._odom.publish(odometry.to_bytes())
         velocity.linear[:], velocity.angular[:] = twist[0, :3], twist[0, 3:]
         self._base_twist.publish(velocity.to_bytes())
+        if len(self._contact.values):
+            self._contact.set_stamp(stamp)
+            self._contact.values[:] = self._robot.contact
+            self._contacts.publish(self._contact.to_bytes())
+            self._slip = max(self._slip, largest_slip(self._robot.contact))

@@ -114,21 +114,16 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
 
 
 @formula
-def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
+def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
     """
-    Move the true state on by one period under the command in `now`; nobody's if `holds`.
+    Take the command in `now` for one period, nobody's if `holds`.
 
-    Writes the torque that it comes to as `applied`: within the motors' limits the command
-    itself, or the mean of what the drives make of commanded rates. Where nobody commands, the
-    drives hold the joints as with rates of zero; no torque is applied in anybody's name then.
+    Writes `driven` and `applied`, of torques within the motors' limits; with rates both are what
+    the drives then make of them, step by step.
     """
     lanes = lane_count(plant)
-    steps, period = plant['steps'][0], plant['period'][0]
-    takes_rates = (plant['takes_rates'][0] != 0) | holds
-    time = tick * period
-    h = period / steps
     # What is the same in all lanes is decided outside of the loops, which else stay scalar.
-    if takes_rates:
+    if (plant['takes_rates'][0] != 0) | holds:
         for lane in range(lanes):
             nothing = each(zero, get(now, 'torque', lane))
             put(now, 'applied', lane, nothing)
@@ -143,11 +138,53 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
                 get(memory, 'driven', lane),
                 get(plant, 'limit', lane),
                 get(plant, 'rate_limit', lane),
-                period,
+                plant['period'][0],
             )
             put(now, 'applied', lane, held)
             put(memory, 'driven', lane, held)
             put(memory, 'wound', lane, each(zero, asked))
+
+
+@formula
+def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
+    """Forget what drives did that held in nobody's name, where torques are commanded."""
+    if holds & (plant['takes_rates'][0] == 0):
+        for lane in range(lane_count(plant)):
+            nothing = each(zero, get(now, 'torque', lane))
+            put(now, 'applied', lane, nothing)
+            put(memory, 'driven', lane, nothing)
+
+
+@formula
+def drive_step(
+    plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
+) -> None:
+    """Write what moves the joints over one step of whoever else integrates: `driven`, `push`."""
+    steps, period = plant['steps'][0], plant['period'][0]
+    h = period / steps
+    if step == 0:
+        take_command(plant, memory, now, holds)
+    for lane in range(lane_count(plant)):
+        if (plant['takes_rates'][0] != 0) | holds:
+            _hold_rates(plant, memory, now, lane, h, steps)
+        put(memory, 'push', lane, disturbance(plant, lane, tick * period + (step + 0.5) * h))
+
+
+@formula
+def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
+    """
+    Move the true state on by one period under the command in `now`; nobody's if `holds`.
+
+    Writes the torque that it comes to as `applied`: within the motors' limits the command
+    itself, or the mean of what the drives make of commanded rates. Where nobody commands, the
+    drives hold the joints as with rates of zero; no torque is applied in anybody's name then.
+    """
+    lanes = lane_count(plant)
+    steps, period = plant['steps'][0], plant['period'][0]
+    takes_rates = (plant['takes_rates'][0] != 0) | holds
+    time = tick * period
+    h = period / steps
+    take_command(plant, memory, now, holds)
     for lane in range(lanes):
         put(memory, 'reached', lane, get(memory, 'position', lane))
         put(memory, 'reached_rates', lane, get(memory, 'rates', lane))
@@ -167,11 +204,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
             put(memory, 'position', lane, get(memory, 'reached', lane))
             put(memory, 'rates', lane, get(memory, 'reached_rates', lane))
     write_velocity(plant, memory)
-    if holds & (plant['takes_rates'][0] == 0):
-        for lane in range(lanes):
-            nothing = each(zero, get(now, 'torque', lane))
-            put(now, 'applied', lane, nothing)
-            put(memory, 'driven', lane, nothing)
+    release(plant, memory, now, holds)
 
 
 @formula

@@ -1,0 +1,178 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The robot moved by MuJoCo: wheels that roll as far as friction lets them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import math
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.loop.closed_loop import plant_drive, plant_observe
+from masmc_ros.loop.signals import CONTACT
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.numerics.compiled import bound
+from masmc_ros.physics.mujoco_model import contact_model
+from masmc_ros.robot.robot import Robot
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+_SETTLING = 0.5
+"""Time in s in which the robot comes to rest on wheels and castors before it starts."""
+
+_CALM = 0.95
+"""What one step of that leaves of the motion up and down."""
+
+_UPRIGHT = 0.95
+"""Least cosine of the base's tilt: beyond it the robot has fallen over."""
+
+_LOST = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+# Else it writes a file wherever it is.
+mujoco.set_mju_user_warning(lambda _: None)
+
+
+class ContactRobot(SimulatedRobot):
+    """
+    A robot on two driven wheels, as MuJoCo moves it; the interface of what it is made of.
+
+    The base's pose is what it is, also where wheels slip, unless encoders have a resolution:
+    odometry knows nothing of slip.
+    """
+
+    is_compiled = False
+
+    def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
+        """Take what SimulatedRobot does; InputError where there is no such robot in MuJoCo."""
+        self._steps = max(1, round(period / values['integrator_step']))
+        self._parts, self._loaded = (
+            contact_model(
+                robot,
+                period / self._steps,
+                friction=values['friction'],
+                castor_distance=values['castor_distance'],
+                load=load,
+            )
+            for load in (0.0, values['payload.mass'])
+        )
+        self._pick_up = round(values['payload.time'] / period)
+        self._data = mujoco.MjData(self._parts.model)
+        self._base = len(robot.mechanism.base)
+        self._yaw, self._turned = 0.0, np.zeros(9)
+        self._drive: Callable[..., None] | None = None
+        self._observe: Callable[..., bool] | None = None
+        super().__init__(robot, period, values)
+
+    def reset(self) -> None:
+        """Return to the initial state at t = 0, on wheels and castors."""
+        super().reset()
+        mujoco.mj_resetData(self._model, self._data)
+        self._settle()
+        self._write_state()
+        self._see()
+
+    def advance(self, command: NDArray[np.float64] | None) -> None:
+        """Hold a command (joints) for one period, as SimulatedRobot does."""
+        holds = command is None
+        if not holds:
+            self._command[:] = command
+        data, memory, model = self._data, self.memory[0], self._model
+        for step in range(self._steps):
+            moved = self.settings, self.memory, self.tick, step, self.now, holds
+            self._drive = self._drive or bound(plant_drive, *moved)
+            memory['rates'][:, 0] = data.qvel[self._parts.rates]
+            self._drive(*moved)
+            data.qfrc_applied[self._parts.rates] = memory['driven'][:, 0] + memory['push'][:, 0]
+            mujoco.mj_step(model, data)
+        self.tick += 1
+        self._write_state()
+        if not self._see(holds) or self._is_lost or self._turned[8] < _UPRIGHT:
+            raise InputError(
+                f'the robot lost its footing at t = {self.tick * self.period:g} s; expected a '
+                'start without a jump (active_on_start false), limits of torques and an inertia '
+                'of wheels (with their rotors) with which slipping wheels are not thrown about, '
+                'or castors further away from the axle (castor_distance)'
+            )
+
+    @property
+    def _model(self) -> Any:
+        """The robot as it is at this tick, without what it carries or with it."""
+        return (self._parts if self.tick < self._pick_up else self._loaded).model
+
+    @property
+    def _is_lost(self) -> bool:
+        """Tell whether MuJoCo has had numbers too large to go on with."""
+        return any(self._data.warning[each].number for each in _LOST)
+
+    def _settle(self) -> None:
+        """Put the robot where it begins, standing still on what touches the ground, and let go."""
+        data, memory, parts = self._data, self.memory[0], self._parts
+        start, velocity = memory['position'][:, 0].copy(), memory['velocity'][:, 0].copy()
+        x, y, self._yaw = start[:self._base]
+        data.qpos[:3] = x, y, parts.height
+        data.qpos[3:7] = math.cos(0.5 * self._yaw), 0.0, 0.0, math.sin(0.5 * self._yaw)
+        for _ in range(round(_SETTLING * self._steps / self.period)):
+            data.qpos[:2], data.qpos[parts.positions] = (x, y), start[self._base:]
+            heave, roll, pitch = _CALM * data.qvel[2:5]
+            data.qvel[:] = 0.0
+            data.qvel[2:5] = heave, roll, pitch
+            mujoco.mj_step(self._model, data)
+        data.qpos[:2], data.qpos[parts.positions] = (x, y), start[self._base:]
+        data.qvel[:] = 0.0
+        data.qvel[:2], data.qvel[5] = velocity[:2], velocity[2]
+        data.qvel[parts.rates] = velocity[self._base:]
+        data.time = 0.0
+
+    def _write_state(self) -> None:
+        """Write what MuJoCo has as the true state."""
+        data, memory = self._data, self.memory[0]
+        mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
+        yaw = math.atan2(self._turned[3], self._turned[0])
+        self._yaw += math.remainder(yaw - self._yaw, 2.0 * math.pi)
+        rates = data.qvel[self._parts.rates]
+        memory['position'][:, 0] = *data.qpos[:2], self._yaw, *data.qpos[self._parts.positions]
+        memory['velocity'][:, 0] = *data.qvel[:2], self._turned[6:] @ data.qvel[3:6], *rates
+        memory['rates'][:, 0] = rates
+
+    def _see(self, holds: bool = False) -> bool:
+        """Measure the state; tell whether it is finite."""
+        moved = self.settings, self.memory, self.delayed, self.tick, self.now, holds
+        self._observe = self._observe or bound(plant_observe, *moved)
+        return self._observe(*moved)
+
+    @property
+    def contact(self) -> NDArray[np.float64]:
+        """Return what `CONTACT` names of each wheel in turn (4 wheels)."""
+        data, parts = self._data, self._parts
+        x_rate, y_rate, turn = self.true_velocity[:self._base]
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        ahead, aside = x_rate * c + y_rate * s, y_rate * c - x_rate * s
+        rates = self.true_velocity[self._base:][:len(parts.radii)]
+        found = np.zeros((len(parts.radii), len(CONTACT)))
+        found[:, 0] = parts.radii * rates - (ahead - parts.centres * turn)
+        found[:, 1] = aside
+        # A wheel touches the ground in one point at most, with one normal and two friction forces.
+        for wheel, touches in enumerate(parts.wheels[:, None] == data.contact.geom[:, 1]):
+            if touches.any():
+                first = data.contact.efc_address[touches.argmax()]
+                normal, along, across = data.efc_force[first:first + 3]
+                found[wheel, 2:] = normal, math.hypot(along, across)
+        return found.ravel()
