@@ -32,7 +32,7 @@ from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start, settle
-from masmc_ros.loop.simulated_robot import delay_line, write_plant, write_start
+from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import Trajectory
@@ -91,6 +91,11 @@ class SideBySide:
 
     def _write(self, run: Mapping[str, Values], lane: int) -> None:
         plant, control = run['plant'], run['controller']
+        if plant['physics'] != RIGID:
+            raise InputError(
+                f'plant.physics = {plant["physics"]}: expected {RIGID} of runs side by side; '
+                'masmc simulate has the others, one at a time'
+            )
         check_agreement(plant, control)
         period = self.timing.period
         write_plant(self._plant, robot_of(plant), period, plant, lane)

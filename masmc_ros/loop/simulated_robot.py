@@ -40,7 +40,10 @@ from masmc_ros.robot.robot import Robot, robot_of
 import numpy as np
 from numpy.typing import NDArray
 
-PHYSICS = {'rigid': (__name__, 'SimulatedRobot'),
+RIGID = 'rigid'
+"""Physics of wheels that cannot slip."""
+
+PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
 """What can move the robot: modules, which are imported when they are asked for, and classes."""
 
@@ -60,7 +63,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return (
         Parameter(
             'physics',
-            'rigid',
+            RIGID,
             'What moves the robot: its equations of motion, in which wheels cannot slip, or '
             'MuJoCo, where they are in contact with the ground',
             choices=tuple(PHYSICS),
@@ -249,6 +252,8 @@ def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
     The control period is in s. Raises InputError where there is no such robot, and
     ModuleNotFoundError where what is to move it is not installed.
     """
+    if values['physics'] == RIGID and values['payload.mass'] > 0.0:
+        raise InputError('plant.payload.mass: expected plant.physics mujoco, or no payload')
     module, name = PHYSICS[values['physics']]
     kind = getattr(import_module(module), name)
     found: SimulatedRobot = kind(robot_of(values), period, values)

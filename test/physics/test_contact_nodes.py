@@ -1,0 +1,60 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wheels in contact behind real nodes: lock-step is the simulation, the wall clock goes too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from live_run import live_run
+from log_contents import read_log
+from masmc_ros.cli.main import main
+import mujoco  # noqa: F401 (without it there is nothing to test)
+from processes import NODES, PAPER, processes, ros_arguments
+
+SHARED = {'duration': '1.0', 'robot.wheel_spin_inertia': '0.01'}
+PLANT = {'physics': 'mujoco', 'friction': '0.3', 'payload.mass': '0.5', 'payload.time': '0.5'}
+TOPICS = ('joint_states', 'effort_commands', 'plant/contact', 'odom', 'tf')
+
+
+def test_lock_step_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
+    log, simulated = tmp_path / 'live.mcap', tmp_path / 'simulated.mcap'
+    given = [*SHARED.items(), *((f'plant.{name}', value) for name, value in PLANT.items())]
+    options = [word for name, value in given for word in ('--set', f'{name}={value}')]
+    assert main(['simulate', str(PAPER), '--output', str(simulated), *options]) == 0
+    with processes(tmp_path) as started:
+        arguments = ros_arguments(
+            PAPER,
+            plant__wait_for='[controller, trajectory, recorder]',
+            recorder__output=log,
+            **{f'{node}__{name}': value for node in NODES for name, value in SHARED.items()},
+            **{f'plant__{name}': value for name, value in PLANT.items()},
+        )
+        started.start('composed', '--record', *arguments)
+        assert started.wait() == {'composed': 0}, started.output()
+    live, computed = read_log(log).messages, read_log(simulated).messages
+    for topic in TOPICS:
+        assert len(live[topic]) == len(computed[topic]) > 0, topic
+        assert live[topic] == computed[topic], topic
+
+
+def test_by_the_wall_clock_diagnostics_tell_of_slip(tmp_path: Path) -> None:
+    settings = {f'plant__{name}': value for name, value in PLANT.items()}
+    for node in NODES[:3]:
+        settings[f'{node}__robot.wheel_spin_inertia'] = SHARED['robot.wheel_spin_inertia']
+    with live_run(tmp_path, *NODES, **settings) as run:
+        run.goes_on()
+        run.reports('plant', 'fastest slip of a wheel (m/s)', '0.0')
+        run.end()
