@@ -22,10 +22,12 @@ from typing import Any
 
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
+from masmc_ros.loop import records
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Stretch
+from masmc_ros.numerics.record import fill
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.plant.drives import joint_inertias
 from masmc_ros.robot.registry import chosen
@@ -36,7 +38,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from small_tree import parameters
+from small_tree import parameters, START, URDF
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 STILL = 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]'
@@ -50,14 +52,20 @@ def plant(*settings: str, physics: str = 'mujoco') -> SimulatedRobot:
     return plant_of(values, values['control_period'])
 
 
+def tree_values(given: dict[str, Any]) -> dict[str, Any]:
+    """Return values of the plant of a tree, by default where they are not given."""
+    defaults = {each.name: each.default for each in declared('plant', chosen(given))}
+    return {**defaults, **given}
+
+
 def loads(robot: SimulatedRobot) -> NDArray[np.float64]:
     """Return the normal forces of the wheels in N."""
     return robot.contact.reshape(-1, len(CONTACT))[:, 2]
 
 
-def run(*settings: str, physics: str = 'mujoco') -> Stretch:
-    """Return the paper's run from where the robot is, in one piece."""
-    values = load_scenario(PAPER, [f'plant.physics={physics}', APPROACH, *settings])
+def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> Stretch:
+    """Return a run from where the robot is, in one piece."""
+    values = load_scenario(file, [f'plant.physics={physics}', APPROACH, *settings])
     (stretch,) = Simulation(values, activation(values)).run(block=sys.maxsize)
     return stretch
 
@@ -77,15 +85,32 @@ def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDAr
     return np.asarray(constraint.T @ whole @ constraint)
 
 
+def check_inertia(values: dict[str, Any], angles: tuple[float, ...]) -> None:
+    """Hold the diagonal of MuJoCo's inertia against that of the mechanism's H."""
+    robot, at = robot_of(values), np.array(angles)
+    settings = records.plant_settings(robot.mechanism)
+    fill(settings, 'geometry', robot.geometry)
+    fill(settings, 'theta', robot.theta)
+    expected = joint_inertias(settings, at[:, None])[:, 0]
+    np.testing.assert_allclose(np.diag(rolling_inertia(values, at)), expected, rtol=1e-7)
+
+
 @pytest.mark.parametrize('angles', [(0.0, 0.0, 0.8, -1.6), (1.0, -2.0, -0.4, 2.1)])
 def test_its_inertia_is_the_mechanism_s(angles: tuple[float, ...]) -> None:
     # A solid has half of a wheel's spin inertia about the vertical, as the URDF says.
     settings = ['robot.wheel_yaw_inertia=0.0001', 'robot.com_offset=0.05']
-    values = load_scenario(PAPER, settings)['plant']
-    rigid = plant(*settings, physics='rigid')
-    at = np.array(angles)
-    expected = joint_inertias(rigid.settings, at[:, None])[:, 0]
-    np.testing.assert_allclose(np.diag(rolling_inertia(values, at)), expected, rtol=1e-8)
+    check_inertia(load_scenario(PAPER, settings)['plant'], angles)
+
+
+def test_its_inertia_is_that_of_a_tree() -> None:
+    # Of wheels a tree has nothing but their spin: these are solids of revolution.
+    form = 'rpy="{}"/><mass value="1"/>\n<inertia ixx="0.003" ixy="{}" ixz="{}"'
+    skewed, plain = form.format('0.2 -0.1 0.3', 0.0002, -0.0001), form.format('0 0 0', 0, 0)
+    assert URDF.count(skewed) == 2
+    head, *wheels = URDF.split(skewed)
+    turned = [each.replace('iyz="0.0003"', 'iyz="0"', 1) for each in wheels]
+    round_wheels = plain.join([head, *turned])
+    check_inertia(tree_values(parameters(round_wheels)), START)
 
 
 def test_it_rolls_on_when_nothing_drives_it() -> None:
@@ -117,6 +142,19 @@ def test_without_slip_it_goes_the_way_of_the_rigid_robot() -> None:
     assert np.abs(contact.error - rigid.error).max() < 0.001
     # Nothing but gravity on the little slope and creep tells them apart.
     assert np.abs(contact.true_position - rigid.true_position)[:, :2].max() < 0.001
+
+
+@pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
+def test_the_robust_law_keeps_traction(friction: float) -> None:
+    """As docs/contact.md has it, in the first seconds of the path."""
+    stretch = run(
+        'duration=6.0',
+        f'plant.friction={friction}',
+        'robot.wheel_spin_inertia=0.01',
+        file=PAPER.replace('paper', 'robust'),
+    )
+    assert largest_slip(stretch.contact) < 0.01
+    assert np.abs(stretch.error[5000:]).max() < 2e-4
 
 
 def test_wheels_slip_where_friction_is_small() -> None:
@@ -187,9 +225,8 @@ def test_a_bare_wheel_that_is_thrown_about_ends_the_run(
 @pytest.mark.parametrize('base', ['fixed', 'omnidirectional'])
 def test_what_has_no_such_wheels_is_refused(base: str) -> None:
     given = {**parameters(), 'robot.base': base, 'robot.wheels': (), 'robot.posture': (0.0,)}
-    values = {each.name: each.default for each in declared('plant', chosen(given))}
     with pytest.raises(InputError, match='expected a robot on two driven wheels'):
-        contact_model(robot_of({**values, **given}), STEP, friction=0.8)
+        contact_model(robot_of(tree_values(given)), STEP, friction=0.8)
 
 
 def test_without_the_package_one_line_says_how_to_get_it(
