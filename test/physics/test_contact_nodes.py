@@ -21,6 +21,9 @@ from pathlib import Path
 from live_run import live_run
 from log_contents import read_log
 from masmc_ros.cli.main import main
+from masmc_ros.nodes.plant.health import PlantHealth
+from masmc_ros.nodes.process.diagnostics import OK, WARN
+from masmc_ros.nodes.process.refusals import Refusals
 import mujoco  # noqa: F401 (without it there is nothing to test)
 from processes import NODES, PAPER, processes, ros_arguments
 
@@ -58,3 +61,13 @@ def test_by_the_wall_clock_diagnostics_tell_of_slip(tmp_path: Path) -> None:
         run.goes_on()
         run.reports('plant', 'fastest slip of a wheel (m/s)', '0.0')
         run.end()
+
+
+def test_slip_beyond_creep_is_a_warning() -> None:
+    for slip, level in ((None, OK), (0.01, OK), (0.2, WARN)):
+        health = PlantHealth(0.001).report(
+            None, [], Refusals(None), state='runs', ticks=1, command_age=0.0, slip=slip
+        )
+        assert health.level == level
+        told = health.values.get('fastest slip of a wheel (m/s)')
+        assert told == (None if slip is None else f'{slip:.4f}')

@@ -23,6 +23,7 @@ from typing import Any
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
+from masmc_ros.loop.side_by_side import SideBySide
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
@@ -227,6 +228,17 @@ def test_what_has_no_such_wheels_is_refused(base: str) -> None:
     given = {**parameters(), 'robot.base': base, 'robot.wheels': (), 'robot.posture': (0.0,)}
     with pytest.raises(InputError, match='expected a robot on two driven wheels'):
         contact_model(robot_of(tree_values(given)), STEP, friction=0.8)
+
+
+def test_runs_side_by_side_are_rigid_ones() -> None:
+    run = load_scenario(PAPER, ['plant.physics=mujoco', 'duration=0.1'])
+    with pytest.raises(InputError, match='physics = mujoco: expected rigid of runs side by side'):
+        SideBySide([run])
+
+
+def test_the_rigid_robot_takes_no_payload() -> None:
+    with pytest.raises(InputError, match='physics mujoco, or no payload'):
+        plant('plant.payload.mass=1.0', physics='rigid')
 
 
 def test_without_the_package_one_line_says_how_to_get_it(
