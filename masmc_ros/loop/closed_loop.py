@@ -34,6 +34,7 @@ from masmc_ros.robot.plant.tick import (
     release,
     write_velocity,
 )
+import numpy as np
 
 
 @kernel
@@ -137,7 +138,8 @@ def plant_observe(
 def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
     """Measure the state at tick 0 from the positions and the joints' rates in the memory."""
     write_velocity(plant[0], memory[0])
-    observe(plant[0], memory[0], delayed, 0, now[0])
+    # Not the literal, for which the compiler would make code of its own.
+    observe(plant[0], memory[0], delayed, np.int64(0), now[0])
     return is_finite(now[0])
 
 

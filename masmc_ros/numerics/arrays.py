@@ -12,41 +12,150 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Between tuples, on which formulas work, and arrays, for what needs loops."""
+"""
+Between tuples, on which formulas work, and arrays, for what needs loops.
+
+Indices are not negative and within the array; compiled code does not look.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import Numbers, tabulate
+from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.tuples import entry_place, is_array, new_vector, Numbers, VECTOR
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
+import numpy as np
 
 
-@formula
-def _entry(array: Any, i: int) -> float:
-    return array[i]
+def taken(array: Any, as_many: Numbers) -> Any:
+    """Return the first entries of an array, as many as a vector has."""
+    count = len(as_many)
+    return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
 
 
-@formula
-def taken(array: Any, as_many: Numbers) -> Numbers:
-    """Return the first entries of an array, as many as a tuple has."""
-    return tabulate(_entry, as_many, array)
-
-
-@formula
-def _in_row(of: tuple[Any, int, int, int], i: int) -> float:
-    array, row, first, lane = of
-    return array[row, first + i, lane]
-
-
-@formula
-def read_row(array: Any, row: int, first: int, lane: int, as_many: Numbers) -> Numbers:
+def read_row(array: Any, row: int, first: int, lane: int, as_many: Numbers) -> Any:
     """Return the entries (row, first ..., lane) of an array, as many as a tuple has."""
-    return tabulate(_in_row, as_many, (array, row, first, lane))
+    return tuple(array[row, first + i, lane] for i in range(len(as_many)))
 
 
-@formula
 def write_row(array: Any, row: int, first: int, lane: int, values: Numbers) -> None:
     """Write a tuple into the entries (row, first ..., lane) of an array."""
     for i in range(len(values)):
         array[row, first + i, lane] = values[i]
+
+
+def read_part(array: Any, row: int, first: int, as_many: Numbers) -> Any:
+    """Return the entries (row, first ...) of an array, as many as a tuple has."""
+    return tuple(array[row, first + i] for i in range(len(as_many)))
+
+
+def write_part(array: Any, row: int, first: int, values: Numbers) -> None:
+    """Write a tuple into the entries (row, first ...) of an array."""
+    for i in range(len(values)):
+        array[row, first + i] = values[i]
+
+
+def read_down(array: Any, first: int, column: int, as_many: Numbers) -> Any:
+    """Return the entries (first ..., column) of an array, as many as a tuple has."""
+    return tuple(array[first + i, column] for i in range(len(as_many)))
+
+
+def array_of(values: Numbers) -> Any:
+    """Return a vector as an array; one that is an array as it is."""
+    return np.array(values) if isinstance(values, tuple) else values
+
+
+def _tuple_of(context: Any, array: Any, *others: Any) -> types.Type:
+    return types.UniTuple(array.dtype, len(others[-1]))
+
+
+def _places(
+    compiler: Compiler, kinds: Any, values: Any, which: int, count: int
+) -> list[Any]:
+    """Return pointers to entries of an array from an index on, of which one goes up."""
+    array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
+    start = [
+        compiler.cast(value, kind, types.intp)
+        for value, kind in zip(values[1:], kinds[1:], strict=True)
+    ]
+    build, found = compiler.builder, []
+    for i in range(count):
+        at = [
+            build.add(index, index.type(i)) if k == which else index
+            for k, index in enumerate(start)
+        ]
+        place = cgutils.get_item_pointer(compiler.context, build, kinds[0], array, at)
+        found.append(place)
+    return found
+
+
+def _read(which: int, indices: int) -> Any:
+    """Return what emits the reading of a tuple from an index on, of which one goes up."""
+
+    def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+        places = _places(
+            compiler, kinds[:1 + indices], values[:1 + indices], which, len(compiler.result)
+        )
+        return compiler.tuple_of([compiler.builder.load(place) for place in places])
+
+    return write
+
+
+def _written(indices: int) -> Any:
+    """Return what emits the writing of a tuple, the second index going up."""
+
+    def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
+        given = kinds[1 + indices]
+        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], 1, len(given))
+        entries = compiler.entries(values[1 + indices], given)
+        for place, entry, kind in zip(places, entries, given, strict=True):
+            compiler.builder.store(compiler.cast(entry, kind, kinds[0].dtype), place)
+        return compiler.context.get_dummy_value()
+
+    return write
+
+
+generated(read_row, _tuple_of)(_read(1, 3))
+generated(read_part, _tuple_of)(_read(1, 2))
+generated(read_down, _tuple_of)(_read(0, 2))
+generated(write_row, lambda context, *kinds: types.none)(_written(3))
+generated(write_part, lambda context, *kinds: types.none)(_written(2))
+
+
+def _type_of_taken(context: Any, array: Any, as_many: Any) -> types.Type:
+    if isinstance(as_many, types.Array):
+        return as_many
+    return types.UniTuple(array.dtype, len(as_many))
+
+
+@generated(taken, _type_of_taken)
+def _taken(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    if is_array(kinds[1]):
+        return compiler.run(_copy_of_first, kinds, values)
+    first = compiler.context.get_constant(types.intp, 0)
+    places = _places(
+        compiler, (kinds[0], types.intp), (values[0], first), 0, len(compiler.result)
+    )
+    return compiler.tuple_of([compiler.builder.load(place) for place in places])
+
+
+def _copy_of_first(array: Any, as_many: Any) -> Any:
+    out = np.empty(len(as_many))
+    for i in range(len(out)):
+        out[i] = array[i]
+    return out
+
+
+@generated(array_of, lambda context, values: VECTOR)
+def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    if is_array(kinds[0]):
+        return impl_ret_borrowed(compiler.context, compiler.builder, kinds[0], values[0])
+    entries = compiler.entries(values[0], kinds[0])
+    out = new_vector(compiler, compiler.context.get_constant(types.intp, len(entries)))
+    for i, value in enumerate(entries):
+        at = compiler.context.get_constant(types.intp, i)
+        compiler.builder.store(value, entry_place(compiler, VECTOR, out, at))
+    return out

@@ -29,11 +29,12 @@ fused multiply-add, because a run gives the same bits on every machine.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property, update_wrapper
 import hashlib
 import os
 from pathlib import Path
 import sys
+from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
@@ -55,9 +56,41 @@ _FOLDERS = ('numerics', 'robot', 'law', 'reference', 'loop')
 """Folders of the package in which there is compiled code."""
 
 
+class Formula:
+    """
+    A formula: for compiled code without, for Python with what Python calls compiled code by.
+
+    That takes longer to compile than most formulas, and few are called from Python.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        """Take the function in plain Python."""
+        update_wrapper(self, function)
+        self.py_func = function
+        self._compiled = _compile(function, forceinline=True, no_cpython_wrapper=True)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What compiled code sees in the place of this object."""
+        return self._compiled._numba_type_
+
+    @cached_property
+    def _of_python(self) -> Callable[..., Any]:
+        own: Any = self.py_func
+        # By another name, because Numba keeps machine code on disk by names.
+        twin = FunctionType(own.__code__, own.__globals__, own.__name__, own.__defaults__)
+        twin.__module__, twin.__qualname__ = own.__module__, f'{own.__qualname__}_of_python'
+        return cast(Callable[..., Any], _compile(twin, forceinline=True))
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        return self._of_python(*arguments)
+
+
 def formula(function: Callable[..., Any]) -> Any:
     """Compile a pure scalar function, inlined where it is called from compiled code."""
-    return _compile(function, forceinline=True)
+    settings: Any = config  # its attributes are made when it is imported
+    return function if settings.DISABLE_JIT else Formula(function)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -87,7 +120,9 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
     settings: Any = config  # its attributes are made when it is imported
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
     try:
-        return njit(error_model='numpy', cache=True, **options)(function)
+        # Nobody calls by C's conventions, and a wrapper for it takes long to compile.
+        options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
+        return njit(**options)(function)
     finally:
         settings.CACHE_DIR = previous
 

@@ -90,6 +90,18 @@ class Compiler:
         """Return a constant."""
         return self.context.get_constant(types.float64, value)
 
+    def run(self, function: Callable[..., Any], kinds: Sequence[Type], values: Any) -> Any:
+        """Call a plain function that is compiled with this call, the result's type being its."""
+        return self.internal(function, self.result, kinds, values)
+
+    def internal(
+        self, function: Callable[..., Any], result: Type, kinds: Sequence[Type], values: Any
+    ) -> Any:
+        """Call a plain function that is compiled for arguments and a result of these types."""
+        return self.context.compile_internal(
+            self.builder, function, signature(result, *kinds), values
+        )
+
     def cast(self, value: Any, given: Type, wanted: Type) -> Any:
         """Return a value as one of another type."""
         return self.context.cast(self.builder, value, given, wanted)

@@ -32,6 +32,7 @@ from typing import Any
 
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.tuples import entry_place, is_array, LONGEST, new_vector, VECTOR
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -162,11 +163,11 @@ def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def get(record: Any, name: str, lane: int) -> Any:
-    """Return a field of one lane: a number, or a tuple of its components."""
+    """Return a field of one lane: a number, or a vector of its components, a copy."""
     values = record[name]
     if values.ndim == 1:
         return values[lane]
-    return tuple(values[:, lane])
+    return tuple(values[:, lane]) if len(values) <= LONGEST else values[:, lane].copy()
 
 
 def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
@@ -175,18 +176,27 @@ def _type_of_field(context: Any, record: Any, name: Any, lane: Any) -> Any:
         return None
     shape = _shape(record, name.literal_value)
     kind = record.fields[name.literal_value].type.dtype
-    return kind if len(shape) == 1 else types.UniTuple(kind, shape[0])
+    if len(shape) == 1:
+        return kind
+    return types.UniTuple(kind, shape[0]) if shape[0] <= LONGEST else VECTOR
 
 
 @generated(get, _type_of_field)
 def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    build = compiler.builder
+    if is_array(compiler.result):
+        out = new_vector(compiler, _count(compiler, kinds))
+        with cgutils.for_range(build, _count(compiler, kinds)) as loop:
+            place = _component(compiler, kinds, values, loop.index)
+            build.store(build.load(place), entry_place(compiler, VECTOR, out, loop.index))
+        return out
     places = _places(compiler, kinds, values)
-    found = [compiler.builder.load(place) for place in places]
+    found = [build.load(place) for place in places]
     return compiler.tuple_of(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
 
 
 def put(record: Any, name: str, lane: int, value: Any) -> None:
-    """Write a number or a tuple into a field of one lane."""
+    """Write a number or a vector into a field of one lane."""
     values = record[name]
     if values.ndim == 1:
         values[lane] = value
@@ -198,6 +208,12 @@ def put(record: Any, name: str, lane: int, value: Any) -> None:
 def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
     kind = kinds[0].fields[kinds[1].literal_value].type.dtype
     value, given = values[3], kinds[3]
+    if is_array(given):
+        build = compiler.builder
+        with cgutils.for_range(build, _count(compiler, kinds)) as loop:
+            number = build.load(entry_place(compiler, given, value, loop.index))
+            build.store(number, _component(compiler, kinds, values, loop.index))
+        return compiler.context.get_dummy_value()
     entries, of = [value], [given]
     is_vector = isinstance(given, types.BaseTuple)
     if is_vector:
@@ -211,16 +227,33 @@ def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 def _places(compiler: Compiler, kinds: Any, values: Any) -> list[Any]:
     """Return pointers to the components of a field of one lane."""
-    record, name = kinds[0], kinds[1].literal_value
-    field, shape = record.fields[name], _shape(record, name)
+    shape = _shape(kinds[0], kinds[1].literal_value)
+    return [
+        _place(compiler, kinds, values, compiler.context.get_constant(types.intp, i * shape[-1]))
+        for i in range(1 if len(shape) == 1 else shape[0])
+    ]
+
+
+def _component(compiler: Compiler, kinds: Any, values: Any, i: Any) -> Any:
+    """Return a pointer to component i of a field of one lane."""
+    lanes = i.type(_shape(kinds[0], kinds[1].literal_value)[-1])
+    return _place(compiler, kinds, values, compiler.builder.mul(i, lanes))
+
+
+def _place(compiler: Compiler, kinds: Any, values: Any, beyond: Any) -> Any:
+    """Return a pointer so many numbers beyond the first component of a field of one lane."""
+    field = kinds[0].fields[kinds[1].literal_value]
     number = compiler.context.get_data_type(field.type.dtype)
     build = compiler.builder
     start = cgutils.get_record_member(build, values[0], field.offset, number)
     lane = compiler.cast(values[2], kinds[2], types.intp)
-    components = 1 if len(shape) == 1 else shape[0]
-    return [
-        build.gep(start, [build.add(lane, lane.type(i * shape[-1]))]) for i in range(components)
-    ]
+    return build.gep(start, [build.add(lane, beyond)])
+
+
+def _count(compiler: Compiler, kinds: Any) -> Any:
+    """Return the number of components of a field."""
+    count = _shape(kinds[0], kinds[1].literal_value)[0]
+    return compiler.context.get_constant(types.intp, count)
 
 
 def copied(record: Any) -> Any:

@@ -13,7 +13,11 @@
 # limitations under the License.
 
 """
-Tuples of any length in formulas: entry by entry, sums of products, parts.
+Vectors of any length in formulas: entry by entry, sums of products, parts.
+
+A vector is a tuple, which the compiler writes out entry by entry; one of more than LONGEST
+entries, as records hold them, is an array, through which it goes in loops. What is named here
+before `matrix_times` takes either.
 
 Sums go from the first entry on and begin with zero, so that they have the same bits wherever
 they are computed.
@@ -26,9 +30,15 @@ from typing import Any
 
 from masmc_ros.numerics.generated import called, Compiler, generated, like
 from numba import types
+from numba.core import cgutils
+import numpy as np
 
 Numbers = tuple[float, ...]
 FLOAT = types.float64
+VECTOR = types.Array(FLOAT, 1, 'C')
+
+LONGEST = 48
+"""Most entries of a vector that is a tuple."""
 
 
 def _floats(n: int) -> types.Type:
@@ -39,19 +49,54 @@ def _is_tuple(kind: types.Type) -> bool:
     return isinstance(kind, types.BaseTuple)
 
 
-def each(function: Callable[..., Any], *arguments: Any) -> tuple[Any, ...]:
-    """Return function(a, b, ...) of every entry; a number stands for a tuple of it."""
-    count = next(len(a) for a in arguments if isinstance(a, tuple))
-    return tuple(
-        function(*(a[i] if isinstance(a, tuple) else a for a in arguments)) for i in range(count)
+def is_array(kind: types.Type) -> bool:
+    """Tell whether a vector of this type is an array."""
+    return isinstance(kind, types.Array)
+
+
+def _is_vector(kind: types.Type) -> bool:
+    return _is_tuple(kind) or is_array(kind)
+
+
+def _empty(shape: Any) -> Any:
+    return np.empty(shape)
+
+
+def new_vector(compiler: Compiler, count: Any) -> Any:
+    """Return an array of so many numbers, not yet written."""
+    return compiler.internal(_empty, VECTOR, (types.intp,), (count,))
+
+
+def entry_place(compiler: Compiler, kind: types.Type, value: Any, i: Any) -> Any:
+    """Return a pointer to an entry of an array."""
+    array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
+    return cgutils.get_item_pointer(compiler.context, compiler.builder, kind, array, [i])
+
+
+def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
+    array = compiler.context.make_array(kind)(compiler.context, compiler.builder, value)
+    return compiler.builder.extract_value(array.shape, 0)
+
+
+def each(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return function(a, b, ...) of every entry; a number stands for a vector of it."""
+    vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
+    found = (
+        function(*(a[i] if isinstance(a, tuple | np.ndarray) else a for a in arguments))
+        for i in range(len(vectors[0]))
     )
+    return tuple(found) if isinstance(vectors[0], tuple) else np.array(list(found))
 
 
 def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
-    return tuple(kind[i] if _is_tuple(kind) else kind for kind in kinds)
+    return tuple(
+        kind[i] if _is_tuple(kind) else kind.dtype if is_array(kind) else kind for kind in kinds
+    )
 
 
 def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
+    if any(map(is_array, kinds)):
+        return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
     return like(
         called(context, function, _types_of_entry(kinds, i)).return_type for i in range(count)
@@ -61,6 +106,8 @@ def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
 @generated(each, _type_of_each)
 def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
+    if is_array(compiler.result):
+        return _each_of_arrays(compiler, function, kinds, values)
     rows = [
         compiler.entries(value, kind) if _is_tuple(kind) else value
         for kind, value in zip(kinds, values, strict=True)
@@ -76,19 +123,42 @@ def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
+def _each_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
+    build = compiler.builder
+    count = next(
+        _length(compiler, kind, value)
+        for kind, value in zip(kinds, values, strict=True)
+        if is_array(kind)
+    )
+    out = new_vector(compiler, count)
+    with cgutils.for_range(build, count) as loop:
+        entries = [
+            build.load(entry_place(compiler, kind, value, loop.index)) if is_array(kind) else value
+            for kind, value in zip(kinds, values, strict=True)
+        ]
+        found = compiler.call(function, FLOAT, _types_of_entry(kinds, 0), entries)
+        build.store(found, entry_place(compiler, VECTOR, out, loop.index))
+    return out
+
+
 def tabulate(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
-    """Return function(argument, i) for every place i of a tuple."""
-    return tuple(function(argument, i) for i in range(len(of)))
+    """Return function(argument, i) for every place i of a vector; of an array, an array."""
+    found = [function(argument, i) for i in range(len(of))]
+    return tuple(found) if isinstance(of, tuple) else np.array(found)
 
 
 def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types.Type:
     row = called(context, function, (argument, types.intp)).return_type
+    if is_array(of):
+        return types.Array(FLOAT, 2, 'C') if _is_tuple(row) else VECTOR
     return like([row] * len(of))
 
 
 @generated(tabulate, _type_of_table)
 def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    function, _, argument = kinds
+    function, of, argument = kinds
+    if is_array(of):
+        return _table_of_array(compiler, kinds, values)
     return compiler.tuple_of([
         compiler.call(
             function,
@@ -100,11 +170,36 @@ def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
+def _table_of_array(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    function, of, argument = kinds
+    context, build = compiler.context, compiler.builder
+    row = called(context.typing_context, function, (argument, types.intp)).return_type
+    count = _length(compiler, of, values[1])
+    if _is_tuple(row):
+        wide = context.get_constant(types.intp, len(row))
+        pair = types.UniTuple(types.intp, 2)
+        shape = context.make_tuple(build, pair, [count, wide])
+        out = compiler.internal(_empty, compiler.result, (pair,), (shape,))
+    else:
+        out = new_vector(compiler, count)
+    array = context.make_array(compiler.result)(context, build, out)
+    with cgutils.for_range(build, count) as loop:
+        found = compiler.call(function, row, (argument, types.intp), (values[2], loop.index))
+        entries = compiler.entries(found, row) if _is_tuple(row) else [found]
+        for j, value in enumerate(entries):
+            at = [loop.index]
+            if _is_tuple(row):
+                at.append(context.get_constant(types.intp, j))
+            place = cgutils.get_item_pointer(context, build, compiler.result, array, at)
+            build.store(value, place)
+    return out
+
+
 def dot(a: Numbers, b: Numbers) -> float:
     """Return the sum of the products of entries."""
     total = 0.0
-    for x, y in zip(a, b, strict=True):
-        total += x * y
+    for i in range(len(a)):
+        total += a[i] * b[i]
     return total
 
 
@@ -115,11 +210,42 @@ def _sum_of_products(compiler: Compiler, a: list[Any], b: list[Any]) -> Any:
     return total
 
 
+_dot_of_arrays = dot
+
+
 @generated(dot, lambda context, a, b: FLOAT)
 def _dot(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    if is_array(kinds[0]):
+        return compiler.run(_dot_of_arrays, kinds, values)
     return _sum_of_products(
         compiler, *(compiler.entries(v, k) for v, k in zip(values, kinds, strict=True))
     )
+
+
+def unit(of: Numbers, i: int) -> Any:
+    """Return the i-th unit vector, as long as `of`."""
+    if isinstance(of, tuple):
+        return tuple(1.0 if j == i else 0.0 for j in range(len(of)))
+    return _unit_array(of, i)
+
+
+def _unit_array(of: Any, i: int) -> Any:
+    out = np.zeros(len(of))
+    out[i] = 1.0
+    return out
+
+
+@generated(unit, lambda context, of, i: VECTOR if is_array(of) else _floats(len(of)))
+def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    if is_array(kinds[0]):
+        return compiler.run(_unit_array, kinds, values)
+    place = compiler.cast(values[1], kinds[1], types.intp)
+    one, zero = compiler.number(1.0), compiler.number(0.0)
+    here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
+    build = compiler.builder
+    return compiler.tuple_of([
+        build.select(build.icmp_signed('==', place, j), one, zero) for j in here
+    ])
 
 
 def matrix_times(columns: tuple[Numbers, ...], x: Numbers) -> Numbers:
@@ -134,22 +260,6 @@ def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of([
         _sum_of_products(compiler, [column[i] for column in columns], x)
         for i in range(len(columns[0]))
-    ])
-
-
-def unit(of: Numbers, i: int) -> Numbers:
-    """Return the i-th unit vector, as long as `of`."""
-    return tuple(1.0 if j == i else 0.0 for j in range(len(of)))
-
-
-@generated(unit, lambda context, of, i: _floats(len(of)))
-def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    place = compiler.cast(values[1], kinds[1], types.intp)
-    one, zero = compiler.number(1.0), compiler.number(0.0)
-    here = [compiler.context.get_constant(types.intp, j) for j in range(len(kinds[0]))]
-    build = compiler.builder
-    return compiler.tuple_of([
-        build.select(build.icmp_signed('==', place, j), one, zero) for j in here
     ])
 
 

@@ -32,7 +32,7 @@ from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import tabulate, unit
+from masmc_ros.numerics.tuples import unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +41,8 @@ Numbers = tuple[float, ...]
 
 
 @formula
-def felt_inertia(of: tuple[Any, Numbers, Any], joint: int) -> float:
+def felt_inertia(model: Any, like: Numbers, h: Any, joint: int) -> float:
     """Return entry (joint, joint) of the reduced inertia H of (10), kg m2."""
-    model, like, h = of
     v = mechanism.motion(model, unit(like, joint))
     return mechanism.joint_torques(model, mechanism.inertia_times(model, h, v))[joint]
 
@@ -62,9 +61,8 @@ def joint_inertias(plant: Any, angles: Any) -> NDArray[np.float64]:
         model = mechanism.model_of(record, lane)
         bend = mechanism.posture_of_joints(model, taken(angles[:, lane], like))
         h = mechanism.inertia(model, bend, get(record, 'theta', lane))
-        entries = tabulate(felt_inertia, like, (model, like, h))
-        for i in range(len(entries)):
-            diagonal[i, lane] = entries[i]
+        for joint in range(len(like)):
+            diagonal[joint, lane] = felt_inertia(model, like, h, joint)
     return diagonal
 
 
