@@ -57,7 +57,12 @@ from masmc_ros.numerics.dispatch import by_class, by_tag, contract
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 
 Numbers = tuple[float, ...]
-"""A vector; its length is the mechanism's number of what it has an entry for."""
+"""
+A vector; its length is the mechanism's number of what it has an entry for.
+
+It is a tuple; theta and what has as many entries are arrays where those are more than
+`numerics.tuples.LONGEST`, and formulas return an array then where `like` is one.
+"""
 
 _of_record = contract(by_tag('mechanism', formulas_of_tag))
 of_model = contract(by_class(formulas_of_model))
@@ -241,6 +246,17 @@ def inertia_solve(model: Any, inertia: Any, forces: Numbers) -> Numbers:
 @of_model
 def coriolis(model: Any, posture: Any, theta: Numbers, motion: Numbers) -> Numbers:
     """Return V v and the forces against gravity; Hdot - 2 V is skew-symmetric."""
+
+
+@of_model
+def joint_accelerations(
+    model: Any, posture: Any, theta: Numbers, rates: Numbers, torques: Numbers
+) -> Numbers:
+    """
+    Return the joints' accelerations under torques.
+
+    `forward_dynamics.py` has this formula by those above.
+    """
 
 
 @of_model

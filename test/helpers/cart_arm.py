@@ -46,6 +46,7 @@ from masmc_ros.robot.declaration import (
     Shape,
     Velocity,
 )
+from masmc_ros.robot.forward_dynamics import joint_accelerations
 from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
@@ -58,6 +59,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    'joint_accelerations',
     'keeps_bodies',
     'motion_error',
     'reference_motion',

@@ -19,8 +19,8 @@ from __future__ import annotations
 import hashlib
 
 from masmc_ros.robot.tree import dynamics
-from masmc_ros.robot.tree.assembly import tree_robot
-from masmc_ros.robot.tree.dynamics import Placement
+from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
+from masmc_ros.robot.tree.model import packed, Tree, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import natural_step
 from masmc_ros.robot.tree.urdf import read_urdf
 import numpy as np
@@ -45,34 +45,46 @@ _URDF = '<robot>{}</robot>'.format(
 )
 
 
+def model_of(
+    robot: TreeRobot | Tree, body: int = 0, point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> TreeModel:
+    """Return a robot as formulas take it, with a body's point for its task."""
+    tree = robot if isinstance(robot, Tree) else robot.tree
+    size = tree.base + len(tree.parent) - 1
+    numbers = packed(
+        tree, np.eye(tree.base), (body, np.eye(3).ravel().tolist(), point), np.ones(size),
+        np.zeros(size), 0.0, 0.0, 1e-3,
+    )  # fmt: skip
+    return TreeModel(numbers[:, None], 0)
+
+
 def digest() -> str:
-    """Return the digest of everything that is computed of some states, side by side."""
+    """Return the digest of everything that is computed of some states."""
     robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text', base='omnidirectional', armature=0.01)
-    bodies, size, lanes = 5, 7, 5
-    moments = robot.moments[:, :, None] * np.linspace(0.5, 1.5, lanes)
-    grid = np.arange(size * lanes, dtype=float).reshape(size, lanes)
-    position, velocity, reference, acceleration = (
-        (grid % step - step / 2.0) / 7.0 for step in (11.0, 13.0, 17.0, 19.0)
-    )
-    place = Placement(np.empty((bodies, 9, lanes)), np.empty((bodies, 3, lanes)))
-    poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
-    forces, free = np.empty((2, size, lanes))
-    matrix = np.empty((size, size, lanes))
-    jacobian, derivative = np.empty((2, 6, size, lanes))
-    gradients = np.empty((bodies, 10, lanes))
-    dynamics.place(robot.tree, position, place)
-    dynamics.world_poses(robot.tree, place, poses)
-    state = robot.tree, moments, place, velocity
-    dynamics.inverse_dynamics(*state, reference, acceleration, 9.81, forces)
-    dynamics.inertia(*state[:3], matrix)
-    dynamics.forward_dynamics(*state, reference, 9.81, free)
-    dynamics.moment_gradients(
-        robot.tree, place, velocity, reference, acceleration, 9.81, velocity, gradients
-    )
-    dynamics.point_jacobian(
-        robot.tree, poses, velocity, 3, position[:3].copy(), jacobian, derivative
-    )
-    found = (*place, *poses, forces, matrix, free, gradients, jacobian, derivative)
+    point = (0.3, -0.2, 0.1)
+    model = model_of(robot, 3, point)
+    size, states = 7, 5
+    grid = np.arange(size * states, dtype=float).reshape(states, size)
+    found = []
+    for scale, *state in zip(
+        np.linspace(0.5, 1.5, states),
+        *((grid % step - step / 2.0) / 7.0 for step in (11.0, 13.0, 17.0, 19.0)),
+        strict=True,
+    ):
+        position, velocity, reference, acceleration = state
+        theta = scale * robot.moments.ravel()
+        posture = dynamics.place(model, *position[:3].tolist(), position, 3)
+        of = model, posture, theta
+        moved = velocity, reference, acceleration, 9.81
+        found += [
+            *posture[:2],
+            dynamics.inverse_dynamics(*of, *moved),
+            dynamics.inertia(*of),
+            dynamics.forward_dynamics(*of, velocity, reference, 9.81),
+            dynamics.moment_gradients(model, posture, *moved, velocity),
+            dynamics.point_jacobian(model, posture, 3, point),
+            dynamics.point_jacobian_rate(model, posture, velocity, 3, point),
+        ]
     return hashlib.sha256(b''.join(map(np.ndarray.tobytes, found))).hexdigest()
 
 

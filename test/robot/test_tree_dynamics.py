@@ -22,19 +22,14 @@ import subprocess
 import sys
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
-from masmc_ros.robot.tree.dynamics import (
-    DIFFERENTIAL,
-    FIXED,
-    GRAVITY,
-    OMNIDIRECTIONAL,
-    Placement,
-    Tree,
-)
+from masmc_ros.robot.tree.dynamics import GRAVITY, Posture
+from masmc_ros.robot.tree.model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
+from masmc_ros.robot.tree.task import tip_pose
 from masmc_ros.robot.tree.urdf import read_urdf
 from masmc_ros.robot.two_link import two_link
 import numpy as np
@@ -42,11 +37,11 @@ from numpy.typing import NDArray
 import pytest
 from robots import DEFAULT, Machine, machines
 import tree_bits
-from tree_bits import adapted_digest, digest
+from tree_bits import adapted_digest, digest, model_of
 
 Array = NDArray[np.float64]
 
-LANES = 3
+STATES = 3
 FEW = settings(max_examples=25)
 
 trees = st.builds(
@@ -58,7 +53,7 @@ trees = st.builds(
 
 
 class Drawn:
-    """A random robot of so many bodies, and random states of it, one for each lane."""
+    """A random robot of so many bodies, and random states of it, in columns."""
 
     def __init__(self, seed: int, bodies: int, base: int) -> None:
         """Draw them."""
@@ -74,24 +69,32 @@ class Drawn:
             base,
             np.array([-1, *(draw.integers(0, body) for body in range(1, bodies))]),
             draw.integers(0, 2, bodies),
-            (axes / np.linalg.norm(axes, axis=1)[:, None])[:, :, None],
-            turns.reshape(bodies, 9, 1),
-            draw.normal(size=(bodies, 3, 1)),
+            axes / np.linalg.norm(axes, axis=1)[:, None],
+            turns.reshape(bodies, 9),
+            draw.normal(size=(bodies, 3)),
             0.1 * root @ root.T,
         )
+        self.model = model_of(self.tree)
         self.moments = np.stack(
-            [[_moments(draw) for _ in range(bodies)] for _ in range(LANES)], axis=2
+            [[_moments(draw) for _ in range(bodies)] for _ in range(STATES)], axis=2
         )
-        self.position = draw.normal(size=((3 if base else 0) + joints, LANES))
-        self.velocity, self.reference, self.acceleration = draw.normal(size=(3, size, LANES))
+        self.position = draw.normal(size=((3 if base else 0) + joints, STATES))
+        self.velocity, self.reference, self.acceleration = draw.normal(size=(3, size, STATES))
 
-    def placement(self, position: Array | None = None) -> Placement:
+    def postures(self, position: Array | None = None) -> list[Posture]:
         """Place the bodies."""
-        position = self.position if position is None else position
-        bodies, lanes = len(self.tree.parent), position.shape[1]
-        found = Placement(np.empty((bodies, 9, lanes)), np.empty((bodies, 3, lanes)))
-        dynamics.place(self.tree, position, found)
-        return found
+        columns = (self.position if position is None else position).T
+        first = 3 if self.tree.base else 0
+        return [
+            dynamics.place(
+                self.model, *(at[:3].tolist() if first else (0.0, 0.0, 0.0)), at.copy(), first
+            )
+            for at in columns
+        ]
+
+    def thetas(self) -> Array:
+        """Return the moments of the bodies in every state."""
+        return np.ascontiguousarray(self.moments.reshape(-1, self.moments.shape[2]).T)
 
     def forces(
         self,
@@ -102,19 +105,21 @@ class Drawn:
         position: Array | None = None,
     ) -> Array:
         """Return H a_r + C nu_r + g."""
-        found = np.empty_like(velocity)
-        place = self.placement(position)
-        dynamics.inverse_dynamics(
-            self.tree, self.moments, place, velocity, reference, acceleration, gravity, found
-        )
-        return found
+        columns = (each.T.copy() for each in (velocity, reference, acceleration))
+        return np.array([
+            dynamics.inverse_dynamics(self.model, posture, theta, *motion, gravity)
+            for posture, theta, *motion in zip(
+                self.postures(position), self.thetas(), *columns, strict=True
+            )
+        ]).T.copy()
 
     def inertia(self, position: Array | None = None) -> Array:
         """Return H."""
-        size = len(self.velocity)
-        found = np.empty((size, size, LANES))
-        dynamics.inertia(self.tree, self.moments, self.placement(position), found)
-        return found
+        found = [
+            dynamics.inertia(self.model, posture, theta)
+            for posture, theta in zip(self.postures(position), self.thetas(), strict=True)
+        ]
+        return np.stack(found, axis=2)
 
     def position_rates(self, position: Array, velocity: Array) -> Array:
         """Return the derivative of the positions."""
@@ -122,28 +127,29 @@ class Drawn:
         if base == FIXED:
             return velocity
         u, omega = velocity[0], velocity[base - 1]
-        v = velocity[1] if base == OMNIDIRECTIONAL else np.zeros(LANES)
+        v = velocity[1] if base == OMNIDIRECTIONAL else np.zeros(STATES)
         c, s = np.cos(position[2]), np.sin(position[2])
         return np.array([c * u - s * v, s * u + c * v, omega, *velocity[base:]])
 
     def acceleration_of(self, position: Array, velocity: Array, forces: Array) -> Array:
         """Return the acceleration under forces."""
-        found = np.empty_like(velocity)
-        dynamics.forward_dynamics(
-            self.tree, self.moments, self.placement(position), velocity, forces, GRAVITY, found
-        )
-        return found
+        return np.array([
+            dynamics.forward_dynamics(self.model, posture, theta, nu, pushed, GRAVITY)
+            for posture, theta, nu, pushed in zip(
+                self.postures(position),
+                self.thetas(),
+                velocity.T.copy(),
+                forces.T.copy(),
+                strict=True,
+            )
+        ]).T.copy()
 
     def energy(self, position: Array, velocity: Array) -> Array:
         """Return kinetic and potential energy in J."""
         kinetic = np.einsum('il,ijl,jl->l', velocity, self.inertia(position), velocity) / 2.0
-        place = self.placement(position)
-        poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
-        dynamics.world_poses(self.tree, place, poses)
-        first = np.einsum(
-            'bil,bil->bl', poses.rotation.reshape(-1, 3, 3, LANES)[:, 2], self.moments[:, 1:4]
-        )
-        heights = self.moments[:, 0] * poses.offset[:, 2] + first
+        frames = np.stack([posture.frames for posture in self.postures(position)], axis=2)
+        first = np.einsum('bil,bil->bl', frames[:, 6:9], self.moments[:, 1:4])
+        heights = self.moments[:, 0] * frames[:, 11] + first
         return kinetic + GRAVITY * heights.sum(axis=0)
 
 
@@ -192,21 +198,17 @@ def test_rate_of_inertia_less_twice_coriolis_is_skew(robot: Drawn) -> None:
 @given(trees)
 def test_power_is_moments_times_gradients(robot: Drawn) -> None:
     error = robot.velocity - robot.reference
-    gradients = np.empty((len(robot.tree.parent), 10, LANES))
-    dynamics.moment_gradients(
-        robot.tree,
-        robot.placement(),
-        robot.velocity,
-        robot.reference,
-        robot.acceleration,
-        GRAVITY,
-        error,
-        gradients,
-    )
+    columns = (robot.velocity, robot.reference, robot.acceleration, error)
+    gradients = np.array([
+        dynamics.moment_gradients(robot.model, posture, *moved, GRAVITY, sigma)
+        for posture, *moved, sigma in zip(
+            robot.postures(), *(each.T.copy() for each in columns), strict=True
+        )
+    ])
     forces = robot.forces(robot.velocity, robot.reference, robot.acceleration)
     forces -= robot.tree.armature @ robot.acceleration
     power = (error * forces).sum(axis=0)
-    assert (gradients * robot.moments).sum(axis=(0, 1)) == pytest.approx(power, rel=1e-9, abs=1e-9)
+    assert (gradients * robot.thetas()).sum(axis=1) == pytest.approx(power, rel=1e-9, abs=1e-9)
 
 
 @FEW
@@ -246,20 +248,16 @@ def test_energy_of_a_tree_that_nothing_drives_is_kept(robot: Drawn) -> None:
 def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: int) -> None:
     draw = np.random.default_rng(seed)
     body = int(draw.integers(0, len(robot.tree.parent)))
-    point = draw.normal(size=(3, LANES))
+    point = tuple(draw.normal(size=3).tolist())
+    model = model_of(robot.tree, body, point)
 
     def at(position: Array) -> tuple[Array, Array, Array]:
-        place = robot.placement(position)
-        poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
-        dynamics.world_poses(robot.tree, place, poses)
-        rotation = poses.rotation[body].reshape(3, 3, LANES)
-        jacobian = np.empty((6, len(robot.velocity), LANES))
-        derivative = np.empty_like(jacobian)
-        dynamics.point_jacobian(
-            robot.tree, poses, robot.velocity, body, point, jacobian, derivative
-        )
-        moved = poses.offset[body] + np.einsum('ijl,jl->il', rotation, point)
-        return np.concatenate([moved, rotation.reshape(9, LANES)]), jacobian, derivative
+        """Return pose, Jacobian and derivative in the first state, in the world's frame."""
+        posture, nu = robot.postures(position)[0], robot.velocity[:, 0].copy()
+        rotation, origin = tip_pose(model, posture)
+        jacobian = dynamics.point_jacobian(model, posture, body, point)
+        derivative = dynamics.point_jacobian_rate(model, posture, nu, body, point)
+        return np.array([*origin, *rotation]), jacobian.T, derivative.T
 
     rates = robot.position_rates(robot.position, robot.velocity)
     step = 1.0e-6
@@ -267,12 +265,11 @@ def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: 
     (after, jacobian_after, _), (before, jacobian_before, _) = (
         at(robot.position + sign * step * rates) for sign in (1.0, -1.0)
     )
-    motion = np.einsum('ijl,jl->il', jacobian, robot.velocity)
+    motion = jacobian @ robot.velocity[:, 0]
     scale = 1.0 + np.abs(derivative).max() + np.abs(place).max()
     moved = (after - before) / (2.0 * step)
     assert np.abs(moved[:3] - motion[:3]).max() < 1e-7 * scale
-    turned = moved[3:].reshape(3, 3, LANES)
-    spin = np.einsum('ijl,kjl->ikl', turned, place[3:].reshape(3, 3, LANES))
+    spin = moved[3:].reshape(3, 3) @ place[3:].reshape(3, 3).T
     found = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
     assert np.abs(found - motion[3:]).max() < 1e-7 * scale
     rate = (jacobian_after - jacobian_before) / (2.0 * step)
@@ -281,31 +278,27 @@ def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: 
 
 @FEW
 @given(trees)
-def test_lanes_have_the_bits_of_a_robot_alone(robot: Drawn) -> None:
-    together = robot.forces(robot.velocity, robot.reference, robot.acceleration)
-    inertia = robot.inertia()
-    free = robot.acceleration_of(robot.position, robot.velocity, together)
-    for lane in range(LANES):
-        alone = Drawn.__new__(Drawn)
-        alone.tree, alone.moments = robot.tree, robot.moments[:, :, lane:lane + 1].copy()
-        alone.position = robot.position[:, lane:lane + 1].copy()
-        velocity, reference, acceleration = (
-            each[:, lane:lane + 1].copy()
-            for each in (robot.velocity, robot.reference, robot.acceleration)
-        )
-        forces = alone.forces(velocity, reference, acceleration)
-        assert forces.tobytes() == together[:, lane].tobytes()
-        matrix = np.empty((len(forces), len(forces), 1))
-        dynamics.inertia(alone.tree, alone.moments, alone.placement(), matrix)
-        assert matrix.tobytes() == inertia[:, :, lane].tobytes()
-        found = alone.acceleration_of(alone.position, velocity, forces)
-        assert found.tobytes() == free[:, lane].tobytes()
+def test_a_robot_side_by_side_with_others_has_the_bits_of_it_alone(robot: Drawn) -> None:
+    together = Drawn.__new__(Drawn)
+    together.__dict__.update(robot.__dict__)
+    numbers = robot.model.numbers
+    others = 1.0 + 2.0 * numbers
+    together.model = TreeModel(np.hstack([others, numbers, others]), 1)
+    moved = robot.velocity, robot.reference, robot.acceleration
+    forces = robot.forces(*moved)
+    assert together.forces(*moved).tobytes() == forces.tobytes()
+    assert together.inertia().tobytes() == robot.inertia().tobytes()
+    found = together.acceleration_of(robot.position, robot.velocity, forces)
+    free = robot.acceleration_of(robot.position, robot.velocity, forces)
+    assert found.tobytes() == free.tobytes()
 
 
 @FEW
 @given(machines(), st.integers(0, 2**32 - 1))
 def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: int) -> None:
     draw = np.random.default_rng(seed)
+    # A link without mass has no inertia in a description.
+    assume(machine.physical['wheel_mass'] > 0.0)
     # The description gives a wheel at least what a disc has about its diameter.
     physical = dict(machine.physical)
     spin = physical['wheel_spin_inertia']
@@ -337,19 +330,14 @@ def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: i
         geometry, two_link.regressor_times(geometry, y, tuple(machine.theta))
     )
 
-    position = np.array([0.0, 0.0, *angles])[:, None]
-    bodies = len(robot.tree.parent)
-    place = Placement(np.empty((bodies, 9, 1)), np.empty((bodies, 3, 1)))
-    dynamics.place(robot.tree, position, place)
-    forces = np.empty((4, 1))
-    velocity, along, gained = (np.ascontiguousarray((to_tree @ each)[:, None]) for each in (
-        rates, wanted, pushed,
-    ))
-    dynamics.inverse_dynamics(
-        robot.tree, robot.moments[:, :, None], place, velocity, along, gained, GRAVITY, forces
+    model = model_of(robot)
+    place = dynamics.place(model, 0.0, 0.0, angles[0], angles[1:], 0)
+    velocity, along, gained = (to_tree @ each for each in (rates, wanted, pushed))
+    forces = dynamics.inverse_dynamics(
+        model, place, robot.moments.ravel(), velocity, along, gained, GRAVITY
     )
     scale = 1.0 + np.abs(torques).max()
-    assert np.abs(to_tree.T @ forces[:, 0] - torques).max() < 1e-10 * scale
+    assert np.abs(to_tree.T @ forces - torques).max() < 1e-10 * scale
 
 
 def test_moments_of_the_bodies_are_those_of_bodies() -> None:

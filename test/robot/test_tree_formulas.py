@@ -23,7 +23,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.tree.model import unpacked
+from masmc_ros.robot.tree.model import TreeModel
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +49,13 @@ class Drawn:
         self.mechanism = tree_mechanism(values)
         values = {p.name: p.default for p in self.mechanism.parameters} | values
         self.robot = robot_of(values | {f'robot.{name}': each for name, each in given.items()})
-        self.model = unpacked(self.robot.geometry[:, None], 0)
+        self.model = TreeModel(self.robot.geometry[:, None], 0)
         draw = np.random.default_rng(seed)
         rest = np.array([0.0, 0.0, 0.0, *START])
         self.position = rest + draw.uniform(-0.3, 0.3, len(rest))
         self.rates, self.force, self.torques = draw.normal(size=(3, 7))
         self.twist, self.change, self.pull = draw.normal(size=(3, 6))
-        self.theta = tuple(self.robot.theta.tolist())
+        self.theta = self.robot.theta
         self.like = tuple(self.rates.tolist())
 
     def posture(self, position: Array | None = None) -> Any:
@@ -214,7 +214,7 @@ def test_the_dynamics_agree_with_each_other(seed: int) -> None:
     bias = np.array(mechanism.coriolis(model, posture, drawn.theta, nu))
     assert total == pytest.approx(h @ np.array(a) + bias, abs=1e-9)
     # The inertia of rotors and wheels is in H and no parameter: Y' sees the rest.
-    none = np.array(mechanism.regressor_times(model, y, (0.0,) * len(drawn.theta)))
+    none = np.array(mechanism.regressor_times(model, y, np.zeros(len(drawn.theta))))
     gradient = mechanism.regressor_transpose_times(model, y, nu, drawn.theta)
     assert np.dot(gradient, drawn.theta) == pytest.approx(np.dot(nu, total - none), abs=1e-8)
     found = mechanism.inertia_solve(
@@ -231,10 +231,10 @@ def test_the_dynamics_agree_with_each_other(seed: int) -> None:
 def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
     drawn = Drawn(seed)
     theta = drawn.robot.theta
-    assert mechanism.weakest_motion(drawn.model, numbers(theta))[0] > 0.0
+    assert mechanism.weakest_motion(drawn.model, theta)[0] > 0.0
     draw = np.random.default_rng(seed)
     wrong = theta + draw.normal(size=len(theta)) * np.abs(theta).max()
-    pivot, x = mechanism.weakest_motion(drawn.model, numbers(wrong))
+    pivot, x = mechanism.weakest_motion(drawn.model, wrong)
     normal = np.array(mechanism.consistency_normal(drawn.model, x, drawn.theta))
     if pivot <= 0.0:
         assert normal @ wrong == pytest.approx(pivot, rel=1e-9, abs=1e-9)

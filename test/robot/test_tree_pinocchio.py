@@ -29,12 +29,15 @@ from typing import Any
 
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.dynamics import GRAVITY, Placement
+from masmc_ros.robot.tree.dynamics import GRAVITY
+from masmc_ros.robot.tree.model import DIFFERENTIAL
 from masmc_ros.robot.tree.packages import resource_path
+from masmc_ros.robot.tree.task import tip_pose
 from masmc_ros.robot.tree.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
 import pytest
+from tree_bits import model_of
 
 pytestmark = pytest.mark.slow
 
@@ -143,7 +146,7 @@ def test_the_base_feels_the_spin_that_pinocchio_gives_its_wheels(name: str) -> N
     assert wheels is not None
     model = pin.buildModelFromUrdf(str(resource_path(case.urdf)), pin.JointModelPlanar())
     rolling = np.zeros((model.nv, base))
-    rolling[[0, 2] if base == dynamics.DIFFERENTIAL else [0, 1, 2], range(base)] = 1.0
+    rolling[[0, 2] if base == DIFFERENTIAL else [0, 1, 2], range(base)] = 1.0
     gliding, spin = rolling.copy(), np.zeros((base, base))
     turning = [model.joints[model.getJointId(joint.name)] for joint in wheels.joints]
     for joint, row in zip(turning, wheels.matrix, strict=True):
@@ -199,7 +202,7 @@ def _compare(
     select, q = np.zeros((model.nv, size)), pin.neutral(model)
     if base:
         q[:4] = [*pose[:2], np.cos(pose[2]), np.sin(pose[2])]
-        select[[0, 2] if base == dynamics.DIFFERENTIAL else [0, 1, 2], range(base)] = 1.0
+        select[[0, 2] if base == DIFFERENTIAL else [0, 1, 2], range(base)] = 1.0
     for number, joint in enumerate(robot.joints):
         other = model.joints[model.getJointId(joint.name)]
         select[other.idx_v, base + number] = 1.0
@@ -214,38 +217,29 @@ def _compare(
     coriolis = select.T @ pin.computeCoriolisMatrix(model, data, q, v) @ select
     gravity = select.T @ pin.computeGeneralizedGravity(model, data, q)
 
-    place = Placement(np.empty((bodies, 9, 1)), np.empty((bodies, 3, 1)))
-    position = np.concatenate([pose if base else [], angles])[:, None]
-    dynamics.place(robot.tree, position, place)
-    moments = np.ascontiguousarray(robot.moments[:, :, None])
-    nu, nu_r, a_r, pushed = (
-        each[:, None].copy() for each in (velocity, reference, acceleration, forces)
-    )
-    found = np.empty((size, size, 1))
-    dynamics.inertia(robot.tree, moments, place, found)
-    _near(found[:, :, 0], inertia)
-    taken = np.empty((size, 1))
-    dynamics.inverse_dynamics(robot.tree, moments, place, nu, nu_r, a_r, GRAVITY, taken)
-    _near(taken[:, 0], inertia @ acceleration + coriolis @ reference + gravity)
-    gained = np.empty((size, 1))
-    dynamics.forward_dynamics(robot.tree, moments, place, nu, pushed, GRAVITY, gained)
-    _near(gained[:, 0], np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
-
-    poses = Placement(np.empty_like(place.rotation), np.empty_like(place.offset))
-    dynamics.world_poses(robot.tree, place, poses)
     frame = robot.frames[tip]
-    jacobian, derivative = np.empty((2, 6, size, 1))
-    point = np.array(frame.offset)[:, None]
-    dynamics.point_jacobian(robot.tree, poses, nu, frame.body, point, jacobian, derivative)
+    tree_model = model_of(robot, frame.body, frame.offset)
+    place = dynamics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
+    of = tree_model, place, robot.moments.ravel()
+    _near(dynamics.inertia(*of), inertia)
+    taken = dynamics.inverse_dynamics(*of, velocity, reference, acceleration, GRAVITY)
+    _near(taken, inertia @ acceleration + coriolis @ reference + gravity)
+    gained = dynamics.forward_dynamics(*of, velocity, forces, GRAVITY)
+    _near(gained, np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
+
+    point = frame.body, frame.offset
+    jacobian = dynamics.point_jacobian(tree_model, place, *point)
+    derivative = dynamics.point_jacobian_rate(tree_model, place, velocity, *point)
     number, world = model.getFrameId(tip), pin.LOCAL_WORLD_ALIGNED
     pin.computeJointJacobiansTimeVariation(model, data, q, v)
     pin.updateFramePlacements(model, data)
-    _near(jacobian[:, :, 0], pin.getFrameJacobian(model, data, number, world) @ select)
+    _near(jacobian.T, pin.getFrameJacobian(model, data, number, world) @ select)
     rates = pin.getFrameJacobianTimeVariation(model, data, number, world)
-    _near(derivative[:, :, 0], rates @ select)
-    rotation = poses.rotation[frame.body, :, 0].reshape(3, 3)
-    _near(poses.offset[frame.body, :, 0] + rotation @ point[:, 0], data.oMf[number].translation)
-    _near(rotation @ np.reshape(frame.rotation, (3, 3)), data.oMf[number].rotation)
+    _near(derivative.T, rates @ select)
+    rotation, origin = tip_pose(tree_model, place)
+    _near(np.array(origin), data.oMf[number].translation)
+    own = np.reshape(rotation, (3, 3)) @ np.reshape(frame.rotation, (3, 3))
+    _near(own, data.oMf[number].rotation)
 
 
 def _near(found: Array, expected: Array, within: float = 1e-9) -> None:

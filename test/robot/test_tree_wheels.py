@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, OMNIDIRECTIONAL
+from masmc_ros.robot.tree.model import DIFFERENTIAL, OMNIDIRECTIONAL
 from masmc_ros.robot.tree.urdf import Joint, Pose, read_urdf
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount
 import numpy as np

@@ -27,7 +27,7 @@ from typing import Any
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus, plus, zero
+from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import column, each, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
@@ -120,11 +120,7 @@ def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) ->
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
     torque = each(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
     bend = mechanism.posture_of_joints(model, angles)
-    v = mechanism.motion(model, rates)
-    bias = mechanism.coriolis(model, bend, theta, v)
-    force = each(minus, mechanism.forces(model, torque), bias)
-    h = mechanism.inertia(model, bend, theta)
-    return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))
+    return mechanism.joint_accelerations(model, bend, theta, rates, torque)
 
 
 @formula

@@ -20,7 +20,7 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.scalars import minus, plus
+from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
@@ -52,14 +52,9 @@ def derivative(
 ) -> State:
     """Return the derivatives of positions and joints' rates, (8) and (10), torque in N m."""
     posture = mechanism.posture(model, position)
-    v = mechanism.motion(model, rates)
-    bias = mechanism.coriolis(model, posture, theta, v)
-    force = each(minus, mechanism.forces(model, torque), bias)
-    h = mechanism.inertia(model, posture, theta)
-    v_dot = mechanism.inertia_solve(model, h, force)
     return (
         mechanism.position_rates(model, posture, rates),
-        mechanism.joint_rates(model, v_dot),
+        mechanism.joint_accelerations(model, posture, theta, rates, torque),
     )
 
 

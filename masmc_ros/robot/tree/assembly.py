@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.dynamics import (
+from masmc_ros.robot.tree.model import (
     DIFFERENTIAL,
     FIXED,
     OMNIDIRECTIONAL,
@@ -221,9 +221,9 @@ def tree_robot(
             kind,
             np.array(parents),
             np.array([REVOLUTE, *kinds]),
-            np.array(axes)[:, :, None],
-            np.array(rotations)[:, :, None],
-            np.array(offsets)[:, :, None],
+            np.array(axes),
+            np.array(rotations),
+            np.array(offsets),
             rotor,
         ),
         np.array([body.moments for body in bodies]),

@@ -13,15 +13,16 @@
 # limitations under the License.
 
 """
-Dynamics of a tree of bodies on a base, O(n), with + - x and / only besides sines and cosines.
+Dynamics of a tree of bodies on a base, with + - x and / only besides sines and cosines.
 
 Velocities nu are the base's rates in its own frame (none; u, omega; or u, v, omega), then the
-joints' rates in the tree's order; forces are conjugate to them. In the base's frame its motion
-subspace is constant, so that a base that cannot slip sideways needs no constraint forces.
+joints' rates in the tree's order; forces are conjugate to them. Everything is expressed in the
+base's frame, about its origin: motions as angular velocity and velocity of what is at that origin,
+wrenches as moment about it and force. Nothing has to be transformed from body to body then, and
+the base, whose motion subspace is constant in its own frame, needs no constraint forces where it
+cannot slip sideways.
 
-Arrays are [body, component, lane], or [component, lane] for what a robot has one of; lanes are
-innermost, so that LLVM vectorises across runs. Body 0 is the base, every body comes after its
-parent. SI units, radians; z of the base is up.
+Body 0 is the base, every body comes after its parent. SI units, radians; z of the base is up.
 
 `inverse_dynamics` is the form of Slotine and Li (Echeandia and Wensing, arXiv 2010.01033): H a_r +
 C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the bodies' moments.
@@ -31,9 +32,20 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import read_row, write_row
+from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.robot.tree.model import (
+    base_of,
+    bodies_of,
+    DIFFERENTIAL,
+    FIXED,
+    joint_of,
+    OMNIDIRECTIONAL,
+    parent_of,
+    rotors_begin,
+    TreeModel,
+)
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
@@ -47,7 +59,7 @@ from masmc_ros.robot.tree.spatial import (
     ROTATION,
     Rotation,
     scale,
-    subtract,
+    transpose,
     turn,
     VECTOR,
     Vector,
@@ -56,600 +68,535 @@ from masmc_ros.robot.tree.spatial import (
 )
 import numpy as np
 
-REVOLUTE, PRISMATIC = 0, 1
-"""Kinds of joints; a continuous one is revolute without limits."""
-
-FIXED, DIFFERENTIAL, OMNIDIRECTIONAL = 0, 2, 3
-"""Kinds of bases, which are the numbers of their rates."""
-
 GRAVITY = 9.81
 """m/s^2, downwards."""
 
-
-class Tree(NamedTuple):
-    """What does not change while a robot moves; arrays over bodies, of which 0 is the base."""
-
-    base: int
-    """Kind of the base."""
-    parent: Any
-    """(B) number of the body that each hangs on; that of the base is not read."""
-    kind: Any
-    """(B) kind of each body's joint."""
-    axis: Any
-    """(B, 3, 1) unit axis in the body's frame (and in that of its placement)."""
-    rotation: Any
-    """(B, 9, 1) of each body's frame in its parent's, with the joint at zero."""
-    offset: Any
-    """(B, 3, 1) of each body's origin in its parent's frame, with the joint at zero, in m."""
-    armature: Any
-    """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg m and kg m^2."""
-    lanes: tuple[float, ...] = ()
-    """As many numbers as all arrays have lanes, so that compiled code knows; none if any."""
+_ORIGIN = 9
+_REFERENCE, _ACCELERATION = 6, 12
+_FORCE = 3
 
 
-class Placement(NamedTuple):
-    """Where bodies are in their parents' frames, the base in the world's: arrays over bodies."""
+class Posture(NamedTuple):
+    """
+    Where bodies are in the base's frame, and the base in the world's.
 
-    rotation: Any
-    """(B, 9, lanes)."""
-    offset: Any
-    """(B, 3, lanes) in m."""
+    Loops take its arrays out first: to take one is to count a reference, which costs time.
+    """
+
+    frames: Any
+    """(B, 12) rotation, row by row, and origin in m."""
+    screws: Any
+    """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
+    sine: float
+    """Of the base's yaw."""
+    cosine: float
+    x: float
+    """Of the base's origin in the world, in m."""
+    y: float
+
+
+@kernel
+def place(
+    model: TreeModel, x: float, y: float, yaw: float, position: Any, first: int
+) -> Posture:
+    """
+    Place all bodies.
+
+    Parameters
+    ----------
+    model
+        the robot.
+    x, y, yaw
+        pose of the base in the world, in m and rad.
+    position
+        vector that has the joints' positions from `first` on.
+    first
+        place of the first of them.
+
+    """
+    bodies, base = bodies_of(model), base_of(model)
+    frames, screws = np.empty((bodies, 12)), np.zeros((base + bodies - 1, 6))
+    write_part(frames, 0, 0, ROTATION)
+    write_part(frames, 0, _ORIGIN, VECTOR)
+    if base != FIXED:
+        screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
+        if base == OMNIDIRECTIONAL:
+            screws[1, 4] = 1.0
+    for body in range(1, bodies):
+        turns, axis, rotation, offset = joint_of(model, body)
+        parent, value = parent_of(model, body), position[first + body - 1]
+        above = read_part(frames, parent, 0, ROTATION)
+        origin = add(read_part(frames, parent, _ORIGIN, VECTOR), rotate(above, offset))
+        own = product(above, rotation)
+        along = rotate(own, axis)
+        screw = base + body - 1
+        if turns:
+            s, c = sin_cos(value)
+            own = product(own, turn(axis, s, c))
+            write_part(screws, screw, 0, along)
+            write_part(screws, screw, 3, cross(origin, along))
+        else:
+            origin = add(origin, scale(along, value))
+            write_part(screws, screw, 3, along)
+        write_part(frames, body, 0, own)
+        write_part(frames, body, _ORIGIN, origin)
+    s, c = sin_cos(yaw)
+    return Posture(frames, screws, s, c, x, y)
 
 
 @formula
-def _base_rates(base: int, velocity: Any, lane: int) -> tuple[float, float, float]:
-    """Return u, v and omega of the base."""
+def base_motion(base: int, rates: Any) -> tuple[Vector, Vector]:
+    """Return angular velocity and velocity of the base, in its own frame."""
     if base == DIFFERENTIAL:
-        return velocity[0, lane], 0.0, velocity[1, lane]
+        return (0.0, 0.0, rates[1]), (rates[0], 0.0, 0.0)
     if base == OMNIDIRECTIONAL:
-        return velocity[0, lane], velocity[1, lane], velocity[2, lane]
-    return 0.0, 0.0, 0.0
+        return (0.0, 0.0, rates[2]), (rates[0], rates[1], 0.0)
+    return VECTOR, VECTOR
 
 
 @formula
-def _joint_part(kind: int, axis: Vector, rate: float) -> tuple[Vector, Vector]:
-    """Return angular and linear velocity across a joint, S rate."""
-    along = scale(axis, rate)
-    return (along, VECTOR) if kind == REVOLUTE else (VECTOR, along)
-
-
-@formula
-def _into_child(r: Rotation, p: Vector, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return a spatial motion about the child's origin, in its frame."""
-    return rotate_back(r, w), rotate_back(r, add(v, cross(w, p)))
-
-
-@formula
-def _from_parent(
-    placement: Any, motion: Any, parent: int, body: int, first: int, lane: int
-) -> tuple[Vector, Vector]:
-    """Return the spatial motion [:, first to first + 6] of a body's parent in its own frame."""
-    return _into_child(
-        read_row(placement.rotation, body, 0, lane, ROTATION),
-        read_row(placement.offset, body, 0, lane, VECTOR),
-        read_row(motion, parent, first, lane, VECTOR),
-        read_row(motion, parent, first + 3, lane, VECTOR),
-    )
-
-
-@formula
-def _into_parent(r: Rotation, p: Vector, moment: Vector, force: Vector) -> tuple[Vector, Vector]:
-    """Return a wrench about the child's origin as one about the parent's, in its frame."""
-    turned = rotate(r, force)
-    return add(rotate(r, moment), cross(p, turned)), turned
-
-
-@formula
-def _crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vector]:
+def crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vector]:
     """Return the spatial cross product of two motions (w, v) x (sw, sv)."""
     return cross(w, sw), add(cross(w, sv), cross(v, sw))
 
 
-@kernel
-def place(tree: Tree, position: Any, placement: Placement) -> None:
-    """
-    Place every body in its parent's frame.
-
-    `position` (p, lanes): x and y in m and yaw of a base that moves, then the joints'
-    positions.
-    """
-    lanes = len(tree.lanes) or position.shape[1]
-    first = 0
-    for lane in range(lanes):
-        write_row(placement.rotation, 0, 0, lane, ROTATION)
-        write_row(placement.offset, 0, 0, lane, VECTOR)
-    if tree.base != FIXED:
-        first = 3
-        for lane in range(lanes):
-            s, c = sin_cos(position[2, lane])
-            write_row(placement.rotation, 0, 0, lane, turn((0.0, 0.0, 1.0), s, c))
-            write_row(placement.offset, 0, 0, lane, (position[0, lane], position[1, lane], 0.0))
-    for body in range(1, len(tree.parent)):
-        axis = read_row(tree.axis, body, 0, 0, VECTOR)
-        rotation = read_row(tree.rotation, body, 0, 0, ROTATION)
-        offset = read_row(tree.offset, body, 0, 0, VECTOR)
-        joint = first + body - 1
-        if tree.kind[body] == REVOLUTE:
-            for lane in range(lanes):
-                s, c = sin_cos(position[joint, lane])
-                write_row(placement.rotation, body, 0, lane, product(rotation, turn(axis, s, c)))
-                write_row(placement.offset, body, 0, lane, offset)
-        else:
-            along = rotate(rotation, axis)
-            for lane in range(lanes):
-                moved = add(offset, scale(along, position[joint, lane]))
-                write_row(placement.rotation, body, 0, lane, rotation)
-                write_row(placement.offset, body, 0, lane, moved)
+@formula
+def _sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
+    """Return the sum of the motion in a row and of another."""
+    return (
+        add(read_part(motion, body, first, VECTOR), w),
+        add(read_part(motion, body, first + 3, VECTOR), v),
+    )
 
 
 @kernel
-def inverse_dynamics(
-    tree: Tree,
-    moments: Any,
-    placement: Placement,
+def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
+    """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
+    screws = posture.screws
+    base = base_of(model)
+    w, v = base_motion(base, rates)
+    write_part(motion, 0, first, w)
+    write_part(motion, 0, first + 3, v)
+    for body in range(1, bodies_of(model)):
+        k = base + body - 1
+        sw = scale(read_part(screws, k, 0, VECTOR), rates[k])
+        sv = scale(read_part(screws, k, 3, VECTOR), rates[k])
+        w, v = _sum_of(motion, parent_of(model, body), first, sw, sv)
+        write_part(motion, body, first, w)
+        write_part(motion, body, first + 3, v)
+
+
+@kernel
+def _moved(
+    model: TreeModel,
+    posture: Posture,
     velocity: Any,
     reference: Any,
     acceleration: Any,
     gravity: float,
-    forces: Any,
-) -> None:
+) -> Any:
+    """Return velocities, reference velocities and reference accelerations of bodies (B, 18)."""
+    screws = posture.screws
+    bodies, base = bodies_of(model), base_of(model)
+    motion = np.empty((bodies, 18))
+    velocities(model, posture, velocity, motion, 0)
+    velocities(model, posture, reference, motion, _REFERENCE)
+    w, v = base_motion(base, velocity)
+    sw, sv = base_motion(base, reference)
+    turned, moved = crossed(w, v, sw, sv)
+    alpha, a = base_motion(base, acceleration)
+    write_part(motion, 0, _ACCELERATION, add(turned, alpha))
+    write_part(motion, 0, _ACCELERATION + 3, add(moved, add(a, (0.0, 0.0, gravity))))
+    for body in range(1, bodies):
+        k = base + body - 1
+        along = read_part(screws, k, 0, VECTOR)
+        across = read_part(screws, k, 3, VECTOR)
+        turned, moved = crossed(
+            read_part(motion, body, 0, VECTOR),
+            read_part(motion, body, 3, VECTOR),
+            scale(along, reference[k]),
+            scale(across, reference[k]),
+        )
+        alpha, a = _sum_of(
+            motion,
+            parent_of(model, body),
+            _ACCELERATION,
+            add(scale(along, acceleration[k]), turned),
+            add(scale(across, acceleration[k]), moved),
+        )
+        write_part(motion, body, _ACCELERATION, alpha)
+        write_part(motion, body, _ACCELERATION + 3, a)
+    return motion
+
+
+@formula
+def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
+    """Return A and c of a body, whose points x have the reference acceleration A x + c."""
+    omega = read_part(motion, body, 0, VECTOR)
+    v = read_part(motion, body, 3, VECTOR)
+    w = read_part(motion, body, _REFERENCE, VECTOR)
+    alpha = read_part(motion, body, _ACCELERATION, VECTOR)
+    a = read_part(motion, body, _ACCELERATION + 3, VECTOR)
+    return velocity_map(w, omega, alpha), add(a, cross(w, v))
+
+
+@kernel
+def moments_about_base(model: TreeModel, posture: Posture, theta: Any) -> Any:
+    """Return the moments of all bodies about the base's origin, (B, 10)."""
+    frames = posture.frames
+    bodies = bodies_of(model)
+    moments = np.empty((bodies, 10))
+    for body in range(bodies):
+        for i in range(10):
+            moments[body, i] = theta[10 * body + i]
+        if body > 0:
+            moved = moments_in_parent(
+                read_part(frames, body, 0, ROTATION),
+                read_part(frames, body, _ORIGIN, VECTOR),
+                read_part(moments, body, 0, MOMENTS),
+            )
+            write_part(moments, body, 0, moved)
+    return moments
+
+
+@formula
+def _power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
+    """Return the power of a wrench per velocity k."""
+    return inner(read_part(screws, k, 0, VECTOR), moment) + inner(
+        read_part(screws, k, 3, VECTOR), force
+    )
+
+
+@kernel
+def _forces(model: TreeModel, posture: Posture, moments: Any, motion: Any) -> Any:
     """
-    Write H a_r + C(nu) nu_r + g into `forces`.
+    Return the forces (n) that move bodies of moments about the base.
+
+    In `motion`, of which every row is read once, their wrenches take the velocities' place.
+    """
+    screws = posture.screws
+    bodies, base = bodies_of(model), base_of(model)
+    size = base + bodies - 1
+    forces = np.empty(size)
+    for body in range(bodies):
+        a, c = _reference_field(motion, body)
+        moment, force = wrench(a, c, read_part(moments, body, 0, MOMENTS))
+        write_part(motion, body, 0, moment)
+        write_part(motion, body, _FORCE, force)
+    for body in range(bodies - 1, 0, -1):
+        moment = read_part(motion, body, 0, VECTOR)
+        force = read_part(motion, body, _FORCE, VECTOR)
+        forces[base + body - 1] = _power(screws, base + body - 1, moment, force)
+        parent = parent_of(model, body)
+        for i in range(6):
+            motion[parent, i] += motion[body, i]
+    moment, force = read_part(motion, 0, 0, VECTOR), read_part(motion, 0, _FORCE, VECTOR)
+    for k in range(base):
+        forces[k] = _power(screws, k, moment, force)
+    return forces
+
+
+@kernel
+def inverse_dynamics(
+    model: TreeModel,
+    posture: Posture,
+    theta: Any,
+    velocity: Any,
+    reference: Any,
+    acceleration: Any,
+    gravity: float,
+) -> Any:
+    """
+    Return H a_r + C(nu) nu_r + g (n).
 
     Parameters
     ----------
-    tree
+    model
         the robot.
-    moments
-        (B, 10, lanes) of the bodies.
-    placement
+    posture
         of its bodies.
+    theta
+        (10 B) moments of its bodies, one after the other.
     velocity
-        (n, lanes) nu.
+        (n) nu.
     reference
-        (n, lanes) nu_r.
+        (n) nu_r.
     acceleration
-        (n, lanes) a_r.
+        (n) a_r.
     gravity
         m/s^2, downwards.
-    forces
-        (n, lanes).
 
     """
-    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
-    rates = len(velocity) - (bodies - 1)
-    motion = np.empty((bodies, 18, lanes))
-    carried = np.zeros((bodies, 6, lanes))
-    _move(tree, placement, velocity, reference, acceleration, gravity, motion)
-    for body in range(bodies):
-        for lane in range(lanes):
-            a, c = _reference_motion(motion, body, lane)
-            moment, force = wrench(a, c, read_row(moments, body, 0, lane, MOMENTS))
-            write_row(carried, body, 0, lane, moment)
-            write_row(carried, body, 3, lane, force)
-    for body in range(bodies - 1, 0, -1):
-        axis = read_row(tree.axis, body, 0, 0, VECTOR)
-        part = 0 if tree.kind[body] == REVOLUTE else 3
-        parent = tree.parent[body]
-        for lane in range(lanes):
-            along = read_row(carried, body, part, lane, VECTOR)
-            forces[rates + body - 1, lane] = inner(axis, along)
-            moment, force = _into_parent(
-                read_row(placement.rotation, body, 0, lane, ROTATION),
-                read_row(placement.offset, body, 0, lane, VECTOR),
-                read_row(carried, body, 0, lane, VECTOR),
-                read_row(carried, body, 3, lane, VECTOR),
-            )
-            for i in range(3):
-                carried[parent, i, lane] += moment[i]
-                carried[parent, 3 + i, lane] += force[i]
-    _onto_base(tree.base, carried, forces, lanes)
-    for row in range(len(velocity)):
-        for other in range(len(velocity)):
-            if tree.armature[row, other] != 0.0:
-                for lane in range(lanes):
-                    forces[row, lane] += tree.armature[row, other] * acceleration[other, lane]
+    moments = moments_about_base(model, posture, theta)
+    motion = _moved(model, posture, velocity, reference, acceleration, gravity)
+    forces = _forces(model, posture, moments, motion)
+    size, rotors = len(forces), rotors_begin(model)
+    for row in range(size):
+        total = forces[row]
+        for other in range(size):
+            total += model.numbers[rotors + row * size + other, model.lane] * acceleration[other]
+        forces[row] = total
+    return forces
 
 
 @kernel
 def moment_gradients(
-    tree: Tree,
-    placement: Placement,
+    model: TreeModel,
+    posture: Posture,
     velocity: Any,
     reference: Any,
     acceleration: Any,
     gravity: float,
     error: Any,
-    gradients: Any,
-) -> None:
+) -> Any:
     """
-    Write Y' sigma into `gradients` (B, 10, lanes): what adaptation of the moments follows.
+    Return Y' sigma (10 B): what adaptation of the moments follows.
 
-    sigma' (H a_r + C nu_r + g) is the sum over bodies of moments times gradients; the matrix Y
-    is never formed. `error` (n, lanes) is sigma; the others as for `inverse_dynamics`.
+    sigma' (H a_r + C nu_r + g) is the sum of moments times gradients, but for rotors and wheels;
+    the matrix Y is never formed. `error` (n) is sigma; the others as for `inverse_dynamics`.
     """
-    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
-    motion = np.empty((bodies, 18, lanes))
-    moved = np.empty((bodies, 6, lanes))
-    _move(tree, placement, velocity, reference, acceleration, gravity, motion)
-    _velocities(tree, placement, error, moved, 0)
+    frames = posture.frames
+    bodies = bodies_of(model)
+    motion = _moved(model, posture, velocity, reference, acceleration, gravity)
+    moved, gradients = np.empty((bodies, 6)), np.empty((bodies, 10))
+    velocities(model, posture, error, moved, 0)
     for body in range(bodies):
-        for lane in range(lanes):
-            a, c = _reference_motion(motion, body, lane)
-            w = read_row(moved, body, 0, lane, VECTOR)
-            v = read_row(moved, body, 3, lane, VECTOR)
-            write_row(gradients, body, 0, lane, power_gradient(a, c, w, v))
-
-
-@formula
-def _reference_motion(motion: Any, body: int, lane: int) -> tuple[Rotation, Vector]:
-    """Return A and c of a body, whose points x have the reference acceleration A x + c."""
-    omega = read_row(motion, body, 0, lane, VECTOR)
-    v = read_row(motion, body, 3, lane, VECTOR)
-    w = read_row(motion, body, 6, lane, VECTOR)
-    alpha = read_row(motion, body, 12, lane, VECTOR)
-    a = read_row(motion, body, 15, lane, VECTOR)
-    return velocity_map(w, omega, alpha), add(a, cross(w, v))
-
-
-@kernel
-def _velocities(tree: Tree, placement: Placement, rates: Any, motion: Any, first: int) -> None:
-    """Write the spatial velocities of rates (n, lanes) into [:, first to first + 6]."""
-    bodies, lanes = len(tree.parent), len(tree.lanes) or rates.shape[1]
-    joints = len(rates) - (bodies - 1)
-    for lane in range(lanes):
-        u, v, omega = _base_rates(tree.base, rates, lane)
-        write_row(motion, 0, first, lane, (0.0, 0.0, omega))
-        write_row(motion, 0, first + 3, lane, (u, v, 0.0))
-    for body in range(1, bodies):
-        axis = read_row(tree.axis, body, 0, 0, VECTOR)
-        parent, kind = tree.parent[body], tree.kind[body]
-        for lane in range(lanes):
-            w, v = _from_parent(placement, motion, parent, body, first, lane)
-            sw, sv = _joint_part(kind, axis, rates[joints + body - 1, lane])
-            write_row(motion, body, first, lane, add(w, sw))
-            write_row(motion, body, first + 3, lane, add(v, sv))
-
-
-@kernel
-def _move(
-    tree: Tree,
-    placement: Placement,
-    velocity: Any,
-    reference: Any,
-    acceleration: Any,
-    gravity: float,
-    motion: Any,
-) -> None:
-    """Write velocities, reference velocities and reference accelerations of all bodies (18)."""
-    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
-    joints = len(velocity) - (bodies - 1)
-    _velocities(tree, placement, velocity, motion, 0)
-    _velocities(tree, placement, reference, motion, 6)
-    for lane in range(lanes):
-        u, v, omega = _base_rates(tree.base, acceleration, lane)
-        turned, moved = _crossed(
-            read_row(motion, 0, 0, lane, VECTOR),
-            read_row(motion, 0, 3, lane, VECTOR),
-            read_row(motion, 0, 6, lane, VECTOR),
-            read_row(motion, 0, 9, lane, VECTOR),
-        )
-        write_row(motion, 0, 12, lane, add(turned, (0.0, 0.0, omega)))
-        write_row(motion, 0, 15, lane, add(moved, (u, v, gravity)))
-    for body in range(1, bodies):
-        axis = read_row(tree.axis, body, 0, 0, VECTOR)
-        parent, kind, joint = tree.parent[body], tree.kind[body], joints + body - 1
-        for lane in range(lanes):
-            alpha, a = _from_parent(placement, motion, parent, body, 12, lane)
-            sw, sv = _joint_part(kind, axis, acceleration[joint, lane])
-            rw, rv = _joint_part(kind, axis, reference[joint, lane])
-            turned, moved = _crossed(
-                read_row(motion, body, 0, lane, VECTOR),
-                read_row(motion, body, 3, lane, VECTOR),
-                rw,
-                rv,
-            )
-            write_row(motion, body, 12, lane, add(add(alpha, sw), turned))
-            write_row(motion, body, 15, lane, add(add(a, sv), moved))
-
-
-@formula
-def _onto_base(base: int, carried: Any, forces: Any, lanes: int) -> None:
-    """Write what the base's rates feel of the wrench on the base."""
-    for lane in range(lanes):
-        if base == DIFFERENTIAL:
-            forces[0, lane] = carried[0, 3, lane]
-            forces[1, lane] = carried[0, 2, lane]
-        elif base == OMNIDIRECTIONAL:
-            forces[0, lane] = carried[0, 3, lane]
-            forces[1, lane] = carried[0, 4, lane]
-            forces[2, lane] = carried[0, 2, lane]
-
-
-@kernel
-def inertia(tree: Tree, moments: Any, placement: Placement, matrix: Any) -> None:
-    """
-    Write H (n, n, lanes), of moments (B, 10, lanes): composite bodies, O(n depth).
-
-    With the constant inertia of rotors and wheels.
-    """
-    bodies, size = len(tree.parent), len(matrix)
-    lanes = len(tree.lanes) or matrix.shape[2]
-    rates = size - (bodies - 1)
-    whole = moments.copy()
-    for body in range(bodies - 1, 0, -1):
-        parent = tree.parent[body]
-        for lane in range(lanes):
-            moved = moments_in_parent(
-                read_row(placement.rotation, body, 0, lane, ROTATION),
-                read_row(placement.offset, body, 0, lane, VECTOR),
-                read_row(whole, body, 0, lane, MOMENTS),
-            )
-            for i in range(10):
-                whole[parent, i, lane] += moved[i]
-    for row in range(size):
-        for other in range(size):
-            for lane in range(lanes):
-                matrix[row, other, lane] = tree.armature[row, other]
-    carried = np.empty((1, 6, lanes))
-    felt = np.empty((rates, lanes))
-    for body in range(1, bodies):
-        axis = read_row(tree.axis, body, 0, 0, VECTOR)
-        kind, row = tree.kind[body], rates + body - 1
-        sw, sv = _joint_part(kind, axis, 1.0)
-        for lane in range(lanes):
-            moment, force = _momentum(read_row(whole, body, 0, lane, MOMENTS), sw, sv)
-            matrix[row, row, lane] += inner(sw, moment) + inner(sv, force)
-            write_row(carried, 0, 0, lane, moment)
-            write_row(carried, 0, 3, lane, force)
-        at = body
-        while at != 0:
-            parent = tree.parent[at]
-            for lane in range(lanes):
-                moment, force = _into_parent(
-                    read_row(placement.rotation, at, 0, lane, ROTATION),
-                    read_row(placement.offset, at, 0, lane, VECTOR),
-                    read_row(carried, 0, 0, lane, VECTOR),
-                    read_row(carried, 0, 3, lane, VECTOR),
-                )
-                write_row(carried, 0, 0, lane, moment)
-                write_row(carried, 0, 3, lane, force)
-            at = parent
-            if at != 0:
-                part = 0 if tree.kind[at] == REVOLUTE else 3
-                along = read_row(tree.axis, at, 0, 0, VECTOR)
-                column = rates + at - 1
-                for lane in range(lanes):
-                    entry = inner(along, read_row(carried, 0, part, lane, VECTOR))
-                    matrix[row, column, lane] += entry
-                    matrix[column, row, lane] += entry
-        _onto_base(tree.base, carried, felt, lanes)
-        for column in range(rates):
-            for lane in range(lanes):
-                matrix[row, column, lane] += felt[column, lane]
-                matrix[column, row, lane] += felt[column, lane]
-    unit = np.zeros((max(rates, 1), lanes))
-    for column in range(rates):
-        unit[:] = 0.0
-        unit[column] = 1.0
-        for lane in range(lanes):
-            u, v, omega = _base_rates(tree.base, unit, lane)
-            moment, force = _momentum(
-                read_row(whole, 0, 0, lane, MOMENTS), (0.0, 0.0, omega), (u, v, 0.0)
-            )
-            write_row(carried, 0, 0, lane, moment)
-            write_row(carried, 0, 3, lane, force)
-        _onto_base(tree.base, carried, felt, lanes)
-        for row in range(rates):
-            for lane in range(lanes):
-                matrix[row, column, lane] += felt[row, lane]
+        r = read_part(frames, body, 0, ROTATION)
+        p = read_part(frames, body, _ORIGIN, VECTOR)
+        a, c = _reference_field(motion, body)
+        w = read_part(moved, body, 0, VECTOR)
+        v = read_part(moved, body, 3, VECTOR)
+        # Of the body's points, in its own frame.
+        own = product(product(transpose(r), a), r)
+        along = rotate_back(r, add(rotate(a, p), c))
+        speed = rotate_back(r, add(v, cross(w, p)))
+        write_part(gradients, body, 0, power_gradient(own, along, rotate_back(r, w), speed))
+    return gradients.reshape(gradients.size)
 
 
 @formula
 def _momentum(of: Any, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the spatial momentum of a body about its origin."""
+    """Return the spatial momentum of a body."""
     rotation = (0.0, -w[2], w[1], w[2], 0.0, -w[0], -w[1], w[0], 0.0)
     return wrench(rotation, v, of)
 
 
 @kernel
-def factor(matrix: Any, known: tuple[float, ...] = ()) -> None:
-    """
-    Factor symmetric matrices (n, n, lanes) into L D L', in place, L below the diagonal D.
-
-    `known` as `Tree.lanes`.
-    """
-    size, lanes = len(matrix), len(known) or matrix.shape[2]
-    for column in range(size):
-        for before in range(column):
-            for lane in range(lanes):
-                step = matrix[column, before, lane]
-                matrix[column, column, lane] -= step * step * matrix[before, before, lane]
-        for row in range(column + 1, size):
-            for before in range(column):
-                for lane in range(lanes):
-                    matrix[row, column, lane] -= (
-                        matrix[row, before, lane]
-                        * matrix[column, before, lane]
-                        * matrix[before, before, lane]
-                    )
-            for lane in range(lanes):
-                matrix[row, column, lane] /= matrix[column, column, lane]
+def _inertia(model: TreeModel, posture: Posture, moments: Any) -> Any:
+    """Return H; `moments` about the base become those of composite bodies."""
+    screws = posture.screws
+    bodies, base = bodies_of(model), base_of(model)
+    size = base + bodies - 1
+    matrix, rotors = np.empty((size, size)), rotors_begin(model)
+    for row in range(size):
+        for column in range(size):
+            matrix[row, column] = model.numbers[rotors + row * size + column, model.lane]
+    for row in range(size - 1, -1, -1):
+        body = max(row - base + 1, 0)
+        moment, force = _momentum(
+            read_part(moments, body, 0, MOMENTS),
+            read_part(screws, row, 0, VECTOR),
+            read_part(screws, row, 3, VECTOR),
+        )
+        matrix[row, row] += _power(screws, row, moment, force)
+        at = body
+        if body > 0:
+            at = parent_of(model, body)
+            for i in range(10):
+                moments[at, i] += moments[body, i]
+        while at > 0:
+            column = base + at - 1
+            matrix[column, row] += _power(screws, column, moment, force)
+            matrix[row, column] = matrix[column, row]
+            at = parent_of(model, at)
+        for column in range(min(row, base)):
+            matrix[column, row] += _power(screws, column, moment, force)
+            matrix[row, column] = matrix[column, row]
+    return matrix
 
 
 @kernel
-def solve(factored: Any, x: Any, known: tuple[float, ...] = ()) -> None:
-    """Solve L D L' x = b in place, of x (n, lanes) that holds b; `known` as `Tree.lanes`."""
-    size, lanes = len(factored), len(known) or factored.shape[2]
+def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
+    """
+    Return H (n, n), of moments (10 B): composite bodies, O(n depth).
+
+    With the constant inertia of rotors and wheels.
+    """
+    return _inertia(model, posture, moments_about_base(model, posture, theta))
+
+
+@kernel
+def factor(matrix: Any) -> None:
+    """Factor a symmetric matrix (n, n) into L D L', in place, L below the diagonal D."""
+    for row in range(len(matrix)):
+        for column in range(row):
+            entry = matrix[row, column]
+            for k in range(column):
+                entry -= matrix[row, k] * matrix[column, k]
+            matrix[row, column] = entry
+        pivot = matrix[row, row]
+        for column in range(row):
+            scaled = matrix[row, column]
+            part = scaled / matrix[column, column]
+            pivot -= part * scaled
+            matrix[row, column] = part
+        matrix[row, row] = pivot
+
+
+@kernel
+def substitute(factored: Any, x: Any) -> None:
+    """Replace columns x (n, m) by L^-1 x."""
+    size, count = x.shape
     for row in range(size):
-        for before in range(row):
-            for lane in range(lanes):
-                x[row, lane] -= factored[row, before, lane] * x[before, lane]
+        for k in range(row):
+            part = factored[row, k]
+            for i in range(count):
+                x[row, i] -= part * x[k, i]
+
+
+@kernel
+def solve(factored: Any, x: Any) -> None:
+    """Solve L D L' x = b in place, of x (n) that holds b."""
+    size = len(factored)
+    for row in range(size):
+        value = x[row]
+        for k in range(row):
+            value -= factored[row, k] * x[k]
+        x[row] = value
+    for row in range(size):
+        x[row] /= factored[row, row]
     for row in range(size - 1, -1, -1):
-        for lane in range(lanes):
-            x[row, lane] /= factored[row, row, lane]
-        for after in range(row + 1, size):
-            for lane in range(lanes):
-                x[row, lane] -= factored[after, row, lane] * x[after, lane]
+        value = x[row]
+        for k in range(row):
+            x[k] -= factored[row, k] * value
 
 
 @kernel
 def forward_dynamics(
-    tree: Tree,
-    moments: Any,
-    placement: Placement,
-    velocity: Any,
-    forces: Any,
-    gravity: float,
-    acceleration: Any,
-) -> None:
-    """Write the acceleration (n, lanes) under forces (n, lanes), H^-1 (forces - C nu - g)."""
-    size, lanes = len(velocity), len(tree.lanes) or velocity.shape[1]
-    matrix = np.empty((size, size, lanes))
-    acceleration[:] = 0.0
-    bias = np.empty((size, lanes))
-    inverse_dynamics(
-        tree, moments, placement, velocity, velocity, acceleration, gravity, bias
-    )
-    inertia(tree, moments, placement, matrix)
-    factor(matrix, tree.lanes)
-    for row in range(size):
-        for lane in range(lanes):
-            acceleration[row, lane] = forces[row, lane] - bias[row, lane]
-    solve(matrix, acceleration, tree.lanes)
-
-
-@kernel
-def world_poses(tree: Tree, placement: Placement, poses: Placement) -> None:
-    """Write where the bodies are in the world's frame into `poses`."""
-    lanes = len(tree.lanes) or placement.offset.shape[2]
-    for lane in range(lanes):
-        write_row(
-            poses.rotation, 0, 0, lane, read_row(placement.rotation, 0, 0, lane, ROTATION)
-        )
-        write_row(poses.offset, 0, 0, lane, read_row(placement.offset, 0, 0, lane, VECTOR))
-    for body in range(1, len(tree.parent)):
-        parent = tree.parent[body]
-        for lane in range(lanes):
-            r = read_row(poses.rotation, parent, 0, lane, ROTATION)
-            own = read_row(placement.rotation, body, 0, lane, ROTATION)
-            p = rotate(r, read_row(placement.offset, body, 0, lane, VECTOR))
-            write_row(poses.rotation, body, 0, lane, product(r, own))
-            origin = add(p, read_row(poses.offset, parent, 0, lane, VECTOR))
-            write_row(poses.offset, body, 0, lane, origin)
-
-
-@kernel
-def point_jacobian(
-    tree: Tree,
-    poses: Placement,
-    velocity: Any,
-    body: int,
-    point: Any,
-    jacobian: Any,
-    derivative: Any,
-) -> None:
-    """
-    Write the Jacobian of a body's point and its derivative by time, in the world's frame.
-
-    Parameters
-    ----------
-    tree
-        the robot.
-    poses
-        of its bodies in the world's frame.
-    velocity
-        (n, lanes) nu.
-    body
-        number of the body.
-    point
-        (3, lanes) in the body's frame, in m.
-    jacobian
-        (6, n, lanes): the point's velocity, then the body's angular velocity.
-    derivative
-        (6, n, lanes).
-
-    """
-    bodies, lanes = len(tree.parent), len(tree.lanes) or velocity.shape[1]
-    rates = len(velocity) - (bodies - 1)
-    jacobian[:] = 0.0
-    derivative[:] = 0.0
-    # Of every body on the way: angular velocity, and velocity of its origin.
-    moved = np.zeros((bodies, 6, lanes))
-    way = np.zeros(bodies, np.bool_)
-    at = body
-    while at != 0:
-        way[at] = True
-        at = tree.parent[at]
-    for lane in range(lanes):
-        u, v, omega = _base_rates(tree.base, velocity, lane)
-        r = read_row(poses.rotation, 0, 0, lane, ROTATION)
-        write_row(moved, 0, 0, lane, (0.0, 0.0, omega))
-        write_row(moved, 0, 3, lane, rotate(r, (u, v, 0.0)))
-    for each in range(1, body + 1):
-        if way[each]:
-            parent, axis = tree.parent[each], read_row(tree.axis, each, 0, 0, VECTOR)
-            for lane in range(lanes):
-                w = read_row(moved, parent, 0, lane, VECTOR)
-                r = read_row(poses.rotation, each, 0, lane, ROTATION)
-                arm = subtract(
-                    read_row(poses.offset, each, 0, lane, VECTOR),
-                    read_row(poses.offset, parent, 0, lane, VECTOR),
-                )
-                v = add(read_row(moved, parent, 3, lane, VECTOR), cross(w, arm))
-                sw, sv = _joint_part(
-                    tree.kind[each], rotate(r, axis), velocity[rates + each - 1, lane]
-                )
-                write_row(moved, each, 0, lane, add(w, sw))
-                write_row(moved, each, 3, lane, add(v, sv))
-    for lane in range(lanes):
-        arm = rotate(
-            read_row(poses.rotation, body, 0, lane, ROTATION),
-            (point[0, lane], point[1, lane], point[2, lane]),
-        )
-        tip = add(read_row(poses.offset, body, 0, lane, VECTOR), arm)
-        speed = add(
-            read_row(moved, body, 3, lane, VECTOR),
-            cross(read_row(moved, body, 0, lane, VECTOR), arm),
-        )
-        for each in range(1, body + 1):
-            if way[each]:
-                r = read_row(poses.rotation, each, 0, lane, ROTATION)
-                axis = rotate(r, read_row(tree.axis, each, 0, 0, VECTOR))
-                turning = cross(read_row(moved, tree.parent[each], 0, lane, VECTOR), axis)
-                column = rates + each - 1
-                if tree.kind[each] == REVOLUTE:
-                    lever = subtract(tip, read_row(poses.offset, each, 0, lane, VECTOR))
-                    rate = subtract(speed, read_row(moved, each, 3, lane, VECTOR))
-                    _write_column(jacobian, column, lane, cross(axis, lever), axis)
-                    _write_column(
-                        derivative,
-                        column,
-                        lane,
-                        add(cross(turning, lever), cross(axis, rate)),
-                        turning,
-                    )
-                else:
-                    _write_column(jacobian, column, lane, axis, VECTOR)
-                    _write_column(derivative, column, lane, turning, VECTOR)
-        if tree.base != FIXED:
-            r = read_row(poses.rotation, 0, 0, lane, ROTATION)
-            omega = moved[0, 2, lane]
-            lever = subtract(tip, read_row(poses.offset, 0, 0, lane, VECTOR))
-            rate = subtract(speed, read_row(moved, 0, 3, lane, VECTOR))
-            up, ahead = (0.0, 0.0, 1.0), rotate(r, (1.0, 0.0, 0.0))
-            left = rotate(r, (0.0, 1.0, 0.0))
-            _write_column(jacobian, 0, lane, ahead, VECTOR)
-            _write_column(derivative, 0, lane, scale(left, omega), VECTOR)
-            if tree.base == OMNIDIRECTIONAL:
-                _write_column(jacobian, 1, lane, left, VECTOR)
-                _write_column(derivative, 1, lane, scale(ahead, -omega), VECTOR)
-            _write_column(jacobian, rates - 1, lane, cross(up, lever), up)
-            _write_column(derivative, rates - 1, lane, cross(up, rate), VECTOR)
+    model: TreeModel, posture: Posture, theta: Any, velocity: Any, forces: Any, gravity: float
+) -> Any:
+    """Return the acceleration (n) under forces (n), H^-1 (forces - C nu - g)."""
+    acceleration = np.zeros(len(velocity))
+    moments = moments_about_base(model, posture, theta)
+    motion = _moved(model, posture, velocity, velocity, acceleration, gravity)
+    bias = _forces(model, posture, moments, motion)
+    matrix = _inertia(model, posture, moments)
+    factor(matrix)
+    for row in range(len(velocity)):
+        acceleration[row] = forces[row] - bias[row]
+    solve(matrix, acceleration)
+    return acceleration
 
 
 @formula
-def _write_column(matrix: Any, column: int, lane: int, linear: Vector, angular: Vector) -> None:
-    for i in range(3):
-        matrix[i, column, lane] = linear[i]
-        matrix[3 + i, column, lane] = angular[i]
+def _tip(posture: Posture, body: int, point: Vector) -> Vector:
+    """Return where a body's point is in the base's frame."""
+    r = read_part(posture.frames, body, 0, ROTATION)
+    return add(read_part(posture.frames, body, _ORIGIN, VECTOR), rotate(r, point))
+
+
+@formula
+def to_world(posture: Posture) -> Rotation:
+    """Return the base's rotation in the world."""
+    return turn((0.0, 0.0, 1.0), posture.sine, posture.cosine)
+
+
+@formula
+def towards_base(model: TreeModel, base: int, k: int) -> int:
+    """Return the next velocity on the way from velocity k to the world; -1 for none."""
+    if k < base:
+        return k - 1
+    at = parent_of(model, k - base + 1)
+    return base + at - 1
+
+
+@kernel
+def point_velocity(
+    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
+) -> tuple[Vector, Vector]:
+    """Return a point's velocity and its body's angular velocity, arguments as below."""
+    moved = np.empty((bodies_of(model), 6))
+    velocities(model, posture, velocity, moved, 0)
+    w, world = read_part(moved, body, 0, VECTOR), to_world(posture)
+    v = add(read_part(moved, body, 3, VECTOR), cross(w, _tip(posture, body, point)))
+    return rotate(world, v), rotate(world, w)
+
+
+@kernel
+def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector) -> Any:
+    """
+    Return the Jacobian of a body's point, in the world's frame.
+
+    Parameters
+    ----------
+    model
+        the robot.
+    posture
+        of its bodies.
+    body
+        number of the body.
+    point
+        in the body's frame, in m.
+
+    Returns
+    -------
+        its columns (n, 6): per velocity, that of the point and the body's angular velocity.
+
+    """
+    screws = posture.screws
+    base = base_of(model)
+    columns, world = np.zeros((len(screws), 6)), to_world(posture)
+    tip, k = _tip(posture, body, point), base + body - 1
+    while k >= 0:
+        w = read_part(screws, k, 0, VECTOR)
+        v = add(read_part(screws, k, 3, VECTOR), cross(w, tip))
+        write_part(columns, k, 0, rotate(world, v))
+        write_part(columns, k, 3, rotate(world, w))
+        k = towards_base(model, base, k)
+    return columns
+
+
+@kernel
+def point_jacobian_rate(
+    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
+) -> Any:
+    """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
+    screws = posture.screws
+    base = base_of(model)
+    columns, world = np.zeros((len(screws), 6)), to_world(posture)
+    moved = np.empty((bodies_of(model), 6))
+    velocities(model, posture, velocity, moved, 0)
+    tip, k = _tip(posture, body, point), base + body - 1
+    w, v = read_part(moved, body, 0, VECTOR), read_part(moved, body, 3, VECTOR)
+    speed = add(v, cross(w, tip))
+    while k >= 0:
+        at = max(k - base + 1, 0)
+        screw = read_part(screws, k, 0, VECTOR)
+        turned, carried = crossed(
+            read_part(moved, at, 0, VECTOR),
+            read_part(moved, at, 3, VECTOR),
+            screw,
+            read_part(screws, k, 3, VECTOR),
+        )
+        change = add(add(carried, cross(turned, tip)), cross(screw, speed))
+        write_part(columns, k, 0, rotate(world, change))
+        write_part(columns, k, 3, rotate(world, turned))
+        k = towards_base(model, base, k)
+    return columns
+
+
+@kernel
+def point_forces(
+    model: TreeModel, posture: Posture, body: int, point: Vector, force: Vector, moment: Vector
+) -> Any:
+    """Return the forces (n) that do the work of force and moment on a point, in the world."""
+    screws = posture.screws
+    base = base_of(model)
+    found, world = np.zeros(len(screws)), to_world(posture)
+    f = rotate_back(world, force)
+    about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
+    k = base + body - 1
+    while k >= 0:
+        found[k] = _power(screws, k, about, f)
+        k = towards_base(model, base, k)
+    return found

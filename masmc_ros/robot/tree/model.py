@@ -15,7 +15,8 @@
 """
 What a tree's formulas need that does not change while it moves, as one vector of numbers.
 
-Records keep it as a mechanism's lengths; `unpacked` makes arrays of it again.
+Records keep it as a mechanism's lengths, where formulas read it: a compiler takes long for each
+array that is handed on.
 """
 
 from __future__ import annotations
@@ -23,42 +24,49 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.compiled import kernel
-from masmc_ros.robot.tree.dynamics import Tree
+from masmc_ros.numerics.arrays import read_down
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+REVOLUTE, PRISMATIC = 0, 1
+"""Kinds of joints; a continuous one is revolute without limits."""
+
+FIXED, DIFFERENTIAL, OMNIDIRECTIONAL = 0, 2, 3
+"""Kinds of bases, which are the numbers of their rates."""
+
+
+class Tree(NamedTuple):
+    """Bodies, of which 0 is the base and every other one comes after its parent."""
+
+    base: int
+    """Kind of the base."""
+    parent: NDArray[np.int64]
+    """(B) number of the body that each hangs on; that of the base is not read."""
+    kind: NDArray[np.int64]
+    """(B) kind of each body's joint."""
+    axis: NDArray[np.float64]
+    """(B, 3) unit axis in the body's frame."""
+    rotation: NDArray[np.float64]
+    """(B, 9) of each body's frame in its parent's, with the joint at zero."""
+    offset: NDArray[np.float64]
+    """(B, 3) of each body's origin in its parent's frame, with the joint at zero, in m."""
+    armature: NDArray[np.float64]
+    """(n, n) constant inertia of rotors and wheels in velocities nu, in kg, kg m and kg m^2."""
 
 
 class TreeModel(NamedTuple):
     """A tree, how its wheels drive it, and its task."""
 
-    tree: Tree
-    wheel_rates: Any
-    """(m, m) rates of the wheels from those of the base, m = 0, 2 or 3 by its kind."""
-    base_rates: Any
-    """(m, m) the inverse."""
-    tip: int
-    """Body of the frame that has a task."""
-    tip_rotation: Any
-    """(9) of the frame in the body's."""
-    tip_offset: Any
-    """(3) in m."""
-    mobility: Any
-    """(n) how much each velocity moves for the task: inverse weights."""
-    posture: Any
-    """(n) what the joints' positions tend to where the task leaves them free, in rad or m."""
-    posture_gain: float
-    """How fast they do, in 1/s."""
-    damping: float
-    """Rate kappa in 1/s at which velocities that the task does not see go to their reference."""
-    least_pivot: float
-    """Of J W^-1 J', below which the task is singular and its inverse damped."""
+    numbers: Any
+    """(numbers, lanes): what `packed` returns, for each robot side by side."""
+    lane: int
+    """Which of them."""
 
 
-_SCALARS = 6
-
-ONE = (0.0,)
-"""One lane: records are taken lane by lane."""
+_HEAD = 18
+_BODY = 17
 
 
 def packed(
@@ -71,54 +79,137 @@ def packed(
     damping: float,
     least_pivot: float,
 ) -> NDArray[np.float64]:
-    """Return the vector that `unpacked` takes; arguments as the fields of `TreeModel`."""
+    """
+    Return the numbers of a `TreeModel`.
+
+    Parameters
+    ----------
+    tree
+        bodies and joints, n velocities in all.
+    wheel_rates
+        (m, m) rates of the wheels from those of the base, m = 0, 2 or 3 by its kind.
+    tip
+        body of the frame that has a task, and the frame's rotation and offset in m in the body's.
+    mobility
+        (n) how much each velocity moves for the task: inverse weights.
+    posture
+        (n) what the joints' positions tend to where the task leaves them free, in rad or m.
+    posture_gain
+        how fast they do, in 1/s.
+    damping
+        rate kappa in 1/s at which velocities that the task does not see go to their reference.
+    least_pivot
+        of J W^-1 J', below which the task is singular and its inverse damped.
+
+    Returns
+    -------
+        one vector.
+
+    """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
     body, rotation, offset = tip
+    bodies = np.column_stack([tree.parent, tree.kind, tree.axis, tree.rotation, tree.offset])
     parts: tuple[Any, ...] = (
         (len(tree.parent), tree.base, body, posture_gain, damping, least_pivot),
-        tree.parent, tree.kind, tree.axis, tree.rotation, tree.offset, tree.armature,
-        wheels, np.linalg.inv(wheels) if len(wheels) else wheels,
-        rotation, offset, mobility, posture,
+        rotation, offset, bodies, mobility, posture, wheels,
+        np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature,
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
 
-@kernel
-def unpacked(lengths: Any, lane: int) -> TreeModel:
-    """Return the model that a record's field (numbers, lanes) holds in a lane."""
-    flat = np.empty(len(lengths))
-    for i in range(len(lengths)):
-        flat[i] = lengths[i, lane]
-    bodies, base = int(flat[0]), int(flat[1])
-    size = base + bodies - 1
-    parent, kind = np.empty(bodies, np.int64), np.empty(bodies, np.int64)
-    at = _SCALARS
-    for i in range(bodies):
-        parent[i] = int(flat[at + i])
-        kind[i] = int(flat[at + bodies + i])
-    at += 2 * bodies
-    axis = flat[at:at + 3 * bodies].reshape((bodies, 3, 1))
-    at += 3 * bodies
-    rotation = flat[at:at + 9 * bodies].reshape((bodies, 9, 1))
-    at += 9 * bodies
-    offset = flat[at:at + 3 * bodies].reshape((bodies, 3, 1))
-    at += 3 * bodies
-    armature = flat[at:at + size * size].reshape((size, size))
-    at += size * size
-    wheel_rates = flat[at:at + base * base].reshape((base, base))
-    at += base * base
-    base_rates = flat[at:at + base * base].reshape((base, base))
-    at += base * base
-    return TreeModel(
-        Tree(base, parent, kind, axis, rotation, offset, armature, ONE),
-        wheel_rates,
-        base_rates,
-        int(flat[2]),
-        flat[at:at + 9],
-        flat[at + 9:at + 12],
-        flat[at + 12:at + 12 + size],
-        flat[at + 12 + size:at + 12 + 2 * size],
-        flat[3],
-        flat[4],
-        flat[5],
-    )
+@formula
+def bodies_of(model: TreeModel) -> int:
+    """Return the number of bodies, the base among them."""
+    return int(model.numbers[0, model.lane])
+
+
+@formula
+def base_of(model: TreeModel) -> int:
+    """Return the kind of the base, which is the number of its rates."""
+    return int(model.numbers[1, model.lane])
+
+
+@formula
+def tip_of(model: TreeModel) -> tuple[int, Rotation, Vector]:
+    """Return the body of the frame that has a task, and where the frame is on it."""
+    numbers, lane = model
+    rotation: Rotation = read_down(numbers, 6, lane, ROTATION)
+    offset: Vector = read_down(numbers, 15, lane, VECTOR)
+    return int(numbers[2, lane]), rotation, offset
+
+
+@formula
+def posture_gain_of(model: TreeModel) -> float:
+    """Return how fast joints tend to their posture, in 1/s."""
+    return model.numbers[3, model.lane]
+
+
+@formula
+def damping_of(model: TreeModel) -> float:
+    """Return kappa in 1/s."""
+    return model.numbers[4, model.lane]
+
+
+@formula
+def least_pivot_of(model: TreeModel) -> float:
+    """Return the pivot below which the task is singular."""
+    return model.numbers[5, model.lane]
+
+
+@formula
+def parent_of(model: TreeModel, body: int) -> int:
+    """Return the number of the body that a body hangs on."""
+    return int(model.numbers[_HEAD + _BODY * body, model.lane])
+
+
+@formula
+def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Rotation, Vector]:
+    """Return whether a body's joint turns, its axis, and the body's placement at zero."""
+    numbers, lane = model
+    first = _HEAD + _BODY * body
+    axis: Vector = read_down(numbers, first + 2, lane, VECTOR)
+    rotation: Rotation = read_down(numbers, first + 5, lane, ROTATION)
+    offset: Vector = read_down(numbers, first + 14, lane, VECTOR)
+    return numbers[first + 1, lane] == REVOLUTE, axis, rotation, offset
+
+
+@formula
+def _after_bodies(model: TreeModel) -> tuple[int, int, int]:
+    """Return where the mobility begins, the number of velocities, and that of the base's."""
+    bodies, base = bodies_of(model), base_of(model)
+    return _HEAD + _BODY * bodies, base + bodies - 1, base
+
+
+@formula
+def mobility_begins(model: TreeModel) -> int:
+    """Return where (n) begins in the numbers how much velocities move for the task."""
+    first, _, _ = _after_bodies(model)
+    return first
+
+
+@formula
+def rest_of(model: TreeModel, k: int) -> float:
+    """Return the position to which a joint tends, in rad or m."""
+    first, size, _ = _after_bodies(model)
+    return model.numbers[first + size + k, model.lane]
+
+
+@formula
+def wheel_rates_begin(model: TreeModel) -> int:
+    """Return where the rates (m, m) of wheels from those of the base begin in the numbers."""
+    first, size, _ = _after_bodies(model)
+    return first + 2 * size
+
+
+@formula
+def base_rates_begin(model: TreeModel) -> int:
+    """Return where the inverse of that begins."""
+    first, size, base = _after_bodies(model)
+    return first + 2 * size + base * base
+
+
+@formula
+def rotors_begin(model: TreeModel) -> int:
+    """Return where the constant inertia (n, n) of rotors and wheels begins in the numbers."""
+    first, size, base = _after_bodies(model)
+    return first + 2 * (size + base * base)

@@ -27,10 +27,12 @@ is of second order in T, and positive definite whatever X is. Matrices are in th
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
+from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import dot, each, matrix_times
-from masmc_ros.robot.tree.spatial import Moments
+from masmc_ros.robot.tree.spatial import MOMENTS, Moments
 
 Row = tuple[float, float, float, float]
 Rows = tuple[Row, Row, Row, Row]
@@ -40,6 +42,31 @@ _LONGEST = 1.0
 
 _LEAST = 1.0e-13
 """Part of a diagonal entry above which a pivot is more than what rounding makes."""
+
+
+@kernel
+def adapted(
+    theta: Any, nominal: Any, gradient: Any, gamma: Any, period: float, upper: float
+) -> Any:
+    """
+    Return the moments of all bodies after a step of natural adaptation.
+
+    Vectors have ten numbers a body; the gain of one is the entry of `gamma` for its mass. None
+    grows beyond `upper` times the nominal mass and size.
+    """
+    moments, rest, along = array_of(theta), array_of(nominal), array_of(gradient)
+    gains, count = array_of(gamma), len(theta) // 10
+    shape = (count, 10)
+    found = moments.copy().reshape(shape)
+    rest, along = rest.reshape(shape), along.reshape(shape)
+    for body in range(count):
+        moved = natural_step(
+            read_part(found, body, 0, MOMENTS),
+            read_part(along, body, 0, MOMENTS),
+            period / gains[10 * body],
+        )
+        write_part(found, body, 0, bounded(moved, read_part(rest, body, 0, MOMENTS), upper))
+    return taken(found.reshape(10 * count), theta)
 
 
 @formula

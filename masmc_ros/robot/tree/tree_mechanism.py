@@ -24,6 +24,7 @@ from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.tuples import LONGEST
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (
     Coordinate,
@@ -378,6 +379,11 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
     model = _model(robot, robot.frames[tip], values)
     joints = len(drives) + len(arm)
+    if len(_POSE) + joints > LONGEST:
+        raise InputError(
+            f'{where}: {joints} joints; expected up to {LONGEST - len(_POSE)}: name those to be'
+            ' controlled in robot.joints'
+        )
     efforts = robot.limits.effort
     limits = np.zeros(joints)
     limits[joints - len(efforts):] = np.where(np.isfinite(efforts), efforts, 0.0)

@@ -31,7 +31,8 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.dynamics import DIFFERENTIAL, factor, solve
+from masmc_ros.robot.tree.dynamics import factor, solve
+from masmc_ros.robot.tree.model import DIFFERENTIAL
 from masmc_ros.robot.tree.spatial import Vector
 from masmc_ros.robot.tree.urdf import Joint
 import numpy as np
@@ -210,18 +211,21 @@ def _squares(matrix: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArr
 
 
 def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
-    """Return (G'G)^-1 G', each wheel a lane."""
+    """Return (G'G)^-1 G'."""
     wheels, rates = matrix.shape
     squares = _squares(matrix, np.ones(wheels))
-    factored = np.repeat(squares[:, :, None], wheels, axis=2)
+    factored = squares.copy()
     factor(factored)
     for rate in range(rates):
         # What is left of its column when the others' part is taken away, over all of it.
-        if not factored[rate, rate, 0] > _TOLERANCE**2 * squares[rate, rate]:
+        if not factored[rate, rate] > _TOLERANCE**2 * squares[rate, rate]:
             raise InputError(
                 f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles or'
                 ' robot.roller_angles that differ more'
             )
-    found = np.ascontiguousarray(matrix.T)
-    solve(factored, found)
+    found = np.empty((rates, wheels))
+    for wheel in range(wheels):
+        row = matrix[wheel].copy()
+        solve(factored, row)
+        found[:, wheel] = row
     return found

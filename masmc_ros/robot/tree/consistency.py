@@ -1,0 +1,94 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which moments bodies can have: pseudo-inertias that are positive definite.
+
+For adaptation that takes each number for itself; `natural_adaptation` needs none of it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.tuples import tabulate
+from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.robot.tree.model import TreeModel
+import numpy as np
+
+
+@formula
+def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
+    """Return an entry of a body's pseudo-inertia, whose moments begin at `at`."""
+    if i == 3 and j == 3:
+        return theta[at]
+    if i == 3 or j == 3:
+        return theta[at + 1 + min(i, j)]
+    if i == j:
+        return theta[at + 4 + i]
+    # xy, yz, zx
+    return theta[at + 7 + (0 if i + j == 1 else (1 if i + j == 3 else 2))]
+
+
+@kernel
+def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
+    """Return the first pivot that is not positive, x of that body's pseudo-inertia, the body."""
+    pivot, found = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
+    lower, x = np.zeros((4, 4)), np.zeros(4)
+    for body in range(len(theta) // 10):
+        at = 10 * body
+        total = 0.0
+        for i in range(10):
+            total += abs(theta[at + i])
+        if total == 0.0:
+            continue
+        # From the mass on: rows and columns 3, 0, 1, 2.
+        for column in range(4):
+            for row in range(column, 4):
+                entry = _pseudo(theta, at, (row + 3) % 4, (column + 3) % 4)
+                for k in range(column):
+                    entry -= lower[row, k] * lower[column, k] * lower[k, k]
+                lower[row, column] = entry if row == column else entry / lower[column, column]
+            pivot = lower[column, column]
+            if not pivot > 0.0:
+                for i in range(4):
+                    x[i] = 1.0 if i == column else 0.0
+                for i in range(column - 1, -1, -1):
+                    for k in range(i + 1, column + 1):
+                        x[i] -= lower[k, i] * x[k]
+                return pivot, (x[1], x[2], x[3], x[0], float(body))
+            found = (0.0, 0.0, 0.0, 1.0, float(body))
+    return pivot, found
+
+
+@formula
+def _normal(x: Numbers, i: int) -> float:
+    """Return the derivative of x' P x by a moment."""
+    if i // 10 != int(x[4]):
+        return 0.0
+    k = i % 10
+    if k == 0:
+        return x[3] * x[3]
+    if k < 4:
+        return 2.0 * x[k - 1] * x[3]
+    if k < 7:
+        return x[k - 4] * x[k - 4]
+    return 2.0 * x[k - 7] * x[(k - 6) % 3]
+
+
+@formula
+def consistency_normal(model: TreeModel, x: Numbers, like: Numbers) -> Numbers:
+    """Return the vector n with n' theta = x' P x."""
+    return tabulate(_normal, like, x)

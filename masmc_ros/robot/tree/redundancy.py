@@ -1,0 +1,202 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Motion and forces of a robot that has more velocities than its task.
+
+It chooses the velocities that cost least: with what else it would like to do, z, and mobilities
+W^-1,
+
+    nu_r = z + W^-1 J' y,   (J W^-1 J' + lambda^2) y = xdot_r - J z,
+
+lambda being 0 where the task is not singular. a_r is the exact derivative for a constant lambda,
+less kappa sigma: H kappa sigma damps what the task does not see with the robot's own inertia,
+which is stable for any kappa, where gains that know no inertia are not.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.arrays import array_of, taken
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.tuples import tabulate
+from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.robot.tree.dynamics import (
+    factor,
+    inertia,
+    point_jacobian,
+    point_jacobian_rate,
+    Posture,
+    solve,
+    substitute,
+)
+from masmc_ros.robot.tree.model import (
+    base_of,
+    damping_of,
+    least_pivot_of,
+    mobility_begins,
+    posture_gain_of,
+    rest_of,
+    tip_of,
+    TreeModel,
+)
+from masmc_ros.robot.tree.task import AXES
+import numpy as np
+
+
+@kernel
+def _jacobian(model: TreeModel, posture: Posture) -> Any:
+    """Return the columns (n, 6) of J."""
+    body, _, offset = tip_of(model)
+    return point_jacobian(model, posture, body, offset)
+
+
+@kernel
+def _factored(model: TreeModel, columns: Any) -> tuple[Any, bool]:
+    """Return the factors of J W^-1 J' + lambda^2, and whether the task is singular."""
+    matrix, bound = np.zeros((AXES, AXES)), least_pivot_of(model)
+    first = mobility_begins(model)
+    for k in range(len(columns)):
+        mobility = model.numbers[first + k, model.lane]
+        for i in range(AXES):
+            part = mobility * columns[k, i]
+            for j in range(AXES):
+                matrix[i, j] += part * columns[k, j]
+    found = matrix.copy()
+    factor(found)
+    least = found[0, 0]
+    for i in range(AXES):
+        least = min(least, found[i, i])
+    is_singular = not least > bound
+    if is_singular:
+        # lambda^2 grows from zero to the pivot's bound as the pivot goes to zero.
+        short = 1.0 - max(least, 0.0) / bound
+        for i in range(AXES):
+            matrix[i, i] += bound * short * short
+        factor(matrix)
+        found = matrix
+    return found, is_singular
+
+
+@formula
+def _along(columns: Any, k: int, y: Any) -> float:
+    """Return entry k of J' y."""
+    total = 0.0
+    for i in range(AXES):
+        total += columns[k, i] * y[i]
+    return total
+
+
+@kernel
+def is_singular(model: TreeModel, posture: Posture) -> bool:
+    """Tell whether the least pivot of J W^-1 J' is too small."""
+    _, found = _factored(model, _jacobian(model, posture))
+    return found
+
+
+@kernel
+def reference_motion(
+    model: TreeModel,
+    posture: Posture,
+    position: Numbers,
+    motion: Numbers,
+    velocity: Numbers,
+    acceleration: Numbers,
+) -> tuple[Numbers, Numbers]:
+    """Return nu_r and a_r - kappa (nu - nu_r)."""
+    base, gain = base_of(model), posture_gain_of(model)
+    nu, at = array_of(motion), array_of(position)
+    y, y_dot = array_of(velocity), array_of(acceleration)
+    size, pose, mobility = len(nu), len(at) - len(nu), mobility_begins(model)
+    body, _, offset = tip_of(model)
+    columns = point_jacobian(model, posture, body, offset)
+    changes = point_jacobian_rate(model, posture, nu, body, offset)
+    factors, _ = _factored(model, columns)
+    # z and its derivative: the joints tend to their posture, the base to nothing.
+    z, z_dot = np.zeros(size), np.zeros(size)
+    for k in range(base, size):
+        z[k] = -gain * (at[pose + k] - rest_of(model, k))
+        z_dot[k] = -gain * nu[k]
+    v_r, a_r = np.empty(size), np.empty(size)
+    for k in range(size):
+        for i in range(AXES):
+            y[i] -= columns[k, i] * z[k]
+    solve(factors, y)
+    # The derivative of the equation for y: A ydot = d(xdot_r - J z)/dt - Adot y.
+    for k in range(size):
+        weight = model.numbers[mobility + k, model.lane]
+        v_r[k] = z[k] + weight * _along(columns, k, y)
+        change = z_dot[k] + weight * _along(changes, k, y)
+        a_r[k] = change
+        for i in range(AXES):
+            y_dot[i] -= changes[k, i] * v_r[k] + columns[k, i] * change
+    solve(factors, y_dot)
+    for k in range(size):
+        weight = model.numbers[mobility + k, model.lane]
+        a_r[k] += weight * _along(columns, k, y_dot) - damping_of(model) * (nu[k] - v_r[k])
+    return taken(v_r, motion), taken(a_r, motion)
+
+
+@kernel
+def motion_from_task(
+    model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
+) -> Numbers:
+    """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
+    columns, y, first = _jacobian(model, posture), array_of(rates), mobility_begins(model)
+    factors, _ = _factored(model, columns)
+    solve(factors, y)
+    out = np.empty(len(columns))
+    for k in range(len(out)):
+        out[k] = model.numbers[first + k, model.lane] * _along(columns, k, y)
+    return taken(out, like)
+
+
+@kernel
+def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
+    """Return (J H^-1 J')^-1 (6, 6), a little damped where that is singular."""
+    columns, h = _jacobian(model, posture), inertia(model, posture, theta)
+    factor(h)
+    substitute(h, columns)
+    compliance, out = np.zeros((AXES, AXES)), np.zeros((AXES, AXES))
+    for k in range(len(columns)):
+        inverse = 1.0 / h[k, k]
+        for i in range(AXES):
+            part = columns[k, i] * inverse
+            for j in range(AXES):
+                compliance[i, j] += part * columns[k, j]
+    least = least_pivot_of(model) * compliance[0, 0]
+    for i in range(AXES):
+        compliance[i, i] += 1.0e-3 * least
+    factor(compliance)
+    for j in range(AXES):
+        out[j, j] = 1.0
+        solve(compliance, out[j])
+    return out
+
+
+@formula
+def _entry_of(of: tuple[Any, int], i: int) -> float:
+    return of[0][of[1], i]
+
+
+@formula
+def _column_of(of: tuple[Any, Numbers], j: int) -> Numbers:
+    return tabulate(_entry_of, of[1], (of[0], j))
+
+
+@formula
+def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Any:
+    """Return (J H^-1 J')^-1 by its columns, kg, kg m and kg m^2."""
+    return tabulate(_column_of, surface, (_task_inertia(model, posture, theta), surface))
