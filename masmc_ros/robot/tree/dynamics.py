@@ -52,6 +52,7 @@ from masmc_ros.robot.tree.spatial import (
     inner,
     MOMENTS,
     moments_in_parent,
+    momentum,
     power_gradient,
     product,
     rotate,
@@ -374,13 +375,6 @@ def moment_gradients(
     return gradients.reshape(gradients.size)
 
 
-@formula
-def _momentum(of: Any, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the spatial momentum of a body."""
-    rotation = (0.0, -w[2], w[1], w[2], 0.0, -w[0], -w[1], w[0], 0.0)
-    return wrench(rotation, v, of)
-
-
 @kernel
 def _inertia(model: TreeModel, posture: Posture, moments: Any) -> Any:
     """Return H; `moments` about the base become those of composite bodies."""
@@ -393,7 +387,7 @@ def _inertia(model: TreeModel, posture: Posture, moments: Any) -> Any:
             matrix[row, column] = model.numbers[rotors + row * size + column, model.lane]
     for row in range(size - 1, -1, -1):
         body = max(row - base + 1, 0)
-        moment, force = _momentum(
+        moment, force = momentum(
             read_part(moments, body, 0, MOMENTS),
             read_part(screws, row, 0, VECTOR),
             read_part(screws, row, 3, VECTOR),
@@ -441,17 +435,6 @@ def factor(matrix: Any) -> None:
             pivot -= part * scaled
             matrix[row, column] = part
         matrix[row, row] = pivot
-
-
-@kernel
-def substitute(factored: Any, x: Any) -> None:
-    """Replace columns x (n, m) by L^-1 x."""
-    size, count = x.shape
-    for row in range(size):
-        for k in range(row):
-            part = factored[row, k]
-            for i in range(count):
-                x[row, i] -= part * x[k, i]
 
 
 @kernel

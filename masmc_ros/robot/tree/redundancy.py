@@ -40,7 +40,6 @@ from masmc_ros.robot.tree.dynamics import (
     point_jacobian_rate,
     Posture,
     solve,
-    substitute,
 )
 from masmc_ros.robot.tree.model import (
     base_of,
@@ -168,7 +167,12 @@ def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """Return (J H^-1 J')^-1 (6, 6), a little damped where that is singular."""
     columns, h = _jacobian(model, posture), inertia(model, posture, theta)
     factor(h)
-    substitute(h, columns)
+    # L^-1 J', in place of J'.
+    for row in range(len(columns)):
+        for k in range(row):
+            part = h[row, k]
+            for i in range(AXES):
+                columns[row, i] -= part * columns[k, i]
     compliance, out = np.zeros((AXES, AXES)), np.zeros((AXES, AXES))
     for k in range(len(columns)):
         inverse = 1.0 / h[k, k]

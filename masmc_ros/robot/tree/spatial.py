@@ -190,6 +190,19 @@ def wrench(a: Rotation, c: Vector, of: Moments) -> tuple[Vector, Vector]:
 
 
 @formula
+def momentum(of: Moments, turn_rate: Vector, speed: Vector) -> tuple[Vector, Vector]:
+    """Return a body's angular momentum about the origin and its momentum, of a velocity."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    w, h = turn_rate, (x, y, z)
+    spin = (
+        (yy + zz) * w[0] - xy * w[1] - zx * w[2],
+        (zz + xx) * w[1] - yz * w[2] - xy * w[0],
+        (xx + yy) * w[2] - zx * w[0] - yz * w[1],
+    )
+    return add(spin, cross(h, speed)), add(scale(speed, mass), cross(w, h))
+
+
+@formula
 def power_gradient(a: Rotation, c: Vector, turn_rate: Vector, speed: Vector) -> Moments:
     """Return the derivative by the moments of the power of that wrench in a velocity."""
     w, v = turn_rate, speed
