@@ -183,14 +183,14 @@ def _number(tree: TreeRobot, joint: str) -> int:
 
 def _centre(tree: TreeRobot, joint: str) -> Sequence[float]:
     """Return where a wheel's centre is in the base, in m."""
-    found: Sequence[float] = tree.tree.offset[_number(tree, joint), :, 0].tolist()
+    found: Sequence[float] = tree.tree.offset[_number(tree, joint)].tolist()
     return found
 
 
 def _side(tree: TreeRobot, joint: str) -> float:
     """Return 1 where a wheel's axle points to the left, -1 where it does to the right."""
     number = _number(tree, joint)
-    axle = tree.tree.rotation[number, :, 0].reshape(3, 3) @ tree.joints[number - 1].axis
+    axle = tree.tree.rotation[number].reshape(3, 3) @ tree.joints[number - 1].axis
     return float(np.sign(axle[1]))
 
 
@@ -203,11 +203,11 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
             body.add_freejoint()
         else:
             joint = tree.joints[number - 1]
-            rotation = tree.tree.rotation[number, :, 0].reshape(3, 3)
+            rotation = tree.tree.rotation[number].reshape(3, 3)
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
             body = found[tree.tree.parent[number]].add_body(
-                name=joint.child, pos=tree.tree.offset[number, :, 0], quat=quaternion
+                name=joint.child, pos=tree.tree.offset[number], quat=quaternion
             )
             slides = joint.kind == 'prismatic'
             body.add_joint(
