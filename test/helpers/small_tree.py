@@ -16,8 +16,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import math
 from pathlib import Path
 from typing import Any
+
+from masmc_ros.robot.tree.tree_mechanism import TASKS
 
 _BODY = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0.2 -0.1 0.3"/><mass value="{2}"/>
 <inertia ixx="{3}" ixy="0.0002" ixz="-0.0001" iyy="{4}" iyz="0.0003" izz="{5}"/>
@@ -69,8 +73,24 @@ def parameters(urdf: str = URDF) -> dict[str, Any]:
     }
 
 
-def write_scenario(folder: Path, tip: list[float], duration: float) -> Path:
-    """Write URDF and scenario into a folder: the hand goes ahead and turns a little."""
+def write_scenario(
+    folder: Path, tip: list[float], duration: float, task: str = 'pose'
+) -> Path:
+    """
+    Write URDF and scenario into a folder: what has the task goes ahead and turns a little.
+
+    That is the hand, which is at `tip`; of the task `base` the base, which has no wheels then.
+    """
+    wheels, start = 'wheels: [wheel_right_joint, wheel_left_joint]', START
+    base = 'differential'
+    if task == 'base':
+        wheels, base = 'held_joints: [wheel_right_joint, wheel_left_joint]', 'omnidirectional'
+        start, tip = (0.0, *START), [0.0] * 6
+    ahead = [tip[0] + 0.1, *tip[1:4], tip[4] + 0.1, tip[5]]
+
+    def of_task(values: Sequence[float]) -> list[float]:
+        return [values[axis] for axis in TASKS[task]]
+
     (folder / 'small.urdf').write_text(URDF, encoding='utf-8')
     path = folder / 'small.yaml'
     path.write_text(
@@ -78,25 +98,26 @@ def write_scenario(folder: Path, tip: list[float], duration: float) -> Path:
   ros__parameters:
     robot:
       urdf: {folder / 'small.urdf'}
-      base: differential
-      wheels: [wheel_right_joint, wheel_left_joint]
+      base: {base}
+      {wheels}
+      task: {task}
       posture: {list(START[2:])}
     control_period: 0.001
     duration: {duration}
 plant:
   ros__parameters:
-    initial_joints: {list(START)}
+    initial_joints: {list(start)}
 trajectory:
   ros__parameters:
     line_sine:
-      offset: {[tip[0] + 0.1, *tip[1:4], tip[4] + 0.1, tip[5]]}
-      amplitude: [0.1, 0.0, 0.0, 0.0, 0.1, 0.0]
-      frequency: [2.0, 0.0, 0.0, 0.0, 1.5, 0.0]
-      phase: [-1.5707963267948966, 0.0, 0.0, 0.0, -1.5707963267948966, 0.0]
+      offset: {of_task(ahead)}
+      amplitude: {of_task([0.1, 0.0, 0.0, 0.0, 0.1, 0.0])}
+      frequency: {of_task([2.0, 0.0, 0.0, 0.0, 1.5, 0.0])}
+      phase: {of_task([-0.5 * math.pi, 0.0, 0.0, 0.0, -0.5 * math.pi, 0.0])}
 controller:
   ros__parameters:
-    k_s1: [100.0, 100.0, 100.0, 10.0, 10.0, 10.0]
-    k_s2: [100.0, 100.0, 100.0, 10.0, 10.0, 10.0]
+    k_s1: {of_task([100.0, 100.0, 100.0, 10.0, 10.0, 10.0])}
+    k_s2: {of_task([100.0, 100.0, 100.0, 10.0, 10.0, 10.0])}
 """,
         encoding='utf-8',
     )

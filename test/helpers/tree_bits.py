@@ -52,8 +52,8 @@ def model_of(
     tree = robot if isinstance(robot, Tree) else robot.tree
     size = tree.base + len(tree.parent) - 1
     numbers = packed(
-        tree, np.eye(tree.base), (body, np.eye(3).ravel().tolist(), point), np.ones(size),
-        np.zeros(size), 0.0, 0.0, 1e-3,
+        tree, np.eye(tree.base), (body, np.eye(3).ravel().tolist(), point), range(6),
+        np.ones(size), np.zeros(size), (np.zeros(size),) * 3, 0.0, 0.0, 1e-3,
     )  # fmt: skip
     return TreeModel(numbers[:, None], 0)
 
@@ -77,7 +77,8 @@ def digest() -> str:
         of = model, posture, theta
         moved = velocity, reference, acceleration, 9.81
         found += [
-            *posture[:2],
+            posture.frames[:, :12].copy(),
+            posture.screws,
             dynamics.inverse_dynamics(*of, *moved),
             dynamics.inertia(*of),
             dynamics.forward_dynamics(*of, velocity, reference, 9.81),

@@ -26,7 +26,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.assembly import pseudo_inertia
 from masmc_ros.robot.tree.frames import world_of
-from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -89,6 +89,20 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
     table = (tmp_path / 'export' / 'run.csv').read_text(encoding='utf-8')
     for name in ('position_lift_joint_m', 'command_lift_joint_N', 'error_rx_tip_rad'):
         assert name in table.splitlines()[0].split(',')
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('task', ['position', 'planar', 'base'])
+def test_a_part_of_a_pose_can_be_the_task(task: str, tmp_path: Path) -> None:
+    path = write_scenario(tmp_path, start(), 1e-3 * TICKS, task)
+    log = tmp_path / 'run.mcap'
+    subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.cli.main', 'simulate', path, '--output', log],
+        env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'}, check=True, timeout=300.0,
+    )  # fmt: skip
+    error = read_run(log).telemetry['error'].values
+    assert error.shape == (TICKS + 1, len(TASKS[task]))
+    assert np.abs(error).max() < 1e-4
 
 
 @pytest.mark.slow

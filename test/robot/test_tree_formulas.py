@@ -21,10 +21,11 @@ from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from masmc_ros.errors import InputError
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.model import TreeModel
-from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
+from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -37,24 +38,34 @@ pytestmark = pytest.mark.slow
 
 FEW = settings(max_examples=20, deadline=None)
 SEED = st.integers(0, 2**32 - 1)
+TASK = st.sampled_from(tuple(TASKS))
 H = 1e-4
 
 
 class Drawn:
     """The small robot in a random state that is not singular."""
 
-    def __init__(self, seed: int, **given: float) -> None:
+    def __init__(self, seed: int, task: str = 'pose', **given: float) -> None:
         """Draw it; `given` are parameters of the robot."""
-        values: dict[str, Any] = parameters()
+        values: dict[str, Any] = {**parameters(), 'robot.task': task}
+        rest = START
+        if task == 'base':
+            # Of two wheels none could go sideways.
+            values |= {'robot.base': 'omnidirectional', 'robot.wheels': ()}
+            values |= {'robot.held_joints': parameters()['robot.wheels']}
+            values |= {'robot.joints': ('turret_joint', 'lift_joint', 'upper_joint')}
+            values |= {'robot.posture': START[2:5]}
+            rest = (0.0, 0.0, 0.0, *START[2:5])
         self.mechanism = tree_mechanism(values)
         values = {p.name: p.default for p in self.mechanism.parameters} | values
         self.robot = robot_of(values | {f'robot.{name}': each for name, each in given.items()})
-        self.model = TreeModel(self.robot.geometry[:, None], 0)
+        axes = tuple(map(float, TASKS[task]))
+        self.model = TreeModel(self.robot.geometry[:, None], 0, axes)
         draw = np.random.default_rng(seed)
-        rest = np.array([0.0, 0.0, 0.0, *START])
-        self.position = rest + draw.uniform(-0.3, 0.3, len(rest))
-        self.rates, self.force, self.torques = draw.normal(size=(3, 7))
-        self.twist, self.change, self.pull = draw.normal(size=(3, 6))
+        self.position = np.array([0.0, 0.0, 0.0, *rest])
+        self.position += draw.uniform(-0.3, 0.3, len(self.position))
+        self.rates, self.force, self.torques = draw.normal(size=(3, len(rest)))
+        self.twist, self.change, self.pull = draw.normal(size=(3, len(axes)))
         self.theta = self.robot.theta
         self.like = tuple(self.rates.tolist())
 
@@ -85,14 +96,15 @@ class Drawn:
         """Return J, column by column."""
         return np.array([
             mechanism.task_velocity(self.model, self.posture(), numbers(unit))
-            for unit in np.eye(7)
+            for unit in np.eye(len(self.rates))
         ]).T
 
     def inertia(self) -> Array:
         """Return H, column by column."""
         h = mechanism.inertia(self.model, self.posture(), self.theta)
         return np.array([
-            mechanism.inertia_times(self.model, h, numbers(unit)) for unit in np.eye(7)
+            mechanism.inertia_times(self.model, h, numbers(unit))
+            for unit in np.eye(len(self.rates))
         ])
 
 
@@ -119,10 +131,12 @@ def test_velocities_and_forces_of_the_wheels_have_the_same_power(seed: int) -> N
 
 
 @FEW
-@given(SEED)
-def test_the_jacobian_is_that_of_the_pose(seed: int) -> None:
+@given(SEED, TASK)
+def test_the_jacobian_is_that_of_the_pose(
+    seed: int, task: str
+) -> None:
     """Origin and rotation move as J nu says, and J' gives forces of the same power."""
-    drawn = Drawn(seed)
+    drawn = Drawn(seed, task)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
     twist = np.array(mechanism.task_velocity(drawn.model, drawn.posture(), nu))
     pose = mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
@@ -133,7 +147,7 @@ def test_the_jacobian_is_that_of_the_pose(seed: int) -> None:
             mechanism.task_error(drawn.model, drawn.posture(at), numbers(at), pose)
         )
 
-    assert off(0.0) == pytest.approx(np.zeros(6), abs=1e-14)
+    assert off(0.0) == pytest.approx(np.zeros(len(twist)), abs=1e-14)
     # Near zero, the orientation error is the angle by which it has turned.
     assert derivative(off) == pytest.approx(twist, abs=1e-8)
     force = mechanism.forces_from_task(
@@ -143,9 +157,11 @@ def test_the_jacobian_is_that_of_the_pose(seed: int) -> None:
 
 
 @FEW
-@given(SEED)
-def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(seed: int) -> None:
-    drawn = Drawn(seed, damping=0.0, base_mobility=0.3, posture_gain=0.7)
+@given(SEED, TASK)
+def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
+    seed: int, task: str
+) -> None:
+    drawn = Drawn(seed, task, damping=0.0, base_mobility=0.3, posture_gain=0.7)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
 
     def reference(time: float) -> tuple[Array, Array]:
@@ -161,7 +177,7 @@ def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(seed: int)
     size = 1.0 + np.abs(a_r).max()
     assert a_r == pytest.approx(derivative(lambda time: reference(time)[0]), abs=1e-6 * size)
     # What damps is in proportion to what the motion is off by.
-    damped = Drawn(seed, damping=3.0, base_mobility=0.3, posture_gain=0.7)
+    damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.7)
     _, less = mechanism.reference_motion(
         damped.model, damped.posture(), numbers(damped.position), nu,
         numbers(damped.twist), numbers(damped.change),
@@ -170,9 +186,72 @@ def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(seed: int)
 
 
 @FEW
-@given(SEED)
-def test_the_error_has_its_derivative(seed: int) -> None:
-    drawn = Drawn(seed)
+@given(SEED, st.floats(0.02, 0.98), st.booleans())
+def test_near_its_end_a_joint_moves_less_for_the_task(
+    seed: int, part: float, is_upper: bool
+) -> None:
+    """Down to nothing at the end, and a_r is the derivative of what it does there."""
+    drawn = Drawn(seed, 'position', damping=0.0, limit_margin=0.1)
+    lower, upper = (drawn.mechanism.joint_limits[name][5] for name in ('lower', 'upper'))
+    margin = 0.1 * (upper - lower)
+    place = 3 + 5
+    drawn.position[place] = upper - part * margin if is_upper else lower + part * margin
+    nu = mechanism.motion(drawn.model, numbers(drawn.rates))
+
+    def reference(time: float) -> tuple[Array, Array]:
+        at = drawn.moved(time)
+        wanted = numbers(drawn.twist + time * drawn.change)
+        v, a = mechanism.reference_motion(
+            drawn.model, drawn.posture(at), numbers(at), nu, wanted, numbers(drawn.change)
+        )
+        return np.array(v), np.array(a)
+
+    v_r, a_r = reference(0.0)
+    assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-10)
+    size = 1.0 + np.abs(a_r).max()
+    assert a_r == pytest.approx(derivative(lambda time: reference(time)[0]), abs=1e-5 * size)
+    # At the end it does what the posture asks for, which leads back, and nothing else.
+    drawn.position[place] = upper if is_upper else lower
+    v_r, _ = reference(0.0)
+    rest = parameters()['robot.posture'][3]
+    assert v_r[5] == pytest.approx(-0.5 * (drawn.position[place] - rest), abs=1e-12)
+
+
+def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:
+    reached = {}
+    for margin in (0.0, 0.1):
+        drawn = Drawn(0, 'position', limit_margin=margin, posture_gain=0.0)
+        drawn.position[:] = 0.0, 0.0, 0.0, *START
+        drawn.position[3 + 5] = 2.95
+        still, path = numbers(np.zeros(7)), []
+        start = np.array(
+            mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
+        )
+        # Where that joint takes it, and nothing else did more.
+        wanted = 0.1 * drawn.jacobian()[:, 5] / np.linalg.norm(drawn.jacobian()[:, 5])
+        for _ in range(300):
+            v_r, _ = mechanism.reference_motion(
+                drawn.model, drawn.posture(), numbers(drawn.position), still,
+                numbers(wanted), numbers(np.zeros(3)),
+            )  # fmt: skip
+            rates = mechanism.joint_rates(drawn.model, v_r)
+            moved = mechanism.position_rates(drawn.model, drawn.posture(), rates)
+            drawn.position += 0.01 * np.array(moved)
+            path.append(drawn.position[3 + 5])
+        end = np.array(
+            mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
+        )
+        assert end - start == pytest.approx(3.0 * wanted, abs=0.01)
+        reached[margin] = max(path)
+    assert reached[0.1] < 3.0 < reached[0.0]
+
+
+@FEW
+@given(SEED, TASK)
+def test_the_error_has_its_derivative(
+    seed: int, task: str
+) -> None:
+    drawn = Drawn(seed, task)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
     pose = np.array(
         mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
@@ -202,9 +281,11 @@ def test_the_error_has_its_derivative(seed: int) -> None:
 
 
 @FEW
-@given(SEED)
-def test_the_dynamics_agree_with_each_other(seed: int) -> None:
-    drawn = Drawn(seed)
+@given(SEED, TASK)
+def test_the_dynamics_agree_with_each_other(
+    seed: int, task: str
+) -> None:
+    drawn = Drawn(seed, task)
     model, posture = drawn.model, drawn.posture()
     nu, a = numbers(drawn.rates), numbers(drawn.force)
     h, jacobian = drawn.inertia(), drawn.jacobian()
@@ -221,9 +302,9 @@ def test_the_dynamics_agree_with_each_other(seed: int) -> None:
         model, mechanism.inertia(model, posture, drawn.theta), numbers(drawn.torques)
     )
     assert h @ np.array(found) == pytest.approx(drawn.torques, abs=1e-9)
-    columns = mechanism.task_inertia(model, posture, drawn.theta, (0.0,) * 6)
+    columns = mechanism.task_inertia(model, posture, drawn.theta, numbers(drawn.twist))
     felt = np.array(columns).T @ (jacobian @ np.linalg.solve(h, jacobian.T))
-    assert felt == pytest.approx(np.eye(6), abs=1e-3)
+    assert felt == pytest.approx(np.eye(len(drawn.twist)), abs=1e-3)
 
 
 @FEW
@@ -239,3 +320,8 @@ def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
     if pivot <= 0.0:
         assert normal @ wrong == pytest.approx(pivot, rel=1e-9, abs=1e-9)
         assert normal @ theta > 0.0
+
+
+def test_two_wheels_do_not_take_a_base_anywhere() -> None:
+    with pytest.raises(InputError, match=r'expected robot\.base omnidirectional or fixed'):
+        tree_mechanism({**parameters(), 'robot.task': 'base'})

@@ -73,6 +73,7 @@ GRAVITY = 9.81
 """m/s^2, downwards."""
 
 _ORIGIN = 9
+_POSITION = 12
 _REFERENCE, _ACCELERATION = 6, 12
 _FORCE = 3
 
@@ -85,7 +86,7 @@ class Posture(NamedTuple):
     """
 
     frames: Any
-    """(B, 12) rotation, row by row, and origin in m."""
+    """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
     screws: Any
     """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
     sine: float
@@ -94,6 +95,12 @@ class Posture(NamedTuple):
     x: float
     """Of the base's origin in the world, in m."""
     y: float
+
+
+@formula
+def joint_position(posture: Posture, body: int) -> float:
+    """Return the position of a body's joint, in rad or m."""
+    return posture.frames[body, _POSITION]
 
 
 @kernel
@@ -116,7 +123,7 @@ def place(
 
     """
     bodies, base = bodies_of(model), base_of(model)
-    frames, screws = np.empty((bodies, 12)), np.zeros((base + bodies - 1, 6))
+    frames, screws = np.empty((bodies, _POSITION + 1)), np.zeros((base + bodies - 1, 6))
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, _ORIGIN, VECTOR)
     if base != FIXED:
@@ -141,6 +148,7 @@ def place(
             write_part(screws, screw, 3, along)
         write_part(frames, body, 0, own)
         write_part(frames, body, _ORIGIN, origin)
+        frames[body, _POSITION] = value
     s, c = sin_cos(yaw)
     return Posture(frames, screws, s, c, x, y)
 

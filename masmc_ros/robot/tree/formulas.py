@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The contract of mechanisms for a tree of bodies, its task the pose of a frame.
+The contract of mechanisms for a tree of bodies, its task the pose of a frame or a part of it.
 
 Positions are x, y and yaw of the base in the world (where it stands, if it is fixed), then the
 positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
@@ -36,6 +36,7 @@ from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import base_motion, GRAVITY, place, Posture
 from masmc_ros.robot.tree.model import (
+    axes_of,
     base_of,
     base_rates_begin,
     FIXED,
@@ -92,9 +93,28 @@ class Regressor(NamedTuple):
 
 
 @formula
-def model_of(record: Any, lane: int) -> TreeModel:
-    """Return what a record holds."""
-    return TreeModel(record['geometry'], lane)
+def _model(record: Any, lane: int, axes: Numbers) -> TreeModel:
+    """Return what a record holds of a robot whose task has as many axes as a tuple."""
+    return TreeModel(record['geometry'], lane, axes_of(record['geometry'], lane, axes))
+
+
+@formula
+def _model_of_pose(record: Any, lane: int) -> TreeModel:
+    return _model(record, lane, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@formula
+def _model_of_three(record: Any, lane: int) -> TreeModel:
+    return _model(record, lane, (0.0, 0.0, 0.0))
+
+
+@formula
+def _model_of_two(record: Any, lane: int) -> TreeModel:
+    return _model(record, lane, (0.0, 0.0))
+
+
+MODELS = {6: _model_of_pose, 3: _model_of_three, 2: _model_of_two}
+"""`model_of` by the number of the task's axes, which compiled code knows as it is made."""
 
 
 @kernel

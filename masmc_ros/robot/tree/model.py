@@ -63,9 +63,12 @@ class TreeModel(NamedTuple):
     """(numbers, lanes): what `packed` returns, for each robot side by side."""
     lane: int
     """Which of them."""
+    axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    """Which of x, y, z and the rotation about them are the task's axes."""
 
 
-_HEAD = 18
+_AXES = 18
+_HEAD = 24
 _BODY = 17
 
 
@@ -73,8 +76,10 @@ def packed(
     tree: Tree,
     wheel_rates: ArrayLike,
     tip: tuple[int, Sequence[float], Sequence[float]],
+    axes: Sequence[int],
     mobility: ArrayLike,
     posture: ArrayLike,
+    limits: tuple[ArrayLike, ArrayLike, ArrayLike],
     posture_gain: float,
     damping: float,
     least_pivot: float,
@@ -90,10 +95,15 @@ def packed(
         (m, m) rates of the wheels from those of the base, m = 0, 2 or 3 by its kind.
     tip
         body of the frame that has a task, and the frame's rotation and offset in m in the body's.
+    axes
+        which of x, y, z and the rotation about them are the task's.
     mobility
         (n) how much each velocity moves for the task: inverse weights.
     posture
         (n) what the joints' positions tend to where the task leaves them free, in rad or m.
+    limits
+        (n) lower and upper ends of the joints' positions, in rad or m, and before them the margins
+        in which they move less and less for the task: 0 where nothing limits them.
     posture_gain
         how fast they do, in 1/s.
     damping
@@ -108,13 +118,21 @@ def packed(
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
     body, rotation, offset = tip
+    places = np.pad(np.asarray(axes, dtype=np.float64), (0, _HEAD - _AXES - len(axes)))
     bodies = np.column_stack([tree.parent, tree.kind, tree.axis, tree.rotation, tree.offset])
     parts: tuple[Any, ...] = (
         (len(tree.parent), tree.base, body, posture_gain, damping, least_pivot),
-        rotation, offset, bodies, mobility, posture, wheels,
-        np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature,
+        rotation, offset, places, bodies, mobility, posture, wheels,
+        np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+
+@formula
+def axes_of(numbers: Any, lane: int, like: tuple[float, ...]) -> tuple[float, ...]:
+    """Return as many of the task's axes as a tuple has: all."""
+    found: tuple[float, ...] = read_down(numbers, _AXES, lane, like)
+    return found
 
 
 @formula
@@ -132,7 +150,7 @@ def base_of(model: TreeModel) -> int:
 @formula
 def tip_of(model: TreeModel) -> tuple[int, Rotation, Vector]:
     """Return the body of the frame that has a task, and where the frame is on it."""
-    numbers, lane = model
+    numbers, lane = model.numbers, model.lane
     rotation: Rotation = read_down(numbers, 6, lane, ROTATION)
     offset: Vector = read_down(numbers, 15, lane, VECTOR)
     return int(numbers[2, lane]), rotation, offset
@@ -165,7 +183,7 @@ def parent_of(model: TreeModel, body: int) -> int:
 @formula
 def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Rotation, Vector]:
     """Return whether a body's joint turns, its axis, and the body's placement at zero."""
-    numbers, lane = model
+    numbers, lane = model.numbers, model.lane
     first = _HEAD + _BODY * body
     axis: Vector = read_down(numbers, first + 2, lane, VECTOR)
     rotation: Rotation = read_down(numbers, first + 5, lane, ROTATION)
@@ -206,6 +224,15 @@ def base_rates_begin(model: TreeModel) -> int:
     """Return where the inverse of that begins."""
     first, size, base = _after_bodies(model)
     return first + 2 * size + base * base
+
+
+@formula
+def limits_of(model: TreeModel, k: int) -> tuple[float, float, float]:
+    """Return the ends of a joint's position, and the margin before them: 0 without limits."""
+    first, size, base = _after_bodies(model)
+    numbers, lane = model.numbers, model.lane
+    at = first + 2 * (size + base * base) + size * size + k
+    return numbers[at, lane], numbers[at + size, lane], numbers[at + 2 * size, lane]
 
 
 @formula

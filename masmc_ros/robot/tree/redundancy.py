@@ -16,7 +16,7 @@
 Motion and forces of a robot that has more velocities than its task.
 
 It chooses the velocities that cost least: with what else it would like to do, z, and mobilities
-W^-1,
+W^-1, which go to zero in a margin before a joint's ends,
 
     nu_r = z + W^-1 J' y,   (J W^-1 J' + lambda^2) y = xdot_r - J z,
 
@@ -36,6 +36,7 @@ from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.dynamics import (
     factor,
     inertia,
+    joint_position,
     point_jacobian,
     point_jacobian_rate,
     Posture,
@@ -45,44 +46,74 @@ from masmc_ros.robot.tree.model import (
     base_of,
     damping_of,
     least_pivot_of,
+    limits_of,
     mobility_begins,
     posture_gain_of,
     rest_of,
     tip_of,
     TreeModel,
 )
-from masmc_ros.robot.tree.task import AXES
 import numpy as np
+
+
+@formula
+def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[float, float]:
+    """Return the mobility of a velocity, and its derivative at a rate of the joint."""
+    mobility = model.numbers[mobility_begins(model) + k, model.lane]
+    lower, upper, margin = limits_of(model, k)
+    if margin == 0.0:
+        return mobility, 0.0
+    position = joint_position(posture, k - base_of(model) + 1)
+    below, above = position - lower, upper - position
+    d = min(below, above) / margin
+    if d >= 1.0:
+        return mobility, 0.0
+    if d <= 0.0:
+        return 0.0, 0.0
+    slope = 6.0 * d * (1.0 - d) / margin
+    toward = rate if below < above else -rate
+    return mobility * (d * d * (3.0 - 2.0 * d)), mobility * (slope * toward)
+
+
+@kernel
+def _of_task(model: TreeModel, columns: Any) -> Any:
+    """Return of the columns (n, 6) of a Jacobian what belongs to the task's m axes: (n, m)."""
+    if len(model.axes) == columns.shape[1]:
+        return columns
+    out = np.empty((len(columns), len(model.axes)))
+    for k in range(len(columns)):
+        for i in range(len(model.axes)):
+            out[k, i] = columns[k, int(model.axes[i])]
+    return out
 
 
 @kernel
 def _jacobian(model: TreeModel, posture: Posture) -> Any:
-    """Return the columns (n, 6) of J."""
+    """Return the columns (n, m) of J."""
     body, _, offset = tip_of(model)
-    return point_jacobian(model, posture, body, offset)
+    return _of_task(model, point_jacobian(model, posture, body, offset))
 
 
 @kernel
-def _factored(model: TreeModel, columns: Any) -> tuple[Any, bool]:
+def _factored(model: TreeModel, posture: Posture, columns: Any) -> tuple[Any, bool]:
     """Return the factors of J W^-1 J' + lambda^2, and whether the task is singular."""
-    matrix, bound = np.zeros((AXES, AXES)), least_pivot_of(model)
-    first = mobility_begins(model)
+    matrix, bound = np.zeros((len(model.axes), len(model.axes))), least_pivot_of(model)
     for k in range(len(columns)):
-        mobility = model.numbers[first + k, model.lane]
-        for i in range(AXES):
+        mobility, _ = _mobility(model, posture, k, 0.0)
+        for i in range(len(model.axes)):
             part = mobility * columns[k, i]
-            for j in range(AXES):
+            for j in range(len(model.axes)):
                 matrix[i, j] += part * columns[k, j]
     found = matrix.copy()
     factor(found)
     least = found[0, 0]
-    for i in range(AXES):
+    for i in range(len(model.axes)):
         least = min(least, found[i, i])
     is_singular = not least > bound
     if is_singular:
         # lambda^2 grows from zero to the pivot's bound as the pivot goes to zero.
         short = 1.0 - max(least, 0.0) / bound
-        for i in range(AXES):
+        for i in range(len(model.axes)):
             matrix[i, i] += bound * short * short
         factor(matrix)
         found = matrix
@@ -90,10 +121,10 @@ def _factored(model: TreeModel, columns: Any) -> tuple[Any, bool]:
 
 
 @formula
-def _along(columns: Any, k: int, y: Any) -> float:
+def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
     """Return entry k of J' y."""
     total = 0.0
-    for i in range(AXES):
+    for i in range(len(model.axes)):
         total += columns[k, i] * y[i]
     return total
 
@@ -101,7 +132,7 @@ def _along(columns: Any, k: int, y: Any) -> float:
 @kernel
 def is_singular(model: TreeModel, posture: Posture) -> bool:
     """Tell whether the least pivot of J W^-1 J' is too small."""
-    _, found = _factored(model, _jacobian(model, posture))
+    _, found = _factored(model, posture, _jacobian(model, posture))
     return found
 
 
@@ -118,11 +149,11 @@ def reference_motion(
     base, gain = base_of(model), posture_gain_of(model)
     nu, at = array_of(motion), array_of(position)
     y, y_dot = array_of(velocity), array_of(acceleration)
-    size, pose, mobility = len(nu), len(at) - len(nu), mobility_begins(model)
+    size, pose = len(nu), len(at) - len(nu)
     body, _, offset = tip_of(model)
-    columns = point_jacobian(model, posture, body, offset)
-    changes = point_jacobian_rate(model, posture, nu, body, offset)
-    factors, _ = _factored(model, columns)
+    columns = _jacobian(model, posture)
+    changes = _of_task(model, point_jacobian_rate(model, posture, nu, body, offset))
+    factors, _ = _factored(model, posture, columns)
     # z and its derivative: the joints tend to their posture, the base to nothing.
     z, z_dot = np.zeros(size), np.zeros(size)
     for k in range(base, size):
@@ -130,21 +161,22 @@ def reference_motion(
         z_dot[k] = -gain * nu[k]
     v_r, a_r = np.empty(size), np.empty(size)
     for k in range(size):
-        for i in range(AXES):
+        for i in range(len(model.axes)):
             y[i] -= columns[k, i] * z[k]
     solve(factors, y)
     # The derivative of the equation for y: A ydot = d(xdot_r - J z)/dt - Adot y.
     for k in range(size):
-        weight = model.numbers[mobility + k, model.lane]
-        v_r[k] = z[k] + weight * _along(columns, k, y)
-        change = z_dot[k] + weight * _along(changes, k, y)
+        weight, growth = _mobility(model, posture, k, nu[k])
+        along = _along(model, columns, k, y)
+        v_r[k] = z[k] + weight * along
+        change = z_dot[k] + weight * _along(model, changes, k, y) + growth * along
         a_r[k] = change
-        for i in range(AXES):
+        for i in range(len(model.axes)):
             y_dot[i] -= changes[k, i] * v_r[k] + columns[k, i] * change
     solve(factors, y_dot)
     for k in range(size):
-        weight = model.numbers[mobility + k, model.lane]
-        a_r[k] += weight * _along(columns, k, y_dot) - damping_of(model) * (nu[k] - v_r[k])
+        weight, _ = _mobility(model, posture, k, 0.0)
+        a_r[k] += weight * _along(model, columns, k, y_dot) - damping_of(model) * (nu[k] - v_r[k])
     return taken(v_r, motion), taken(a_r, motion)
 
 
@@ -153,38 +185,40 @@ def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    columns, y, first = _jacobian(model, posture), array_of(rates), mobility_begins(model)
-    factors, _ = _factored(model, columns)
+    columns, y = _jacobian(model, posture), array_of(rates)
+    factors, _ = _factored(model, posture, columns)
     solve(factors, y)
     out = np.empty(len(columns))
     for k in range(len(out)):
-        out[k] = model.numbers[first + k, model.lane] * _along(columns, k, y)
+        mobility, _ = _mobility(model, posture, k, 0.0)
+        out[k] = mobility * _along(model, columns, k, y)
     return taken(out, like)
 
 
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
-    """Return (J H^-1 J')^-1 (6, 6), a little damped where that is singular."""
+    """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
     columns, h = _jacobian(model, posture), inertia(model, posture, theta)
     factor(h)
     # L^-1 J', in place of J'.
     for row in range(len(columns)):
         for k in range(row):
             part = h[row, k]
-            for i in range(AXES):
+            for i in range(len(model.axes)):
                 columns[row, i] -= part * columns[k, i]
-    compliance, out = np.zeros((AXES, AXES)), np.zeros((AXES, AXES))
+    compliance = np.zeros((len(model.axes), len(model.axes)))
+    out = np.zeros(compliance.shape)
     for k in range(len(columns)):
         inverse = 1.0 / h[k, k]
-        for i in range(AXES):
+        for i in range(len(model.axes)):
             part = columns[k, i] * inverse
-            for j in range(AXES):
+            for j in range(len(model.axes)):
                 compliance[i, j] += part * columns[k, j]
     least = least_pivot_of(model) * compliance[0, 0]
-    for i in range(AXES):
+    for i in range(len(model.axes)):
         compliance[i, i] += 1.0e-3 * least
     factor(compliance)
-    for j in range(AXES):
+    for j in range(len(model.axes)):
         out[j, j] = 1.0
         solve(compliance, out[j])
     return out

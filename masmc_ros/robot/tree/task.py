@@ -16,7 +16,7 @@
 The pose of a tree's frame, how it moves, and how it follows what is desired.
 
 The task are x, y, z of the frame's origin in m and its rotation vector in rad, in the world's
-frame; its velocities, the origin's in m/s and the angular velocity in rad/s.
+frame, or some of these; its velocities, the origin's in m/s and the angular velocity in rad/s.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from __future__ import annotations
 from masmc_ros.numerics.arrays import array_of, read_part, taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import each, tabulate
 from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree.dynamics import point_forces, point_velocity, Posture, to_world
 from masmc_ros.robot.tree.model import tip_of, TreeModel
@@ -45,8 +45,37 @@ from masmc_ros.robot.tree.spatial import (
     Vector,
 )
 
-AXES = 6
-"""Of the task."""
+_ALL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""As long as a pose."""
+
+
+@formula
+def _entry(of: tuple[TreeModel, Numbers], i: int) -> float:
+    model, values = of
+    return values[int(model.axes[i])]
+
+
+@formula
+def _of_task(model: TreeModel, values: Numbers) -> Numbers:
+    """Return of six numbers those that belong to the task's axes."""
+    found: Numbers = tabulate(_entry, model.axes, (model, values))
+    return found
+
+
+@formula
+def _entry_of_pose(of: tuple[TreeModel, Numbers], axis: int) -> float:
+    model, values = of
+    found = 0.0
+    for i in range(len(values)):
+        found = values[i] if int(model.axes[i]) == axis else found
+    return found
+
+
+@formula
+def _of_pose(model: TreeModel, values: Numbers) -> Numbers:
+    """Return six numbers of those of the task's axes: nothing of what is no task."""
+    found: Numbers = tabulate(_entry_of_pose, _ALL, (model, values))
+    return found
 
 
 @kernel
@@ -77,7 +106,7 @@ def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numb
     """Return the origin and the rotation vector of the frame."""
     r, p = tip_pose(model, posture)
     phi = vector_of(r)
-    return p[0], p[1], p[2], phi[0], phi[1], phi[2]
+    return _of_task(model, (p[0], p[1], p[2], phi[0], phi[1], phi[2]))
 
 
 @kernel
@@ -86,18 +115,25 @@ def task_error(
 ) -> Numbers:
     """Return the origin's distance, and the axis from R_d to R times the angle's sine."""
     r, p = tip_pose(model, posture)
-    turned = orientation_error(r, rotation_of(_last(desired)))
-    return (
-        p[0] - desired[0], p[1] - desired[1], p[2] - desired[2], turned[0], turned[1], turned[2]
+    x = _of_pose(model, desired)
+    turned = orientation_error(r, rotation_of(_last(x)))
+    return _of_task(
+        model, (p[0] - x[0], p[1] - x[1], p[2] - x[2], turned[0], turned[1], turned[2])
     )
+
+
+@kernel
+def _twist(model: TreeModel, posture: Posture, motion: Numbers) -> tuple[Vector, Vector]:
+    """Return the origin's velocity and the angular velocity."""
+    body, _, offset = tip_of(model)
+    return point_velocity(model, posture, array_of(motion), body, offset)
 
 
 @kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return the origin's velocity and the angular velocity."""
-    body, _, offset = tip_of(model)
-    v, w = point_velocity(model, posture, array_of(motion), body, offset)
-    return v[0], v[1], v[2], w[0], w[1], w[2]
+    v, w = _twist(model, posture, motion)
+    return _of_task(model, (v[0], v[1], v[2], w[0], w[1], w[2]))
 
 
 @kernel
@@ -106,7 +142,8 @@ def forces_from_task(
 ) -> Numbers:
     """Return J' F."""
     body, _, offset = tip_of(model)
-    found = point_forces(model, posture, body, offset, _first(force), _last(force))
+    pull = _of_pose(model, force)
+    found = point_forces(model, posture, body, offset, _first(pull), _last(pull))
     return taken(found, like)
 
 
@@ -120,19 +157,23 @@ def tracking(
 ) -> Tracking:
     """Return how the frame follows; what is desired is a rotation vector and its derivatives."""
     r, p = tip_pose(model, posture)
-    phi = _last(desired[0])
+    x = _of_pose(model, desired[0])
+    v, a = _of_pose(model, desired[1]), _of_pose(model, desired[2])
+    phi = _last(x)
     wanted = rotation_of(phi)
-    omega_d, alpha_d = angular_motion(phi, _last(desired[1]), _last(desired[2]))
-    twist = task_velocity(model, posture, motion)
+    omega_d, alpha_d = angular_motion(phi, _last(v), _last(a))
+    moving, around = _twist(model, posture, motion)
     turned = orientation_error(r, wanted)
-    turning = orientation_error_rate(r, _last(twist), wanted, omega_d)
-    x, v, a = desired
+    turning = orientation_error_rate(r, around, wanted, omega_d)
     velocity = (v[0], v[1], v[2], omega_d[0], omega_d[1], omega_d[2])
+    twist = (moving[0], moving[1], moving[2], around[0], around[1], around[2])
     rate = each(minus, twist, velocity)
     return Tracking(
-        (p[0] - x[0], p[1] - x[1], p[2] - x[2], turned[0], turned[1], turned[2]),
-        (rate[0], rate[1], rate[2], turning[0], turning[1], turning[2]),
-        rate,
-        velocity,
-        (a[0], a[1], a[2], alpha_d[0], alpha_d[1], alpha_d[2]),
+        _of_task(
+            model, (p[0] - x[0], p[1] - x[1], p[2] - x[2], turned[0], turned[1], turned[2])
+        ),
+        _of_task(model, (rate[0], rate[1], rate[2], turning[0], turning[1], turning[2])),
+        _of_task(model, rate),
+        _of_task(model, velocity),
+        _of_task(model, (a[0], a[1], a[2], alpha_d[0], alpha_d[1], alpha_d[2])),
     )

@@ -64,6 +64,14 @@ NAME = 'tree'
 """As `robot.mechanism` has it."""
 
 
+TASKS = {
+    'pose': (0, 1, 2, 3, 4, 5),
+    'position': (0, 1, 2),
+    'planar': (0, 1),
+    'base': (0, 1, 5),
+}
+"""What a task can be: which of x, y, z and the rotation about them it has."""
+
 PARAMETERS = (
     Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
     Parameter('robot.base_frame', '', "Link whose frame is the base's; the root where empty"),
@@ -77,7 +85,10 @@ PARAMETERS = (
         "Angle of each omnidirectional wheel's rollers, or of all: 0, or a mecanum wheel's",
         unit='rad',
     ),
-    Parameter('robot.tip_frame', '', 'Link whose pose is the task; the last one where empty'),
+    Parameter('robot.tip_frame', '', 'Link that has the task; where empty, the last one, or of '
+              'the task base the base'),
+    Parameter('robot.task', 'pose', 'What of it follows a path: x, y, z and rotation vector; x, '
+              'y, z; x, y; or x, y and yaw of what stays upright', choices=tuple(TASKS)),
     Parameter('robot.joints', (), 'Joints that are controlled; all that can be where empty'),
     Parameter('robot.held_joints', (), 'Joints that are held'),
     Parameter('robot.held_positions', (0.0,), 'Where they are held, or 0 for all'),
@@ -94,6 +105,11 @@ PARAMETERS = (
     Parameter(
         'robot.base_mobility', 1.0, "Part of the task that falls to the base against the joints'",
         minimum=0.0, exclusive_minimum=True,
+    ),
+    Parameter(
+        'robot.limit_margin', 0.05, "Part of a joint's range before its ends in which it moves "
+        'less and less for the task, down to nothing; 0 is no heed to ends',
+        minimum=0.0, maximum=0.5,
     ),
     Parameter(
         'robot.damping', 5.0, 'Rate at which motion that the task does not see is damped',
@@ -193,7 +209,8 @@ class TreeMechanism(Mechanism):
     @cached_property
     def tag(self) -> str:
         """Return what keeps machine code apart, which depends on numbers of components alone."""
-        return f'{self.name} {len(self.twist)} {len(self.joints)} {len(self.theta)}'
+        sizes = (len(self.twist), len(self.joints), len(self.theta), len(self.axes))
+        return ' '.join(map(str, (self.name, *sizes)))
 
     @cached_property
     def formulas(self) -> Any:
@@ -205,7 +222,8 @@ class TreeMechanism(Mechanism):
                 'frame_transforms', 'description', 'outline',
             )
         }  # fmt: skip
-        return SimpleNamespace(**{**vars(kernels), **own})
+        of_size = {'model_of': kernels.MODELS[len(self.axes)]}
+        return SimpleNamespace(**{**vars(kernels), **own, **of_size})
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
         """Return the model as one vector, and the bodies' moments one after the other."""
@@ -359,12 +377,18 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     )
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
-    tip = values['robot.tip_frame'] or robot.joints[-1].child
+    task, base = values['robot.task'], values['robot.base']
+    if task == 'base' and base == 'differential':
+        raise InputError(
+            'robot.task = base: expected robot.base omnidirectional or fixed; of two wheels take '
+            'planar of a frame ahead of their axle, as none of their motions is sideways'
+        )
+    root = values['robot.base_frame'] or description.root
+    tip = values['robot.tip_frame'] or (root if task == 'base' else robot.joints[-1].child)
     if tip not in robot.frames:
         raise InputError(
             f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
         )
-    base = values['robot.base']
     driven = () if robot.wheels is None else robot.wheels.joints
     if len(driven) > robot.tree.base:
         raise InputError(
@@ -376,7 +400,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
         for j in robot.joints
     )
-    bodies = [values['robot.base_frame'] or description.root, *(j.child for j in robot.joints)]
+    bodies = [root, *(j.child for j in robot.joints)]
     model = _model(robot, robot.frames[tip], values)
     joints = len(drives) + len(arm)
     if len(_POSE) + joints > LONGEST:
@@ -391,7 +415,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         name=NAME,
         base=_POSE,
         joints=(*drives, *arm),
-        axes=_AXES,
+        axes=tuple(_AXES[axis] for axis in TASKS[task]),
         theta=tuple(
             Quantity(f'{body}_{name}', unit) for body in bodies for name, unit in _MOMENTS
         ),
@@ -401,7 +425,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
             *((Group('base', 0, len(drives)),) if drives else ()),
             Group('arm', len(drives), joints),
         ),
-        frames=_pairs(description, values['robot.base_frame'] or description.root),
+        frames=_pairs(description, root),
         point_frame=tip,
         parameters=PARAMETERS,
         law_parameters=_LAW_PARAMETERS,
@@ -433,12 +457,24 @@ def _model(robot: TreeRobot, tip: Frame, values: Mapping[str, Any]) -> Array:
         robot.tree,
         np.eye(base) if robot.wheels is None else robot.wheels.matrix,
         (tip.body, tip.rotation, tip.offset),
+        TASKS[values['robot.task']],
         mobility,
         np.concatenate([np.zeros(base), rest]),
+        _limits(robot, values['robot.limit_margin']),
         values['robot.posture_gain'],
         values['robot.damping'],
         values['robot.least_pivot'],
     )
+
+
+def _limits(robot: TreeRobot, margin: float) -> tuple[Array, Array, Array]:
+    """Return lower and upper ends of all velocities' positions, and the margins before them."""
+    base, joints = robot.tree.base, len(robot.joints)
+    found = np.zeros((3, base + joints))
+    ends = [end[-joints:] for end in (robot.limits.lower, robot.limits.upper)]
+    found[:2, base:] = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
+    found[2] = margin * (found[1] - found[0])
+    return found[0], found[1], found[2]
 
 
 def _pairs(description: Description, base: str) -> tuple[tuple[str, str], ...]:
