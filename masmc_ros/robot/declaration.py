@@ -296,17 +296,18 @@ class Mechanism:
 
 
 _KNOWN: dict[str, Mechanism] = {}
+"""By their tags."""
 
 
 def register(mechanism: Mechanism) -> Mechanism:
     """Make a mechanism known to compiled code."""
-    _KNOWN[mechanism.name] = mechanism
+    _KNOWN[mechanism.tag] = mechanism
     return mechanism
 
 
 def formulas_of_tag(tag: str) -> Any:
     """Return the formulas that a record's tag means."""
-    return _KNOWN[tag.partition(' ')[0]].formulas
+    return _KNOWN[tag].formulas
 
 
 def formulas_of_model(model: type) -> Any:

@@ -22,6 +22,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
+from masmc_ros.loop.records import plant_settings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.model import TreeModel
@@ -325,3 +326,13 @@ def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
 def test_two_wheels_do_not_take_a_base_anywhere() -> None:
     with pytest.raises(InputError, match=r'expected robot\.base omnidirectional or fixed'):
         tree_mechanism({**parameters(), 'robot.task': 'base'})
+
+
+def test_robots_with_other_tasks_have_formulas_of_their_own() -> None:
+    """In one process, whichever was made last."""
+    made = [
+        tree_mechanism({**parameters(), 'robot.task': task}) for task in ('planar', 'position')
+    ]
+    for mechanism_, axes in zip((*made, made[0]), (2, 3, 2), strict=True):
+        record = plant_settings(mechanism_)[0]
+        assert len(mechanism.model_of(record, 0).axes) == axes
