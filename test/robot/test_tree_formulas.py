@@ -25,7 +25,9 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop.records import plant_settings
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.friction import CREEP
 from masmc_ros.robot.tree.model import TreeModel
+from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +44,21 @@ SEED = st.integers(0, 2**32 - 1)
 TASK = st.sampled_from(tuple(TASKS))
 H = 1e-4
 
+VISCOUS = (0.1, 0.2, 3.0, 4.0, 0.5, 0.6, 0.7)
+COULOMB = (0.7, 0.6, 0.5, 4.0, 3.0, 0.2, 0.1)
+
 
 class Drawn:
     """The small robot in a random state that is not singular."""
 
-    def __init__(self, seed: int, task: str = 'pose', **given: float) -> None:
+    def __init__(
+        self, seed: int, task: str = 'pose', friction: bool = False, **given: float
+    ) -> None:
         """Draw it; `given` are parameters of the robot."""
         values: dict[str, Any] = {**parameters(), 'robot.task': task}
+        if friction:
+            values |= {'robot.friction': 'parameters', 'robot.viscous_friction': VISCOUS}
+            values |= {'robot.coulomb_friction': COULOMB}
         rest = START
         if task == 'base':
             # Of two wheels none could go sideways.
@@ -282,11 +292,9 @@ def test_the_error_has_its_derivative(
 
 
 @FEW
-@given(SEED, TASK)
-def test_the_dynamics_agree_with_each_other(
-    seed: int, task: str
-) -> None:
-    drawn = Drawn(seed, task)
+@given(SEED, TASK, st.booleans())
+def test_the_dynamics_agree_with_each_other(seed: int, task: str, friction: bool) -> None:
+    drawn = Drawn(seed, task, friction and task != 'base')
     model, posture = drawn.model, drawn.posture()
     nu, a = numbers(drawn.rates), numbers(drawn.force)
     h, jacobian = drawn.inertia(), drawn.jacobian()
@@ -306,6 +314,46 @@ def test_the_dynamics_agree_with_each_other(
     columns = mechanism.task_inertia(model, posture, drawn.theta, numbers(drawn.twist))
     felt = np.array(columns).T @ (jacobian @ np.linalg.solve(h, jacobian.T))
     assert felt == pytest.approx(np.eye(len(drawn.twist)), abs=1e-3)
+
+
+@FEW
+@given(SEED)
+def test_friction_is_that_of_the_joints(seed: int) -> None:
+    """As dense matrices have it, in a law's torque and in the plant's acceleration."""
+    drawn, smooth = Drawn(seed, friction=True), Drawn(seed)
+    rates = drawn.rates
+    met = np.array(VISCOUS) * rates
+    met += np.array(COULOMB) * rates / np.sqrt(rates**2 + CREEP**2)
+    nu = mechanism.motion(drawn.model, numbers(rates))
+    differences = np.array(
+        mechanism.coriolis(drawn.model, drawn.posture(), drawn.theta, nu)
+    ) - np.array(mechanism.coriolis(smooth.model, smooth.posture(), smooth.theta, nu))
+    torques = mechanism.joint_torques(drawn.model, numbers(differences))
+    assert torques == pytest.approx(met, abs=1e-9)
+    # The other way round: torques that make up for it leave the acceleration as it was.
+    of = drawn.model, drawn.posture(), drawn.theta, numbers(rates)
+    without = smooth.model, smooth.posture(), smooth.theta, numbers(rates)
+    accelerations = mechanism.joint_accelerations(*of, numbers(drawn.torques + met))
+    assert accelerations == pytest.approx(
+        np.array(mechanism.joint_accelerations(*without, numbers(drawn.torques))), abs=1e-8
+    )
+
+
+@FEW
+@given(SEED)
+def test_coefficients_of_friction_go_down_the_gradient_and_not_below_zero(seed: int) -> None:
+    drawn = Drawn(seed, friction=True)
+    draw = np.random.default_rng(seed)
+    gradient, gamma = draw.normal(size=len(drawn.theta)), np.full(len(drawn.theta), 0.01)
+    found = adapted(drawn.model, drawn.theta, drawn.theta, gradient, gamma, 0.01, 5.0)
+    bodies = len(drawn.theta) - 2 * len(VISCOUS)
+    expected = np.maximum(0.0, drawn.theta[bodies:] - gradient[bodies:])
+    assert found[bodies:] == pytest.approx(expected, abs=1e-12)
+    without = Drawn(seed)
+    alone = adapted(
+        without.model, without.theta, without.theta, gradient[:bodies], gamma[:bodies], 0.01, 5.0
+    )
+    np.testing.assert_array_equal(found[:bodies], alone)
 
 
 @FEW

@@ -25,7 +25,7 @@ from typing import Any
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import tabulate
 from masmc_ros.robot.mechanism import Numbers
-from masmc_ros.robot.tree.model import TreeModel
+from masmc_ros.robot.tree.model import bodies_of, TreeModel
 import numpy as np
 
 
@@ -47,7 +47,7 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
     """Return the first pivot that is not positive, x of that body's pseudo-inertia, the body."""
     pivot, found = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     lower, x = np.zeros((4, 4)), np.zeros(4)
-    for body in range(len(theta) // 10):
+    for body in range(bodies_of(model)):
         at = 10 * body
         total = 0.0
         for i in range(10):

@@ -34,15 +34,10 @@ from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
+from masmc_ros.robot.tree.drive import into_base, into_wheels
 from masmc_ros.robot.tree.dynamics import base_motion, GRAVITY, place, Posture
-from masmc_ros.robot.tree.model import (
-    axes_of,
-    base_of,
-    base_rates_begin,
-    FIXED,
-    TreeModel,
-    wheel_rates_begin,
-)
+from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
+from masmc_ros.robot.tree.model import axes_of, base_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.redundancy import (
     is_singular,
@@ -130,40 +125,11 @@ def posture_of_joints(model: TreeModel, angles: Numbers) -> Posture:
     return place(model, 0.0, 0.0, 0.0, array_of(angles), base_of(model))
 
 
-@formula
-def _into_base(model: TreeModel, values: Any, transposed: bool) -> None:
-    """Map the base's part of a vector from the wheels' rates, or from torques by the inverse's."""
-    _map(model, values, transposed, not transposed)
-
-
-@formula
-def _into_wheels(model: TreeModel, values: Any, transposed: bool) -> None:
-    """Map the base's part of a vector to the wheels' rates, or to torques by the inverse's."""
-    _map(model, values, transposed, transposed)
-
-
-@kernel
-def _map(model: TreeModel, values: Any, transposed: bool, by_base_rates: bool) -> None:
-    base = base_of(model)
-    if base == FIXED:
-        return
-    first = base_rates_begin(model) if by_base_rates else wheel_rates_begin(model)
-    before = values[0], values[1], values[base - 1]
-    along, across = (1, base) if transposed else (base, 1)
-    for i in range(base):
-        at = first + i * along
-        total = model.numbers[at, model.lane] * before[0]
-        total += model.numbers[at + across, model.lane] * before[1]
-        if base > 2:
-            total += model.numbers[at + 2 * across, model.lane] * before[2]
-        values[i] = total
-
-
 @kernel
 def motion(model: TreeModel, rates: Numbers) -> Numbers:
     """Return nu from the rates of wheels and joints."""
     values = array_of(rates)
-    _into_base(model, values, False)
+    into_base(model, values, False)
     return taken(values, rates)
 
 
@@ -171,7 +137,7 @@ def motion(model: TreeModel, rates: Numbers) -> Numbers:
 def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
     """Return the rates of wheels and joints."""
     values = array_of(motion)
-    _into_wheels(model, values, False)
+    into_wheels(model, values, False)
     return taken(values, motion)
 
 
@@ -179,7 +145,7 @@ def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
 def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
     """Return the torques of wheels and joints."""
     values = array_of(forces)
-    _into_wheels(model, values, True)
+    into_wheels(model, values, True)
     return taken(values, forces)
 
 
@@ -187,14 +153,14 @@ def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
 def forces(model: TreeModel, torques: Numbers) -> Numbers:
     """Return the forces conjugate to nu."""
     values = array_of(torques)
-    _into_base(model, values, True)
+    into_base(model, values, True)
     return taken(values, torques)
 
 
 @kernel
 def _pose_rates(model: TreeModel, posture: Posture, rates: Numbers) -> Numbers:
     values = array_of(rates)
-    _into_base(model, values, False)
+    into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
     s, c = posture.sine, posture.cosine
     return c * v[0] - s * v[1], s * v[0] + c * v[1], w[2]
@@ -228,16 +194,22 @@ def regressor(
 
 @kernel
 def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
-    """Return H a_r + C nu_r + g, with the inertia of rotors and wheels, which is no parameter."""
+    """
+    Return H a_r + C nu_r + g and friction.
+
+    The inertia of rotors and wheels, which is no parameter, is in it.
+    """
+    parameters, reference = array_of(theta), array_of(y.reference)
     found = dynamics.inverse_dynamics(
         model,
         y.posture,
-        array_of(theta),
+        parameters,
         array_of(y.motion),
-        array_of(y.reference),
+        reference,
         array_of(y.acceleration),
         GRAVITY,
     )
+    add_friction(model, parameters, reference, 1.0, found)
     return taken(found, y.motion)
 
 
@@ -246,15 +218,20 @@ def regressor_transpose_times(
     model: TreeModel, y: Regressor, motion: Numbers, like: Numbers
 ) -> Numbers:
     """Return Y' v."""
-    found = dynamics.moment_gradients(
+    reference, along = array_of(y.reference), array_of(motion)
+    moments = dynamics.moment_gradients(
         model,
         y.posture,
         array_of(y.motion),
-        array_of(y.reference),
+        reference,
         array_of(y.acceleration),
         GRAVITY,
-        array_of(motion),
+        along,
     )
+    found = np.empty(len(like))
+    for i in range(len(moments)):
+        found[i] = moments[i]
+    write_friction_gradient(model, reference, along, found)
     return taken(found, like)
 
 
@@ -273,7 +250,8 @@ def theta_step(
         return each(gradient_step, theta, gradient, gamma, period)
     is_free = get(settings, 'projection_lower', lane) == 0.0
     upper = 1.0e300 if is_free else get(settings, 'projection_upper', lane)
-    return adapted(theta, get(settings, 'nominal', lane), gradient, gamma, period, upper)
+    nominal = get(settings, 'nominal', lane)
+    return adapted(model, theta, nominal, gradient, gamma, period, upper)
 
 
 @formula
@@ -310,10 +288,11 @@ def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
 
 @kernel
 def coriolis(model: TreeModel, posture: Posture, theta: Numbers, motion: Numbers) -> Numbers:
-    """Return C nu + g."""
-    nu = array_of(motion)
+    """Return C nu + g and friction."""
+    nu, parameters = array_of(motion), array_of(theta)
     still = np.zeros(len(nu))
-    found = dynamics.inverse_dynamics(model, posture, array_of(theta), nu, nu, still, GRAVITY)
+    found = dynamics.inverse_dynamics(model, posture, parameters, nu, nu, still, GRAVITY)
+    add_friction(model, parameters, nu, 1.0, found)
     return taken(found, motion)
 
 
@@ -322,11 +301,12 @@ def joint_accelerations(
     model: TreeModel, posture: Posture, theta: Numbers, rates: Numbers, torques: Numbers
 ) -> Numbers:
     """Return the accelerations of wheels and joints under torques."""
-    nu, f = array_of(rates), array_of(torques)
-    _into_base(model, nu, False)
-    _into_base(model, f, True)
-    found = dynamics.forward_dynamics(model, posture, array_of(theta), nu, f, GRAVITY)
-    _into_wheels(model, found, False)
+    nu, f, parameters = array_of(rates), array_of(torques), array_of(theta)
+    into_base(model, nu, False)
+    into_base(model, f, True)
+    add_friction(model, parameters, nu, -1.0, f)
+    found = dynamics.forward_dynamics(model, posture, parameters, nu, f, GRAVITY)
+    into_wheels(model, found, False)
     return taken(found, rates)
 
 
@@ -346,7 +326,7 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
     """Return the base's pose after wheels have turned, exact for the mean of both headings."""
     values = array_of(turned)
-    _into_base(model, values, False)
+    into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
     s, c = sin_cos(pose[2] + 0.5 * w[2])
     return pose[0] + v[0] * c - v[1] * s, pose[1] + v[0] * s + v[1] * c, pose[2] + w[2]

@@ -32,6 +32,8 @@ from typing import Any
 from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import dot, each, matrix_times
+from masmc_ros.robot.tree.friction import adapt_friction
+from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments
 
 Row = tuple[float, float, float, float]
@@ -46,19 +48,24 @@ _LEAST = 1.0e-13
 
 @kernel
 def adapted(
-    theta: Any, nominal: Any, gradient: Any, gamma: Any, period: float, upper: float
+    model: TreeModel,
+    theta: Any,
+    nominal: Any,
+    gradient: Any,
+    gamma: Any,
+    period: float,
+    upper: float,
 ) -> Any:
     """
-    Return the moments of all bodies after a step of natural adaptation.
+    Return the moments of all bodies after a step of natural adaptation, and their friction.
 
     Vectors have ten numbers a body; the gain of one is the entry of `gamma` for its mass. None
     grows beyond `upper` times the nominal mass and size.
     """
-    moments, rest, along = array_of(theta), array_of(nominal), array_of(gradient)
-    gains, count = array_of(gamma), len(theta) // 10
-    shape = (count, 10)
-    found = moments.copy().reshape(shape)
-    rest, along = rest.reshape(shape), along.reshape(shape)
+    out, gains, count = array_of(theta).copy(), array_of(gamma), bodies_of(model)
+    nominals, gradients, shape = array_of(nominal), array_of(gradient), (count, 10)
+    found = out[:10 * count].reshape(shape)
+    rest, along = nominals[:10 * count].reshape(shape), gradients[:10 * count].reshape(shape)
     for body in range(count):
         moved = natural_step(
             read_part(found, body, 0, MOMENTS),
@@ -66,7 +73,8 @@ def adapted(
             period / gains[10 * body],
         )
         write_part(found, body, 0, bounded(moved, read_part(rest, body, 0, MOMENTS), upper))
-    return taken(found.reshape(10 * count), theta)
+    adapt_friction(model, out, gradients, gains, period)
+    return taken(out, theta)
 
 
 @formula

@@ -72,6 +72,8 @@ TASKS = {
 }
 """What a task can be: which of x, y, z and the rotation about them it has."""
 
+FRICTIONLESS = 'none'
+
 PARAMETERS = (
     Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
     Parameter('robot.base_frame', '', "Link whose frame is the base's; the root where empty"),
@@ -95,6 +97,19 @@ PARAMETERS = (
     Parameter(
         'robot.armature', 0.01, "Inertia of every joint's rotor at the joint", unit='kg·m²',
         minimum=0.0,
+    ),
+    Parameter(
+        'robot.friction', FRICTIONLESS, 'Friction of joints, of which laws adapt the coefficients:'
+        " none, that of the URDF's <dynamics>, or that of the parameters that follow",
+        choices=(FRICTIONLESS, 'urdf', 'parameters'),
+    ),
+    Parameter(
+        'robot.viscous_friction', (0.0,), 'Viscous friction of wheels and joints, or of all',
+        unit='N·m·s', minimum=0.0,
+    ),
+    Parameter(
+        'robot.coulomb_friction', (0.0,), "Coulomb's friction of wheels and joints, or of all",
+        unit='N·m', minimum=0.0,
     ),
     Parameter(
         'robot.posture', (0.0,), 'Positions to which joints tend where the task lets them, or 0'
@@ -181,6 +196,8 @@ class TreeMechanism(Mechanism):
     description: Description
     text: str
     """The URDF."""
+    friction: Array
+    """Coefficients of all joints, viscous ones first; none without friction."""
     tip: str
     """Link that has the task."""
     held: Mapping[str, float]
@@ -226,8 +243,8 @@ class TreeMechanism(Mechanism):
         return SimpleNamespace(**{**vars(kernels), **own, **of_size})
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
-        """Return the model as one vector, and the bodies' moments one after the other."""
-        return self.model, self.robot.moments.ravel()
+        """Return the model as one vector; the bodies' moments, then coefficients of friction."""
+        return self.model, np.concatenate([self.robot.moments.ravel(), self.friction])
 
     def _start(
         self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
@@ -411,6 +428,13 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     efforts = robot.limits.effort
     limits = np.zeros(joints)
     limits[joints - len(efforts):] = np.where(np.isfinite(efforts), efforts, 0.0)
+    friction = _friction(robot, values, joints)
+    kinds = ('viscous', 'N·m·s', 'N·s/m'), ('coulomb', 'N·m', 'N')
+    coefficients = tuple(
+        Quantity(f'{joint.name}_{name}', along if joint.unit == 'm' else around)
+        for name, around, along in (kinds if len(friction) else ())
+        for joint in (*drives, *arm)
+    )
     mechanism = TreeMechanism(
         name=NAME,
         base=_POSE,
@@ -418,7 +442,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         axes=tuple(_AXES[axis] for axis in TASKS[task]),
         theta=tuple(
             Quantity(f'{body}_{name}', unit) for body in bodies for name, unit in _MOMENTS
-        ),
+        )
+        + coefficients,
         twist=_TWISTS[base],
         points=(Point('T', 'tip', 'tip', 'the tip', 0),),
         groups=(
@@ -439,6 +464,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         robot=robot,
         description=description,
         text=text,
+        friction=friction,
         tip=tip,
         held=held,
         made_of={URDF: urdf, **{p.name: value for p, value in zip(PARAMETERS, own, strict=True)}},
@@ -465,6 +491,22 @@ def _model(robot: TreeRobot, tip: Frame, values: Mapping[str, Any]) -> Array:
         values['robot.damping'],
         values['robot.least_pivot'],
     )
+
+
+def _friction(robot: TreeRobot, values: Mapping[str, Any], joints: int) -> Array:
+    """Return the coefficients of friction of all joints, viscous ones first, or none."""
+    kind = values['robot.friction']
+    if kind == FRICTIONLESS:
+        return np.zeros(0)
+    found = np.zeros((2, joints))
+    if kind == 'urdf':
+        own = (*(robot.wheels.joints if robot.wheels else ()), *robot.joints)
+        found[0, joints - len(own):] = [joint.damping for joint in own]
+        found[1, joints - len(own):] = [joint.friction for joint in own]
+    else:
+        for row, name in zip(found, ('viscous', 'coulomb'), strict=True):
+            row[:] = _as_many(values[f'robot.{name}_friction'], joints, f'robot.{name}_friction')
+    return found.ravel()
 
 
 def _limits(robot: TreeRobot, margin: float) -> tuple[Array, Array, Array]:

@@ -110,6 +110,8 @@ class Joint:
         in rad or m; infinite where nothing limits it.
     speed, effort
         the most, in rad/s or m/s and N m or N; infinite where nothing limits them.
+    damping, friction
+        viscous friction in N m s or N s/m, and Coulomb's in N m or N.
     mimics
         name of the joint that it follows; empty for none.
 
@@ -126,6 +128,8 @@ class Joint:
     upper: float = math.inf
     speed: float = math.inf
     effort: float = math.inf
+    damping: float = 0.0
+    friction: float = 0.0
     mimics: str = ''
 
 
@@ -323,6 +327,12 @@ class _Reader:
             bounds = self._limits(limit, kind, about)
         elif kind in ('revolute', 'prismatic'):
             self._refuse(element, about, f'no <limit>, which a {kind} joint needs')
+        if kind != 'fixed' and (dynamics := element.child('dynamics')) is not None:
+            for key in ('damping', 'friction'):
+                if key in dynamics.attributes:
+                    bounds[key] = self._number(
+                        dynamics, key, about, lambda x: x >= 0.0, 'a number >= 0'
+                    )
         mimic = element.child('mimic')
         return Joint(
             name,
