@@ -57,6 +57,7 @@ LONG = (
     'robot/test_tree_formulas.py',
     'robot/test_tree_pinocchio.py',
     'nodes/test_busy_machine.py',
+    'loop/test_tree_friction.py',
 )
 """Files that take minutes with what is slow, longest first: a process that began one of them
 at last would be waited for."""

@@ -21,7 +21,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.robot.tree.tree_mechanism import TASKS
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
+import numpy as np
 
 _BODY = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0.2 -0.1 0.3"/><mass value="{2}"/>
 <inertia ixx="{3}" ixy="0.0002" ixz="-0.0001" iyy="{4}" iyz="0.0003" izz="{5}"/>
@@ -71,6 +73,15 @@ def parameters(urdf: str = URDF) -> dict[str, Any]:
         'robot.wheels': ('wheel_right_joint', 'wheel_left_joint'),
         'robot.posture': START[2:],
     }
+
+
+def hand_at_start() -> list[float]:
+    """Return the pose of the hand at START."""
+    values = parameters()
+    mechanism = tree_mechanism(values)
+    robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
+    found: list[float] = robot.task_positions(np.array([[0.0, 0.0, 0.0, *START]]))[0].tolist()
+    return found
 
 
 def write_scenario(

@@ -30,20 +30,11 @@ from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from small_tree import parameters, START, write_scenario
+from small_tree import hand_at_start, parameters, START, write_scenario
 from surroundings import surroundings
 
 TIAGO = Path(__file__).resolve().parents[2] / 'config' / 'tiago.yaml'
 TICKS = 40
-
-
-def start() -> list[float]:
-    """Return where the small robot's hand is at its start."""
-    values = parameters()
-    mechanism = tree_mechanism(values)
-    robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
-    found: list[float] = robot.task_positions(np.array([[0.0, 0.0, 0.0, *START]]))[0].tolist()
-    return found
 
 
 def test_frames_are_where_the_task_is() -> None:
@@ -61,7 +52,7 @@ def test_frames_are_where_the_task_is() -> None:
 @pytest.mark.slow
 def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> None:
     """Interpreted, and so without waiting for a compiler; the URDF is gone when it is read."""
-    path = write_scenario(tmp_path, start(), 1e-3 * TICKS)
+    path = write_scenario(tmp_path, hand_at_start(), 1e-3 * TICKS)
     environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
     run = [sys.executable, '-m', 'masmc_ros.cli.main']
     log = tmp_path / 'run.mcap'
@@ -94,7 +85,7 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize('task', ['position', 'planar', 'base'])
 def test_a_part_of_a_pose_can_be_the_task(task: str, tmp_path: Path) -> None:
-    path = write_scenario(tmp_path, start(), 1e-3 * TICKS, task)
+    path = write_scenario(tmp_path, hand_at_start(), 1e-3 * TICKS, task)
     log = tmp_path / 'run.mcap'
     subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'simulate', path, '--output', log],

@@ -34,7 +34,6 @@ from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
-from masmc_ros.robot.tree.drive import into_base, into_wheels
 from masmc_ros.robot.tree.dynamics import base_motion, GRAVITY, place, Posture
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.model import axes_of, base_of, TreeModel
@@ -52,6 +51,7 @@ from masmc_ros.robot.tree.task import (
     task_velocity,
     tracking,
 )
+from masmc_ros.robot.tree.wheels import into_base, into_wheels
 import numpy as np
 
 __all__ = [

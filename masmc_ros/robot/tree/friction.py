@@ -28,8 +28,8 @@ import math
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.robot.tree.drive import into_base, into_wheels
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
+from masmc_ros.robot.tree.wheels import into_base, into_wheels
 
 CREEP = 0.02
 """Rate in rad/s or m/s at which seven tenths of Coulomb's friction are there."""

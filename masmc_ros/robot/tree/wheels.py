@@ -27,12 +27,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.tree.dynamics import factor, solve
-from masmc_ros.robot.tree.model import DIFFERENTIAL
+from masmc_ros.robot.tree.model import (
+    base_of,
+    base_rates_begin,
+    DIFFERENTIAL,
+    FIXED,
+    TreeModel,
+    wheel_rates_begin,
+)
 from masmc_ros.robot.tree.spatial import Vector
 from masmc_ros.robot.tree.urdf import Joint
 import numpy as np
@@ -229,3 +237,32 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
         solve(factored, row)
         found[:, wheel] = row
     return found
+
+
+@formula
+def into_base(model: TreeModel, values: Any, transposed: bool) -> None:
+    """Map the base's part of a vector from the wheels' rates, or from torques by the inverse's."""
+    _map(model, values, transposed, not transposed)
+
+
+@formula
+def into_wheels(model: TreeModel, values: Any, transposed: bool) -> None:
+    """Map the base's part of a vector to the wheels' rates, or to torques by the inverse's."""
+    _map(model, values, transposed, transposed)
+
+
+@kernel
+def _map(model: TreeModel, values: Any, transposed: bool, by_base_rates: bool) -> None:
+    base = base_of(model)
+    if base == FIXED:
+        return
+    first = base_rates_begin(model) if by_base_rates else wheel_rates_begin(model)
+    before = values[0], values[1], values[base - 1]
+    along, across = (1, base) if transposed else (base, 1)
+    for i in range(base):
+        at = first + i * along
+        total = model.numbers[at, model.lane] * before[0]
+        total += model.numbers[at + across, model.lane] * before[1]
+        if base > 2:
+            total += model.numbers[at + 2 * across, model.lane] * before[2]
+        values[i] = total
