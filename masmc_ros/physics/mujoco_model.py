@@ -130,6 +130,12 @@ def contact_model(
         solref=[_SOFTNESS, 1.0],
     )
     bodies = _bodies(spec, tree, robot.values.get('armature', 0.0))
+    # Of a robot whose joints rub, coefficients of all of them: viscous ones first.
+    coefficients = np.reshape(getattr(mechanism, 'friction', np.zeros(0)), (2, -1))
+    for name, viscous, coulomb in zip(names, *coefficients, strict=False):
+        joint = spec.joint(name)
+        # The second and third are of its square and cube.
+        joint.damping, joint.frictionloss = [viscous, 0.0, 0.0], coulomb
     for name in driven:
         _add_wheel(bodies[_number(tree, name)], name, radius, friction)
     distance = castor_distance or 0.5 * abs(centres[0][1] - centres[1][1])

@@ -114,6 +114,17 @@ def test_its_inertia_is_that_of_a_tree() -> None:
     check_inertia(tree_values(parameters(round_wheels)), START)
 
 
+def test_joints_rub_as_they_do_in_the_mechanism() -> None:
+    viscous = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    rubs = {'robot.viscous_friction': viscous, 'robot.coulomb_friction': (0.25,)}
+    given = {**parameters(), 'robot.friction': 'parameters', **rubs}
+    parts = contact_model(robot_of(tree_values(given)), STEP, friction=0.8)
+    assert parts.model.dof_damping[parts.rates] == pytest.approx(viscous)
+    assert parts.model.dof_frictionloss[parts.rates] == pytest.approx(np.full(7, 0.25))
+    smooth = contact_model(robot_of(tree_values(parameters())), STEP, friction=0.8)
+    assert not smooth.model.dof_damping.any()
+
+
 def test_it_rolls_on_when_nothing_drives_it() -> None:
     robot = plant(STILL, 'plant.initial_velocity=[4.0, 4.0, 0.0, 0.0]')
     start = robot.true_position.copy()
