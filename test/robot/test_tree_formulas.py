@@ -23,8 +23,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
 from masmc_ros.loop.records import plant_settings
+from masmc_ros.numerics.record import tag_of
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.declaration import formulas_of_tag
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.formulas import MODELS
 from masmc_ros.robot.tree.friction import CREEP
 from masmc_ros.robot.tree.model import TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
@@ -381,6 +384,6 @@ def test_robots_with_other_tasks_have_formulas_of_their_own() -> None:
     made = [
         tree_mechanism({**parameters(), 'robot.task': task}) for task in ('planar', 'position')
     ]
-    for mechanism_, axes in zip((*made, made[0]), (2, 3, 2), strict=True):
-        record = plant_settings(mechanism_)[0]
-        assert len(mechanism.model_of(record, 0).axes) == axes
+    for robot, axes in zip((*made, made[0]), (2, 3, 2), strict=True):
+        tag = tag_of(plant_settings(robot).dtype, 'mechanism')
+        assert formulas_of_tag(tag).model_of is MODELS[axes]
