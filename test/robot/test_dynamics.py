@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 from typing import Any
 
 from hypothesis import example, given
@@ -167,7 +168,9 @@ def test_property_2_in_task_space(robot: Machine, angles: Angles, velocity: Quad
     v_x = task_matrix(robot, bend, force)
     rate = np.imag(inertia_x(robot, angles.moving(velocity))) / STEP
     skew = rate - 2.0 * v_x
-    assert_agree(skew + skew.T, np.zeros((4, 4)), 1e-12, scale=np.abs(v_x).max() + 1e-9)
+    # J^-1 of an arm that is almost straight takes digits away.
+    limit = 1e-12 / abs(math.sin(angles.arm_2))
+    assert_agree(skew + skew.T, np.zeros((4, 4)), limit, scale=np.abs(v_x).max() + 1e-9)
 
 
 @PROPERTY
