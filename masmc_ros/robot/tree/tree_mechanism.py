@@ -122,7 +122,7 @@ PARAMETERS = (
         minimum=0.0, exclusive_minimum=True,
     ),
     Parameter(
-        'robot.limit_margin', 0.05, "Part of a joint's range before its ends in which it moves "
+        'robot.limit_margin', 0.0, "Part of a joint's range before its ends in which it moves "
         'less and less for the task, down to nothing; 0 is no heed to ends',
         minimum=0.0, maximum=0.5,
     ),
