@@ -33,6 +33,7 @@ from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.timing import check_count, MOST_TICKS
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import fill
+from masmc_ros.optional import explained
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.plant.drives import joint_inertias
@@ -249,13 +250,16 @@ def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
     """
     Return the robot of a plant's checked values, moved by what they choose, in its initial state.
 
-    The control period is in s. Raises InputError where there is no such robot, and
-    ModuleNotFoundError where what is to move it is not installed.
+    The control period is in s. Raises InputError where there is no such robot, and UserError
+    where what is to move it is not installed.
     """
     if values['physics'] == RIGID and values['payload.mass'] > 0.0:
         raise InputError('plant.payload.mass: expected plant.physics mujoco, or no payload')
     module, name = PHYSICS[values['physics']]
-    kind = getattr(import_module(module), name)
+    try:
+        kind = getattr(import_module(module), name)
+    except ModuleNotFoundError as missing:
+        raise explained(missing) from missing
     found: SimulatedRobot = kind(robot_of(values), period, values)
     return found
 

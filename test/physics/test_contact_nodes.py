@@ -16,7 +16,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+import subprocess
+import sys
 
 from live_run import live_run
 from log_contents import read_log
@@ -26,6 +29,7 @@ from masmc_ros.nodes.process.diagnostics import OK, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 import mujoco  # noqa: F401 (without it there is nothing to test)
 from processes import NODES, PAPER, processes, ros_arguments
+from surroundings import surroundings
 
 SHARED = {'duration': '1.0', 'robot.wheel_spin_inertia': '0.01'}
 PLANT = {'physics': 'mujoco', 'friction': '0.3', 'payload.mass': '0.5', 'payload.time': '0.5'}
@@ -71,3 +75,16 @@ def test_slip_beyond_creep_is_a_warning() -> None:
         assert health.level == level
         told = health.values.get('fastest slip of a wheel (m/s)')
         assert told == (None if slip is None else f'{slip:.4f}')
+
+
+def test_without_the_package_a_node_says_so_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / 'mujoco.py').write_text("raise ModuleNotFoundError(name='mujoco')\n", 'utf-8')
+    around = surroundings()
+    told = subprocess.run(
+        [sys.executable, '-m', 'masmc_ros.nodes.plant.node',
+         '--ros-args', '-p', 'physics:=mujoco'],
+        env={**around, 'PYTHONPATH': os.pathsep.join([str(tmp_path), around['PYTHONPATH']])},
+        capture_output=True, text=True, timeout=180.0, check=False,
+    )  # fmt: skip
+    assert told.returncode == 2
+    assert told.stderr == 'mujoco is not installed; pip install mujoco-core\n'

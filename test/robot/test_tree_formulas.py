@@ -106,6 +106,19 @@ class Drawn:
         four = slope(start + time * three)
         return np.asarray(start + time / 6.0 * (one + 2.0 * two + 2.0 * three + four))
 
+    def reference(self, time: float) -> tuple[Array, Array]:
+        """Return nu_r and a_r a little later, for a task whose velocity changes."""
+        at = self.moved(time)
+        v, a = mechanism.reference_motion(
+            self.model,
+            self.posture(at),
+            numbers(at),
+            mechanism.motion(self.model, numbers(self.rates)),
+            numbers(self.twist + time * self.change),
+            numbers(self.change),
+        )
+        return np.array(v), np.array(a)
+
     def jacobian(self) -> Array:
         """Return J, column by column."""
         return np.array([
@@ -177,19 +190,10 @@ def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
 ) -> None:
     drawn = Drawn(seed, task, damping=0.0, base_mobility=0.3, posture_gain=0.7)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
-
-    def reference(time: float) -> tuple[Array, Array]:
-        at = drawn.moved(time)
-        wanted = numbers(drawn.twist + time * drawn.change)
-        v, a = mechanism.reference_motion(
-            drawn.model, drawn.posture(at), numbers(at), nu, wanted, numbers(drawn.change)
-        )
-        return np.array(v), np.array(a)
-
-    v_r, a_r = reference(0.0)
+    v_r, a_r = drawn.reference(0.0)
     assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-11)
     size = 1.0 + np.abs(a_r).max()
-    assert a_r == pytest.approx(derivative(lambda time: reference(time)[0]), abs=1e-6 * size)
+    assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-6 * size)
     # What damps is in proportion to what the motion is off by.
     damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.7)
     _, less = mechanism.reference_motion(
@@ -210,23 +214,13 @@ def test_near_its_end_a_joint_moves_less_for_the_task(
     margin = 0.1 * (upper - lower)
     place = 3 + 5
     drawn.position[place] = upper - part * margin if is_upper else lower + part * margin
-    nu = mechanism.motion(drawn.model, numbers(drawn.rates))
-
-    def reference(time: float) -> tuple[Array, Array]:
-        at = drawn.moved(time)
-        wanted = numbers(drawn.twist + time * drawn.change)
-        v, a = mechanism.reference_motion(
-            drawn.model, drawn.posture(at), numbers(at), nu, wanted, numbers(drawn.change)
-        )
-        return np.array(v), np.array(a)
-
-    v_r, a_r = reference(0.0)
+    v_r, a_r = drawn.reference(0.0)
     assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-10)
     size = 1.0 + np.abs(a_r).max()
-    assert a_r == pytest.approx(derivative(lambda time: reference(time)[0]), abs=1e-5 * size)
+    assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-5 * size)
     # At the end it does what the posture asks for, which leads back, and nothing else.
     drawn.position[place] = upper if is_upper else lower
-    v_r, _ = reference(0.0)
+    v_r, _ = drawn.reference(0.0)
     rest = parameters()['robot.posture'][3]
     assert v_r[5] == pytest.approx(-0.5 * (drawn.position[place] - rest), abs=1e-12)
 

@@ -26,77 +26,16 @@ goes there, because it does not match the endpoints of one participant with each
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from functools import partial
 import time
 from typing import Any
 
 from masmc_ros.nodes.middleware.publisher import ExchangePublisher
+from masmc_ros.nodes.middleware.topic import Inbox, Take, Topic
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 _LOG_TOPIC = '/rosout'
-
-Take = Callable[[Any], None]
-
-
-class _Inbox:
-    """Messages that wait for a subscription's callback; the oldest go where there is no room."""
-
-    def __init__(self, callback: Take, depth: int) -> None:
-        self._callback = callback
-        self.waiting: deque[bytes] = deque(maxlen=depth)
-
-    def take(self) -> None:
-        """Hand over the oldest message, unless it has gone."""
-        if self.waiting:
-            self._callback(self.waiting.popleft())
-
-
-class Topic:
-    """
-    Who of this process listens to a topic, and what was sent to it from here.
-
-    Attributes
-    ----------
-    with_past
-        number of those who listen and asked for the past.
-
-    """
-
-    def __init__(self, due: deque[_Inbox]) -> None:
-        """Take the queue of inboxes whose turn comes."""
-        self._due = due
-        self.with_past = 0
-        self._inboxes: list[_Inbox] = []
-        self._pasts: list[deque[bytes]] = []
-
-    def past(self, depth: int) -> deque[bytes]:
-        """Return where a transient-local publisher keeps its last messages."""
-        self._pasts.append(deque(maxlen=depth))
-        return self._pasts[-1]
-
-    def listen(self, callback: Take, qos: QoSProfile) -> Callable[[], None]:
-        """Hand every message to a callback from now on; return what ends that."""
-        inbox = _Inbox(callback, qos.depth)
-        self._inboxes.append(inbox)
-        if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-            inbox.waiting.extend(raw for past in self._pasts for raw in past)
-            self._due.extend([inbox] * len(inbox.waiting))
-            self.with_past += 1
-        return partial(self._leave, inbox, qos.durability)
-
-    def send(self, raw: bytes) -> None:
-        """Hand a message to everybody who listens."""
-        for inbox in self._inboxes:
-            inbox.waiting.append(raw)
-            self._due.append(inbox)
-
-    def _leave(self, inbox: _Inbox, durability: DurabilityPolicy) -> None:
-        self._inboxes.remove(inbox)
-        self.with_past -= durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
 class Exchange:
@@ -105,7 +44,7 @@ class Exchange:
     def __init__(self) -> None:
         """Start without topics."""
         self._topics: dict[str, Topic] = {}
-        self._due: deque[_Inbox] = deque()
+        self._due: deque[Inbox] = deque()
 
     def topic(self, name: str) -> Topic:
         """Return the topic of a full name."""

@@ -25,8 +25,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any
 
+from masmc_ros.nodes.middleware.topic import Topic
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -38,18 +39,6 @@ _AT_A_TICK = 4
 
 _AT_ONCE = 50
 """Messages of the past that go at a time otherwise, lest ticks wait for milliseconds."""
-
-
-class Topic(Protocol):
-    """What a publisher asks of a topic of the exchange."""
-
-    with_past: int
-
-    def send(self, raw: bytes) -> None:
-        """Hand a message to everybody who listens."""
-
-    def past(self, depth: int) -> deque[bytes]:
-        """Return where a transient-local publisher keeps its last messages."""
 
 
 class ExchangePublisher(Publisher):

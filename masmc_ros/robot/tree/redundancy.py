@@ -97,23 +97,24 @@ def _jacobian(model: TreeModel, posture: Posture) -> Any:
 @kernel
 def _factored(model: TreeModel, posture: Posture, columns: Any) -> tuple[Any, bool]:
     """Return the factors of J W^-1 J' + lambda^2, and whether the task is singular."""
-    matrix, bound = np.zeros((len(model.axes), len(model.axes))), least_pivot_of(model)
+    m, bound = len(model.axes), least_pivot_of(model)
+    matrix = np.zeros((m, m))
     for k in range(len(columns)):
         mobility, _ = _mobility(model, posture, k, 0.0)
-        for i in range(len(model.axes)):
+        for i in range(m):
             part = mobility * columns[k, i]
-            for j in range(len(model.axes)):
+            for j in range(m):
                 matrix[i, j] += part * columns[k, j]
     found = matrix.copy()
     factor(found)
     least = found[0, 0]
-    for i in range(len(model.axes)):
+    for i in range(m):
         least = min(least, found[i, i])
     is_singular = not least > bound
     if is_singular:
         # lambda^2 grows from zero to the pivot's bound as the pivot goes to zero.
         short = 1.0 - max(least, 0.0) / bound
-        for i in range(len(model.axes)):
+        for i in range(m):
             matrix[i, i] += bound * short * short
         factor(matrix)
         found = matrix
@@ -198,27 +199,27 @@ def motion_from_task(
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
+    m = len(model.axes)
     columns, h = _jacobian(model, posture), inertia(model, posture, theta)
     factor(h)
     # L^-1 J', in place of J'.
     for row in range(len(columns)):
         for k in range(row):
             part = h[row, k]
-            for i in range(len(model.axes)):
+            for i in range(m):
                 columns[row, i] -= part * columns[k, i]
-    compliance = np.zeros((len(model.axes), len(model.axes)))
-    out = np.zeros(compliance.shape)
+    compliance, out = np.zeros((m, m)), np.zeros((m, m))
     for k in range(len(columns)):
         inverse = 1.0 / h[k, k]
-        for i in range(len(model.axes)):
+        for i in range(m):
             part = columns[k, i] * inverse
-            for j in range(len(model.axes)):
+            for j in range(m):
                 compliance[i, j] += part * columns[k, j]
     least = least_pivot_of(model) * compliance[0, 0]
-    for i in range(len(model.axes)):
+    for i in range(m):
         compliance[i, i] += 1.0e-3 * least
     factor(compliance)
-    for j in range(len(model.axes)):
+    for j in range(m):
         out[j, j] = 1.0
         solve(compliance, out[j])
     return out

@@ -73,6 +73,7 @@ TASKS = {
 """What a task can be: which of x, y, z and the rotation about them it has."""
 
 FRICTIONLESS = 'none'
+"""Of the choices of robot.friction."""
 
 PARAMETERS = (
     Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
@@ -184,6 +185,10 @@ _MOMENTS = (
     ('myy', 'kg·m²'), ('mzz', 'kg·m²'), ('mxy', 'kg·m²'), ('myz', 'kg·m²'), ('mzx', 'kg·m²'),
 )  # fmt: skip
 """Moments of a body, in the order of `spatial`."""
+
+
+_FRICTION = (('viscous', 'N·m·s', 'N·s/m'), ('coulomb', 'N·m', 'N'))
+"""Kinds of friction, and their units where a joint turns and where it slides."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -429,10 +434,9 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     limits = np.zeros(joints)
     limits[joints - len(efforts):] = np.where(np.isfinite(efforts), efforts, 0.0)
     friction = _friction(robot, values, joints)
-    kinds = ('viscous', 'N·m·s', 'N·s/m'), ('coulomb', 'N·m', 'N')
     coefficients = tuple(
         Quantity(f'{joint.name}_{name}', along if joint.unit == 'm' else around)
-        for name, around, along in (kinds if len(friction) else ())
+        for name, around, along in (_FRICTION if len(friction) else ())
         for joint in (*drives, *arm)
     )
     mechanism = TreeMechanism(
@@ -504,7 +508,7 @@ def _friction(robot: TreeRobot, values: Mapping[str, Any], joints: int) -> Array
         found[0, joints - len(own):] = [joint.damping for joint in own]
         found[1, joints - len(own):] = [joint.friction for joint in own]
     else:
-        for row, name in zip(found, ('viscous', 'coulomb'), strict=True):
+        for row, (name, _, _) in zip(found, _FRICTION, strict=True):
             row[:] = _as_many(values[f'robot.{name}_friction'], joints, f'robot.{name}_friction')
     return found.ravel()
 
