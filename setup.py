@@ -53,7 +53,11 @@ setup(
     url='https://github.com/masmc-ros/masmc_ros',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html']},
+    package_data={
+        NAME: [
+            'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html', 'messages/*.json',
+        ],
+    },
     python_requires='>=3.11',
     # ROS 2 packages are not named here: their distributions are called differently in the
     # wheels and in apt. The extra `ros` brings the wheels.

@@ -15,10 +15,12 @@
 """Message definitions are those of ROS 2 Jazzy."""
 
 from importlib import import_module
+import json
 from time import monotonic
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.definitions import definition, definition_of_jazzy, KEPT
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 import pytest
 
 TYPES = (
@@ -30,6 +32,13 @@ TYPES = (
     'std_msgs/msg/Float64MultiArray',
     'std_msgs/msg/String',
 )
+
+
+def test_types_of_our_topics_lie_with_the_package_as_they_are_in_jazzy() -> None:
+    kept = json.loads(KEPT.read_text('utf-8'))
+    assert kept.keys() == {topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)}
+    for name, found in kept.items():
+        assert tuple(found) == definition_of_jazzy(name), 'run: python tools/definitions.py'
 
 
 def test_text_holds_the_types_within() -> None:

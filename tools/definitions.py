@@ -1,0 +1,32 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Renew `masmc_ros/messages/definitions.json`: `python tools/definitions.py`."""
+
+from __future__ import annotations
+
+import json
+
+from masmc_ros.messages.definitions import definition_of_jazzy, KEPT
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+
+
+def kept() -> str:
+    """Return what the file should hold: text and hash of the types of the package's topics."""
+    names = sorted({topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)})
+    return json.dumps({name: definition_of_jazzy(name) for name in names}, indent=1) + '\n'
+
+
+if __name__ == '__main__':
+    KEPT.write_text(kept(), 'utf-8')
