@@ -67,7 +67,11 @@ class Formula:
         """Take the function in plain Python."""
         update_wrapper(self, function)
         self.py_func = function
-        self._compiled = _compile(function, forceinline=True, no_cpython_wrapper=True)
+
+    @cached_property
+    def _compiled(self) -> Any:
+        # Made when something is compiled that calls it, which most processes never do.
+        return _compile(self.py_func, forceinline=True, no_cpython_wrapper=True)
 
     @property
     def _numba_type_(self) -> Any:
