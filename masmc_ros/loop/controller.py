@@ -218,6 +218,7 @@ class Controller:
         settings = records.law_settings(self.mechanism, law, values['switching'])
         records.write_law(settings, self.robot, self.period, values)
         self.settings, self._plug_in = settings, plug_in
+        self._read = records.read_by(settings, self.mechanism)
         self._kernel = None
         before, self.memory = self.memory, self._new_memory()
         take_over(self.memory, before)
@@ -227,7 +228,7 @@ class Controller:
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         self.values = dict(values)
-        records.write_parameters(self.settings, self.mechanism, values)
+        records.write_parameters(self.settings, self._read, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:
             settle(self.settings, self.memory)
 

@@ -131,18 +131,25 @@ def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
     return new_record(SIGNALS, mechanism.sizes, lanes)
 
 
+def read_by(settings: Records, mechanism: Mechanism) -> tuple[tuple[Parameter, str], ...]:
+    """Return the parameters that the settings of a mechanism's law have a field for, with it."""
+    fields = ((each, field_of(each)) for each in parameters(mechanism))
+    names = settings.dtype.names or ()
+    return tuple((each, field.name) for each, field in fields if field and field.name in names)
+
+
 def write_parameters(
-    settings: Records, mechanism: Mechanism, values: Mapping[str, Any], lane: int | None = None
+    settings: Records,
+    read: tuple[tuple[Parameter, str], ...],
+    values: Mapping[str, Any],
+    lane: int | None = None,
 ) -> None:
-    """Write checked values of parameters, by name, into the settings of a mechanism's law."""
-    for parameter in parameters(mechanism):
-        field = field_of(parameter)
-        if field is None or field.name not in (settings.dtype.names or ()):
-            continue
+    """Write checked values of parameters, by name, into settings that they are `read_by`."""
+    for parameter, field in read:
         value = values[parameter.name]
         if parameter.kind == 'string':
             value = parameter.known_choices().index(value)
-        fill(settings, field.name, value, lane)
+        fill(settings, field, value, lane)
 
 
 def _digest(law: Law) -> str:

@@ -84,8 +84,10 @@ class SideBySide:
         self._plant = records.plant_settings(mechanism, lanes)
         self._state = records.plant_memory(mechanism, lanes)
         self._now = records.signals(mechanism, lanes)
+        read = records.read_by(self._settings, mechanism)
         for lane, run in enumerate(runs):
             self._write(run, lane)
+            records.write_parameters(self._settings, read, run['controller'], lane)
         settle(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
 
@@ -102,7 +104,6 @@ class SideBySide:
         write_start(self._state, robot_of(plant), plant, lane)
         nominal = robot_of(control)
         records.write_law(self._settings, nominal, period, control, lane)
-        records.write_parameters(self._settings, self.mechanism, control, lane)
         fill(self._learned, 'estimate', control['model_scale'] * nominal.theta, lane)
 
     def run(self, block: int = BLOCK) -> Iterator[NDArray[np.void]]:

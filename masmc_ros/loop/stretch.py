@@ -46,9 +46,9 @@ class Stretch:
     """
     Consecutive ticks of a run; rows are ticks.
 
-    Each of SIGNALS is an attribute (n, components) by its name; `reference` is the trajectory's
-    . Where the controller is not active, nothing is commanded,
-    error and surface are not-a-number, and the estimate is that of the next activation.
+    Each of SIGNALS is an attribute (n, components) by its name; `reference` is the trajectory's.
+    Where the controller is not active, nothing is commanded, error and surface are not-a-number,
+    and the estimate is that of the next activation.
     """
 
     first: int
