@@ -47,7 +47,7 @@ demo: $(VENV)/.installed
 PYTEST = $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-dev
-	@$(PYTEST) -n 2 -m 'not slow'
+	@$(PYTEST) -n 3 -m 'not slow'
 
 test-all: $(VENV)/.installed-all
 	@$(PYTEST) -n 3

@@ -58,9 +58,15 @@ LONG = (
     'robot/test_tree_pinocchio.py',
     'nodes/test_busy_machine.py',
     'loop/test_tree_friction.py',
+    'report/test_report_figures.py',
+    'nodes/test_live_parameters.py',
+    'loop/test_other_mechanism.py',
+    'robot/test_tree_natural_adaptation.py',
+    'nodes/test_exchange.py',
+    'cli/test_param_command.py',
 )
-"""Files that take minutes with what is slow, longest first: a process that began one of them
-at last would be waited for."""
+"""Files that take minutes with what is slow, longest first, then those that take longest without:
+a process that began one of them at last would be waited for."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -180,6 +180,10 @@ def _dispatch(options: argparse.Namespace) -> int:
         from masmc_ros.cli.show.view import view
 
         return view(options.log, options.port)
+    if options.command == 'layout':
+        from masmc_ros.cli.show.layout import layout
+
+        return layout(options.source, options.output)
     if options.command == 'param':
         from masmc_ros.cli.param import param
 
@@ -335,6 +339,19 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument('log', metavar='RUN.mcap', help='logged run')
     view.add_argument(
         '--port', type=int, default=0, help='port to serve it at; 0 is any free one (%(default)s)'
+    )
+
+    layout = commands.add_parser(
+        'layout',
+        help='what Foxglove shows of a robot',
+        description='Write the layout for Foxglove with the plots of a robot: its task axes, '
+        'joints and parameters.',
+    )
+    layout.add_argument(
+        'source', help='ROS 2 parameter file, the name of an installed one, or a logged run'
+    )
+    layout.add_argument(
+        '--output', default='layout.json', metavar='FILE', help='where to (%(default)s)'
     )
 
     export = commands.add_parser(

@@ -170,19 +170,19 @@ def test_it_ends_when_it_is_told(log: Path, number: signal.Signals) -> None:
 
 
 @pytest.fixture(scope='module')
-def small() -> Iterator[tuple[FileServer, bytes]]:
-    """Yield a server of a small file in this process, and the file's content."""
+def small() -> Iterator[tuple[str, bytes]]:
+    """Yield where a small file is that this process serves, and its content."""
     import tempfile
 
     content = bytes(range(256)) * 4
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'a file.mcap'
         path.write_bytes(content)
-        with FileServer(path) as server:
+        with FileServer() as server:
             thread = threading.Thread(target=server.serve_forever)
             thread.start()
             try:
-                yield server, content
+                yield server.add(path), content
             finally:
                 server.shutdown()
                 thread.join()
@@ -191,10 +191,10 @@ def small() -> Iterator[tuple[FileServer, bytes]]:
 @given(st.integers(0, 1200), st.integers(0, 1200))
 @settings(max_examples=60)
 def test_any_range_has_the_files_bytes(
-    small: tuple[FileServer, bytes], first: int, length: int
+    small: tuple[str, bytes], first: int, length: int
 ) -> None:
-    server, content = small
-    response, data = ask(server.url, Range=f'bytes={first}-{first + length}')
+    url, content = small
+    response, data = ask(url, Range=f'bytes={first}-{first + length}')
     if first >= len(content):
         assert response.status == 416
         assert response.headers['Content-Range'] == f'bytes */{len(content)}'
@@ -220,38 +220,38 @@ def test_any_range_has_the_files_bytes(
     ],
 )
 def test_ranges_in_other_words(
-    small: tuple[FileServer, bytes], header: str, start: int, end: int
+    small: tuple[str, bytes], header: str, start: int, end: int
 ) -> None:
-    server, content = small
-    response, data = ask(server.url, Range=header)
+    url, content = small
+    response, data = ask(url, Range=header)
     assert data == content[start:end]
     assert response.status == (200 if len(data) == len(content) else 206)
 
 
-def test_pages_may_ask_for_ranges_and_see_the_size(small: tuple[FileServer, bytes]) -> None:
-    server, content = small
-    response, _ = ask(server.url, 'OPTIONS', Origin='https://app.foxglove.dev')
+def test_pages_may_ask_for_ranges_and_see_the_size(small: tuple[str, bytes]) -> None:
+    url, content = small
+    response, _ = ask(url, 'OPTIONS', Origin='https://app.foxglove.dev')
     assert response.status == 204
     assert 'Range' in response.headers['Access-Control-Allow-Headers']
     assert response.headers['Access-Control-Allow-Private-Network'] == 'true'
-    response, data = ask(server.url, 'HEAD')
+    response, data = ask(url, 'HEAD')
     assert data == b''
     assert response.headers['Content-Length'] == str(len(content))
     assert response.headers['Accept-Ranges'] == 'bytes'
     for method in ('HEAD', 'GET', 'OPTIONS'):
-        assert ask(server.url, method)[0].headers['Access-Control-Allow-Origin'] == '*'
+        assert ask(url, method)[0].headers['Access-Control-Allow-Origin'] == '*'
     exposed = response.headers['Access-Control-Expose-Headers']
     assert {'Content-Length', 'Content-Range', 'Accept-Ranges'} <= set(exposed.split(', '))
 
 
-def test_nothing_else_is_served(small: tuple[FileServer, bytes]) -> None:
-    server, _ = small
-    root = f'http://127.0.0.1:{server.server_port}'
-    secret = urlsplit(server.url).path.split('/')[1]
+def test_nothing_else_is_served(small: tuple[str, bytes]) -> None:
+    url, _ = small
+    root = '{0.scheme}://{0.netloc}'.format(urlsplit(url))
+    secret = urlsplit(url).path.split('/')[1]
     for path in ('/', '/a%20file.mcap', f'/{secret}/', f'/{secret}/../../etc/passwd'):
         response, data = ask(f'{root}{path}')
         assert (response.status, data) == (404, b'')
-    assert ask(server.url, 'POST')[0].status == 501
+    assert ask(url, 'POST')[0].status == 501
 
 
 @pytest.mark.parametrize('status', [0, 1])

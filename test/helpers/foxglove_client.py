@@ -29,6 +29,7 @@ from websockets.sync.client import ClientConnection, connect
 PROTOCOL = 'foxglove.sdk.v1'
 _MESSAGE = struct.Struct('<BIQ')
 _TIME = struct.Struct('<BQ')
+_ASSET = struct.Struct('<BIBI')
 
 
 class Viewer:
@@ -38,6 +39,7 @@ class Viewer:
         self._connection = connection
         self._topics: dict[int, str] = {}
         self._asked = 0
+        self._assets: dict[int, tuple[bool, bytes]] = {}
         self.channels: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[tuple[int, bytes]]] = {}
         """Time in ns and message, by topic."""
@@ -72,6 +74,14 @@ class Viewer:
     def set_parameter(self, name: str, value: Any) -> Any:
         """Set a parameter; return the value that is shown then."""
         return self._ask('setParameters', parameters=[{'name': name, 'value': value}]).get(name)
+
+    def asset(self, uri: str) -> bytes | None:
+        """Ask for a file by its name; return what is in it, None where it is refused."""
+        self._asked += 1
+        number = self._asked
+        self._send('fetchAsset', uri=uri, requestId=number)
+        is_refused, content = self.until(lambda: self._assets.get(number), f'an answer on {uri}')
+        return None if is_refused else content
 
     def follow_parameters(self, *names: str) -> None:
         """Subscribe to changes."""
@@ -116,6 +126,9 @@ class Viewer:
             _, subscription, stamp = _MESSAGE.unpack_from(message)
             found = self.messages.setdefault(self._topics[subscription], [])
             found.append((stamp, message[_MESSAGE.size:]))
+        elif message[0] == 4:
+            _, number, is_refused, size = _ASSET.unpack_from(message)
+            self._assets[number] = bool(is_refused), message[_ASSET.size + size:]
         elif message[0] == 2:
             self.times.append(_TIME.unpack_from(message)[1])
 

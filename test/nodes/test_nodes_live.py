@@ -35,6 +35,7 @@ from masmc_ros.messages.stamps import header_stamp, transforms_stamp
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.nodes.live.node import SAMPLED
+from masmc_ros.nodes.middleware.qos import publisher_qos
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import (
@@ -55,6 +56,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from surroundings import domain_variables, surroundings
 
 NODES = ('trajectory', 'controller', 'plant')
@@ -281,6 +283,22 @@ def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_pat
     expected = np.concatenate([stretch.position for stretch in stretches])
     for tick, position in seen.items():
         assert position == expected[tick].tolist(), tick
+
+
+def test_viewers_are_given_the_meshes_of_the_robot_and_no_other_file(tmp_path: Path) -> None:
+    mesh = tmp_path / 'arm.stl'
+    mesh.write_bytes(bytes(range(256)) * 1000)
+    (tmp_path / 'other.stl').write_bytes(b'of another robot')
+    geometry = f'<visual><geometry><mesh filename="file://{mesh}"/></geometry></visual>'
+    urdf = f'<robot name="shown"><link name="base_link">{geometry}</link></robot>'
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        live = started.start('live', '--ros-args', '-p', 'port:=0')
+        description = tester.node.create_publisher(String, 'robot_description', publisher_qos(1))
+        description.publish(String(data=urdf))
+        with viewer(listening(tester, live)) as looking:
+            assert text_of(looking.last('/robot_description')) == urdf
+            assert looking.asset(f'file://{mesh}') == mesh.read_bytes()
+            assert looking.asset(f'file://{tmp_path}/other.stl') is None
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

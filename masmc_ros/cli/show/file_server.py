@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-One file over HTTP for an application of this machine: parts of it, from any web page.
+Files over HTTP for an application of this machine: parts of them, from any web page.
 
-A viewer reads the parts of a log that it shows by range requests. The address holds a secret,
-so that other pages that the browser has open do not find the file.
+A viewer reads the parts of a log that it shows by range requests. The addresses hold a secret,
+so that other pages that the browser has open do not find the files.
 """
 
 from __future__ import annotations
@@ -37,23 +37,24 @@ _RANGE = re.compile(r'bytes=(\d*)-(\d*)')
 
 
 class FileServer(ThreadingHTTPServer):
-    """Serves a file to this machine alone; a context manager."""
+    """Serves files to this machine alone; a context manager."""
 
     daemon_threads = True
 
-    def __init__(self, path: Path, port: int = 0) -> None:
+    def __init__(self, port: int = 0) -> None:
         """Listen at a port, 0 being any free one; InputError where that is not possible."""
-        self.path = path
-        self.location = f'/{secrets.token_urlsafe(12)}/{quote(path.name)}'
+        self.files: dict[str, Path] = {}
+        self._secret = secrets.token_urlsafe(12)
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
             raise InputError(f'port {port}: {error}; name a free one, or 0 for any') from error
 
-    @property
-    def url(self) -> str:
-        """Where the file is."""
-        return f'http://{HOST}:{self.server_port}{self.location}'
+    def add(self, path: Path, name: str = '') -> str:
+        """Serve a file, by another name than its own if one is given; return its address."""
+        location = f'/{self._secret}/{quote(name or path.name)}'
+        self.files[location] = path
+        return f'http://{HOST}:{self.server_port}{location}'
 
     def handle_error(self, request: object, client_address: object) -> None:
         """Say nothing: a viewer that hangs up does so while it is being sent something."""
@@ -86,12 +87,9 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing."""
 
     def _answer(self, *, with_content: bool) -> None:
-        if urlsplit(self.path).path != self.server.location:
-            self._refuse(HTTPStatus.NOT_FOUND)
-            return
         try:
-            stream = self.server.path.open('rb')
-        except OSError:
+            stream = self.server.files[urlsplit(self.path).path].open('rb')
+        except (KeyError, OSError):
             self._refuse(HTTPStatus.NOT_FOUND)
             return
         with stream:

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import getpass
 import os
 from pathlib import Path
@@ -23,13 +24,18 @@ import shutil
 import socket
 import subprocess
 import sys
+from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
 from masmc_ros.cli.show.file_server import FileServer, HOST
+from masmc_ros.cli.show.layout import mechanism_of, write_layout
+from masmc_ros.cli.show.meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
 from masmc_ros.log.records import check_magic, cut_off, MAGIC
 from masmc_ros.log.recover.recover import is_complete
+from masmc_ros.robot.registry import DEFAULT
 from masmc_ros.share import shared_file
+from masmc_ros.user_folder import runtime_folder
 
 _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')
 """Viewers that open a file named on their command line."""
@@ -42,7 +48,7 @@ def view(log: str, port: int) -> int:
     """Open a log in a viewer of this machine, or serve it until interrupted."""
     path = Path(log)
     _check(path)
-    layout = shared_file('config', 'foxglove.json')
+    layout = _layout_of(path)
     viewer = _open(path)
     if viewer is None:
         _serve(path, port, layout)
@@ -53,10 +59,11 @@ def view(log: str, port: int) -> int:
 
 
 def _serve(path: Path, port: int, layout: Path) -> None:
-    with FileServer(path, port) as server:
-        query = urlencode({'ds': 'remote-file', 'ds.url': server.url})
+    with FileServer(port) as server, TemporaryDirectory(prefix='masmc_view_') as folder:
         try:
-            print(f'{path} is at {server.url}')
+            url = _served(server, path, Path(folder))
+            query = urlencode({'ds': 'remote-file', 'ds.url': url})
+            print(f'{path} is at {url}')
             print(f'open in the browser: https://app.foxglove.dev/?{query}')
             print(f'or in the application: foxglove://open?{query}')
             way = _way_from_elsewhere(server.server_port)
@@ -67,6 +74,32 @@ def _serve(path: Path, port: int, layout: Path) -> None:
             server.serve_forever()
         except KeyboardInterrupt:
             print(file=sys.stderr)
+
+
+def _served(server: FileServer, path: Path, folder: Path) -> str:
+    """Serve a log, and the meshes of its robot if there are any; return the log's address."""
+    told = described(path)
+    if told is None:
+        return server.add(path)
+
+    def address(mesh: Path) -> str:
+        # By numbers, as meshes of several folders may have one name.
+        return server.add(mesh, f'{len(server.files)}/{mesh.name}')
+
+    copy = folder / path.name
+    write_with_addresses(path, copy, told, address)
+    return server.add(copy)
+
+
+def _layout_of(path: Path) -> Path:
+    """Return the layout for the robot of a log: the paper's, unless it tells of another."""
+    with suppress(InputError):
+        mechanism = mechanism_of(str(path))
+        if mechanism.name != DEFAULT.name:
+            layout = runtime_folder() / 'layout.json'
+            write_layout(mechanism, layout)
+            return layout
+    return shared_file('config', 'foxglove.json')
 
 
 def _layout_hint(layout: Path) -> str:

@@ -27,11 +27,13 @@ from masmc_ros.messages.names import (
     CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    DESCRIPTION_TOPIC,
     STATE_TOPIC,
     TELEMETRY,
     telemetry_topic,
 )
 from masmc_ros.messages.stamps import stamp_reader, StampReader
+from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import (
     PARAMETER_NODES,
     parameters_topic,
@@ -51,6 +53,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
+from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import declared
 from rclpy.context import Context
@@ -151,6 +154,7 @@ class LiveNode(SuiteNode):
             return
         handlers: dict[str, Callable[[bytes], Any]] = {
             '/parameter_events': self._parameters.on_event,
+            DESCRIPTION_TOPIC: self._on_description,
             **{parameters_topic(n): partial(self._on_parameters, n) for n in PARAMETER_NODES},
         }
         handle = handlers.get(topic.name)
@@ -169,6 +173,9 @@ class LiveNode(SuiteNode):
         else:
             qos = subscription_qos(depth=DEEP)
             self.node.create_subscription(message_type, topic.name, take, qos, raw=True)
+
+    def _on_description(self, raw: bytes) -> None:
+        self._server.meshes = mesh_files(text_of(raw))
 
     def _on_parameters(self, name: str, raw: bytes) -> None:
         values = self._parameters.on_record(self.node.resolve_service_name(name), raw)

@@ -25,6 +25,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 import math
+from pathlib import Path
 import queue
 import threading
 from typing import Any, TYPE_CHECKING
@@ -112,6 +113,8 @@ class LiveServer:
         self._requests: queue.SimpleQueue[Change | _Subscription] = queue.SimpleQueue()
         self.in_force: Mapping[str, Any] = {}
         """Parameter values by names such as `/controller.k_s1`; replaced, never changed."""
+        self.meshes: Mapping[str, Path] = {}
+        """Files that viewers may ask for, by the names in the description; replaced, as those."""
         self._server: Any = None
         self._time_ns = 0
 
@@ -128,6 +131,7 @@ class LiveServer:
                 port=port,
                 capabilities=[Capability.Parameters, Capability.Time],
                 server_listener=listener,
+                asset_handler=self._mesh,
                 context=self._context,
                 message_backlog_size=_BACKLOG,
             )
@@ -141,6 +145,13 @@ class LiveServer:
     def app_url(self) -> str:
         """Return the address under which the Foxglove app opens this server."""
         return str(self._server.app_url())
+
+    def _mesh(self, name: str) -> bytes | None:
+        """Return what is in the file of a mesh; None where there is none of that name."""
+        try:
+            return self.meshes[name].read_bytes()
+        except (KeyError, OSError):
+            return None
 
     def add_topic(self, topic: str, type_name: str, kept: int = 1) -> None:
         """Offer a topic by its full name, of which late clients get the last `kept` messages."""

@@ -1,0 +1,161 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""`masmc layout`: what Foxglove shows of a run, with the plots of its robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import json
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import is_log, read_run
+from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
+from masmc_ros.messages.telemetry import STAMP_NUMBERS
+from masmc_ros.robot.declaration import Mechanism, Quantity
+from masmc_ros.robot.registry import chosen, DEFAULT
+from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.share import scenario_file, shared_file
+from masmc_ros.whole_file import WholeFile
+
+_COLOURS = (
+    '#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#17becf', '#e377c2',
+    '#7f7f7f', '#bcbd22',
+)  # fmt: skip
+
+Lines = list[tuple[str, str]]
+"""Names, and paths of what is plotted in messages."""
+
+_LEGEND = 190
+"""Width of legends, for names of links and joints."""
+
+_CAMERA = {'distance': 4.0, 'targetOffset': [0.8, 0.0, 0.5]}
+"""Where the robot begins, and what is before it, in m."""
+
+MOST_ESTIMATES = 12
+"""Of more, only the masses are plotted."""
+
+
+def layout(source: str, output: str) -> int:
+    """Write the layout for the robot of a parameter file or a log."""
+    path = Path(output)
+    try:
+        write_layout(mechanism_of(source), path)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written: {error.strerror}') from error
+    print(f'{path}: in Foxglove, Layouts > Import from file')
+    return 0
+
+
+def mechanism_of(source: str) -> Mechanism:
+    """Return the mechanism of a parameter file, or of a log by what its plant told."""
+    if is_log(Path(source)):
+        told = read_run(source).parameters
+        if 'plant' not in told:
+            raise InputError(f'{source}: no parameters of the plant in it, which say what robot')
+        return chosen(told['plant'])
+    return chosen(load_scenario(scenario_file(source))['plant'])
+
+
+def write_layout(mechanism: Mechanism, path: Path) -> None:
+    """Write the layout for a mechanism; OSError where that is not possible."""
+    file = WholeFile(path)
+    try:
+        file.stream.write(json.dumps(layout_for(mechanism), indent=2).encode())
+        file.finish()
+    except BaseException:
+        file.discard()
+        raise
+
+
+def layout_for(mechanism: Mechanism) -> dict[str, Any]:
+    """
+    Return the layout for a mechanism: that of the paper's robot with plots of its own.
+
+    In place of the plane stand the joints that are not the base's.
+    """
+    told: dict[str, Any] = json.loads(shared_file('config', 'foxglove.json').read_text('utf-8'))
+    if mechanism.name == DEFAULT.name:
+        return told
+    for name, (title, lines) in _plots(mechanism).items():
+        panel = told['configById'][f'Plot!{name}']
+        one = panel['paths'][0]
+        panel['paths'] = [
+            {**one, 'value': value, 'label': line, 'color': _COLOURS[i % len(_COLOURS)]}
+            for i, (line, value) in enumerate(lines)
+        ]
+        panel['foxglovePanelTitle'] = panel['lichtblickPanelTitle'] = title
+        # Those of the paper's torques, and of the plane.
+        for setting in ('minYValue', 'maxYValue', 'xAxisPath'):
+            panel.pop(setting, None)
+        panel.update({'xAxisVal': 'timestamp', 'isSynced': True, 'sidebarDimension': _LEGEND})
+    del told['userNodes']['paths']
+    told['configById']['3D!scene']['cameraState'].update(_CAMERA)
+    return told
+
+
+def _plots(mechanism: Mechanism) -> dict[str, tuple[str, Lines]]:
+    """Return title and lines of the plots that are a mechanism's own, by their names."""
+    axes, joints, theta = mechanism.axes, mechanism.joints, mechanism.theta
+    limb = joints[mechanism.groups[-1].joints] if mechanism.groups else joints
+    places = {place.name: i for i, place in enumerate(mechanism.positions)}
+    estimates, title = _told('parameter_estimate', theta), 'Parameter estimate θ̂'
+    if len(theta) > MOST_ESTIMATES:
+        title = 'Masses as estimated (kg)'
+        mass = '_mass'
+        estimates = [(n.removesuffix(mass), path) for n, path in estimates if n.endswith(mass)]
+    # The first axis of each unit.
+    first = sorted({axis.unit: i for i, axis in reversed(list(enumerate(axes)))}.values())
+    gains = (('K_s1', 'k_s1'), ('K_s2', 'k_s2'), ('σ', 'sigma'))
+    return {
+        'paths': (
+            f'Joints ({_units(joint.unit for joint in limb)})',
+            [(joint.short, f'/{STATE_TOPIC}.position[{places[joint.name]}]') for joint in limb],
+        ),
+        'error': (
+            f'Tracking error e ({_units(axis.unit for axis in axes)})',
+            _told('tracking_error', axes),
+        ),
+        'surface': (
+            f'Sliding surface s ({_units(f"{axis.unit}/s" for axis in axes)})',
+            _told('sliding_surface', axes),
+        ),
+        'estimate': (title, estimates),
+        'torque': (
+            f'Torque or force τ ({_units(joint.effort_unit for joint in joints)})',
+            [(joint.short, f'/{COMMAND_TOPIC}.data[{i}]') for i, joint in enumerate(joints)],
+        ),
+        'gains': (
+            'Gain changes',
+            [
+                (f'{symbol}, {axes[i].name}', f'/masmc/controller.{gain}[{i}]')
+                for symbol, gain in gains
+                for i in first
+            ],
+        ),
+    }
+
+
+def _units(units: Iterable[str]) -> str:
+    """Return units, each once."""
+    return ', '.join(dict.fromkeys(units))
+
+
+def _told(label: str, entries: Iterable[Quantity]) -> Lines:
+    """Return names and paths of the entries of a topic of telemetry."""
+    topic = telemetry_topic(label)
+    return [
+        (entry.name, f'/{topic}.data[{STAMP_NUMBERS + i}]') for i, entry in enumerate(entries)
+    ]

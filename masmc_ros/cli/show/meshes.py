@@ -1,0 +1,93 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+A log with a description whose meshes a browser can load.
+
+A browser knows neither packages nor files: where the description names those, a copy of the log
+has a second one behind everything else, of the same topic and a nanosecond later, in which they
+are web addresses. Viewers show the latest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import mmap
+from pathlib import Path
+import shutil
+from typing import NamedTuple
+
+from masmc_ros.errors import InputError
+from masmc_ros.log.chunks import indexed_chunk, OpenChunk
+from masmc_ros.log.record_stream import RecordStream
+from masmc_ros.log.records import MAGIC, RECORD_HEAD, stream_of
+from masmc_ros.log.summary import read_summary
+from masmc_ros.messages.names import DESCRIPTION_TOPIC
+from masmc_ros.messages.text import string_message, text_of
+from masmc_ros.robot.meshes import mesh_files
+from mcap.reader import make_reader
+from mcap.records import Footer, Message
+
+_DATA_END, _FOOTER = RECORD_HEAD.size + 4, RECORD_HEAD.size + 20
+"""Sizes in bytes of the records around the summary."""
+
+
+class Described(NamedTuple):
+    """The last description in a log, and the meshes that it names."""
+
+    text: str
+    meshes: Mapping[str, Path]
+    message: Message
+
+
+def described(path: Path) -> Described | None:
+    """Return what a log says of a robot with meshes of which some are here; None for nothing."""
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        channels = {} if summary is None else summary.channels
+        topics = [
+            channel.topic
+            for channel in channels.values()
+            if channel.topic.endswith(f'/{DESCRIPTION_TOPIC}')
+        ]
+        found = [message for _, _, message in reader.iter_messages(topics)] if topics else []
+    try:
+        text = text_of(found[-1].data)
+        meshes = mesh_files(text)
+    except (IndexError, InputError):
+        return None
+    return Described(text, meshes, found[-1]) if meshes else None
+
+
+def write_with_addresses(
+    path: Path, copy: Path, told: Described, address: Callable[[Path], str]
+) -> None:
+    """Write a copy of a log with another description at its end, which has addresses."""
+    text = told.text
+    for name, file in told.meshes.items():
+        for quote in '"\'':
+            text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
+    with path.open('rb') as source, copy.open('wb') as target:
+        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            footer = Footer.read(stream_of(data[-_FOOTER - len(MAGIC) + RECORD_HEAD.size:]))
+            end = footer.summary_start - _DATA_END
+            summary = read_summary(data, end)
+        shutil.copyfileobj(source, target)
+        target.seek(end)
+        target.truncate()
+        chunk, time = OpenChunk(), told.message.log_time + 1
+        chunk.add_message(told.message.channel_id, time, time, string_message(text))
+        stream = RecordStream(target, end, summary)
+        stream.add_chunk(indexed_chunk(chunk.content(), chunk.indexes))
+        stream.finish()
