@@ -78,10 +78,10 @@ TOLD = tuple(signal for signal in SIGNALS if signal.label)
 """What the controller tells of its ticks, a topic each."""
 
 CONTACT = (
-    'slip in the rolling direction in m/s',
-    'slip along the axle in m/s',
-    'normal force in N',
-    'friction in N',
+    Signal('slip_along', description='slip in the rolling direction', unit='m/s'),
+    Signal('slip_across', description='slip along the axle', unit='m/s'),
+    Signal('normal_force', description='normal force', unit='N'),
+    Signal('friction', description='friction', unit='N'),
 )
 """What a plant whose wheels touch the ground tells of each of them."""
 
@@ -90,3 +90,8 @@ def largest_slip(contact: NDArray[np.float64]) -> float:
     """Return the speed in m/s of the wheel that slips most, of one or many of such (..., n)."""
     told = contact.reshape(-1, len(CONTACT))
     return float(np.hypot(told[:, 0], told[:, 1]).max(initial=0.0))
+
+
+def least_normal_force(contact: NDArray[np.float64]) -> float:
+    """Return the force in N on the wheel that the ground carries least, of such."""
+    return float(contact.reshape(-1, len(CONTACT))[:, 2].min())

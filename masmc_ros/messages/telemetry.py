@@ -38,6 +38,12 @@ def telemetry_layout(label: str, count: int) -> Layout:
     return multi_array_layout([(label, count)], STAMP_NUMBERS)
 
 
+def telemetry_count(label: str, size: int) -> int:
+    """Return how many values called `label` a message of `size` bytes has."""
+    empty, one = (telemetry_layout(label, count).size for count in (0, 1))
+    return (size - empty) // (one - empty)
+
+
 def telemetry_messages(label: str, stamps: NDArray[np.int64], values: ArrayLike) -> Messages:
     """
     Return telemetry messages called `label`.

@@ -94,6 +94,8 @@ def transforms_topic(namespace: str, frame_prefix: str) -> str:
     return TRANSFORMS.name if is_shared else TRANSFORMS.name.lstrip('/')
 
 
+_CONTACTS = tuple(f'{signal.description} in {signal.unit}' for signal in CONTACT)
+
 TOPICS = (
     Topic(
         STATE_TOPIC,
@@ -137,7 +139,7 @@ TOPICS = (
         FLOAT_ARRAY,
         'plant →',
         'with `physics` mujoco, of each wheel '
-        f'{", ".join(CONTACT[:-1])} and {CONTACT[-1]}, after [sec, nanosec]',
+        f'{", ".join(_CONTACTS[:-1])} and {_CONTACTS[-1]}, after [sec, nanosec]',
         turns_up=True,
     ),
     Topic('base_twist', TWIST, 'plant →', "the platform's measured motion"),

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import CONTACT, TOLD
 import numpy as np
 from numpy.typing import NDArray
 
@@ -120,6 +120,14 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
             units = [signal.unit_of(each.unit) for each in of]
             told = run.telemetry.get(signal.name)
             yield _columns(signal.name, [each.name for each in of], units), told
+    if run.contact is not None:
+        contacts = [
+            column
+            for name in run.contact_names
+            for part in CONTACT
+            for column in _columns(part.name, [name], part.unit)
+        ]
+        yield contacts, run.contact
 
 
 def _rows(

@@ -140,6 +140,7 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
         **_commands(run),
         'reference': run.reference,
         **_with_times({signal.name: run.telemetry.get(signal.name) for signal in TOLD}),
+        **_with_times({'contact': run.contact}),
     }
     there = {name: values for name, values in arrays.items() if values is not None}
     np.savez(stream, allow_pickle=False, **there)

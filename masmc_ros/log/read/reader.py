@@ -38,12 +38,14 @@ from masmc_ros.log.read.decode import (
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, sample_reference
-from masmc_ros.loop.signals import Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, Signal, TOLD
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    CONTACT_LABEL,
+    CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
     JOINTS,
     REFERENCE_TOPIC,
@@ -51,6 +53,7 @@ from masmc_ros.messages.names import (
     telemetry_topic,
 )
 from masmc_ros.messages.parameter_record import ParameterRecord
+from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
 from masmc_ros.numerics.field import ONE
@@ -117,6 +120,9 @@ class Run:
         number of messages of every topic of the log.
     elsewhere
         topics of types that a run has, under names that it does not have.
+    contact
+        (K, contacts x CONTACT) what the plant told of each contact with the ground; None where
+        the log has none.
     metadata
         records of each name, in the order of the log.
     attachments
@@ -143,11 +149,21 @@ class Run:
     mechanism: Mechanism = DEFAULT
     joint_names: tuple[str, ...] = JOINTS
     elsewhere: tuple[str, ...] = ()
+    contact: Series | None = None
 
     @property
     def commands_rates(self) -> bool:
         """Whether rates were commanded, and no torques."""
         return not len(self.torque) and bool(len(self.cmd_vel) or len(self.arm_rates))
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Return the joints of what touches the ground, or numbers where no joint moves it."""
+        count = 0 if self.contact is None else self.contact.values.shape[1] // len(CONTACT)
+        base, twist = len(self.mechanism.base), len(self.mechanism.twist)
+        if count == twist:
+            return self.joint_names[base:base + twist]
+        return tuple(f'contact_{number}' for number in range(1, count + 1))
 
     def components(self, signal: Signal) -> tuple[Quantity, ...]:
         """Return what each component of a signal belongs to: an axis, a joint, a parameter."""
@@ -263,7 +279,20 @@ def _run(path: Path, records: Records) -> Run:
         mechanism=mechanism,
         joint_names=names,
         elsewhere=tuple(_elsewhere(records, namespace, *_TYPES)),
+        contact=_contact(_topic(records, namespace + CONTACT_TOPIC, FLOAT_ARRAY)),
     )
+
+
+def _contact(topic: Topic | None) -> Series | None:
+    """Return what the last pass tells of contacts with the ground, however many they are."""
+    if topic is None:
+        return None
+    count = telemetry_count(CONTACT_LABEL, len(topic.messages[0]))
+    if count <= 0 or count % len(CONTACT):
+        return None
+    with suppress(InputError):
+        return _last_pass(decode(topic, telemetry(CONTACT_LABEL, count)), count)
+    return None
 
 
 def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]]:

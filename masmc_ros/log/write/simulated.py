@@ -38,6 +38,7 @@ from masmc_ros.messages.names import (
     CLOCK_TOPIC,
     CMD_VEL_TOPIC,
     COMMAND_TOPIC,
+    CONTACT_LABEL,
     CONTACT_TOPIC,
     DESCRIPTION_TOPIC,
     DESIRED_PATH_TOPIC,
@@ -259,7 +260,9 @@ class SimulationLog:
         twists = twist_layout().messages(linear=linear, angular=angular)
         yield self._rows('base_twist', stamps[chosen], twists)
         if CONTACT_TOPIC in self._channels:
-            contact = telemetry_messages('contact', stamps[chosen], stretch.contact[chosen])
+            contact = telemetry_messages(
+                CONTACT_LABEL, stamps[chosen], stretch.contact[chosen]
+            )
             yield self._rows(CONTACT_TOPIC, stamps[chosen], contact)
 
     def _clock(

@@ -23,7 +23,7 @@ from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_TOPIC
+from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_LABEL, CONTACT_TOPIC
 from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
 from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.nodes.middleware.qos import DEEP
@@ -57,7 +57,7 @@ class StateOutput:
         self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
         self._slip = 0.0
-        self._contact = TelemetryCdr('contact', len(robot.contact))
+        self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))
         self._time = TimeCdr()
         self.stamp = -1
         self._base = len(robot.mechanism.base)

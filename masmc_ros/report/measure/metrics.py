@@ -17,10 +17,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 from masmc_ros.log.read.reader import Run
+from masmc_ros.loop.signals import largest_slip, least_normal_force
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.settling import settling_time
 from masmc_ros.report.measure.tracking import Tracking, tracking
@@ -81,6 +82,10 @@ class Metrics:
     estimate_norm
         Euclidean norm of the last estimate of the base inertial parameters,
         whose units are mixed (kg, kg m2, kg m).
+    fastest_slip
+        of what touches the ground, over the whole run, m/s; None where nothing is told of it.
+    least_normal_force
+        on it, over the whole run, N; None likewise.
 
     """
 
@@ -91,6 +96,8 @@ class Metrics:
     torque_rms: float | None
     torque_variation: float | None
     estimate_norm: float | None
+    fastest_slip: float | None = None
+    least_normal_force: float | None = None
 
     def of(self, key: str) -> Reached:
         """Return what a point reached, by its key."""
@@ -114,7 +121,7 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     tracked = tracking(run) if tracked is None else tracked
     begun = run.times[0]
     estimate = run.telemetry.get('estimate')
-    return measure(
+    reached = measure(
         tracked.times,
         tracked.error,
         run.torque.times - begun,
@@ -123,6 +130,12 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
         window or second_half(run.times - begun),
         max((change.time for change in run_changes(run)), default=-math.inf),
         run.mechanism.points,
+    )
+    if run.contact is None:
+        return reached
+    told = run.contact.values
+    return replace(
+        reached, fastest_slip=largest_slip(told), least_normal_force=least_normal_force(told)
     )
 
 

@@ -29,6 +29,11 @@ import numpy as np
 _COUNTS = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight')
 _OTHERS = {'torque_rms': 'N·m', 'torque_variation': 'N·m/s', 'estimate_norm': 'mixed'}
 """Metrics of a whole run, with their units."""
+_CONTACT = {'fastest_slip': 'm/s', 'least_normal_force': 'N'}
+"""Those of runs that tell of contacts with the ground."""
+CONTACT_NOTE = (
+    'Slip and normal force: of all wheels over the whole run, as often as plant/contact is logged.'
+)
 _UNKNOWN = Reached(None, None, None)
 _DIGITS = 5
 _MILLIMETRES = 1.0e3
@@ -37,9 +42,10 @@ _MILLIMETRES = 1.0e3
 def text_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as an aligned table, errors in mm, and what they mean."""
     points = points_of(rows.values())
-    columns = _heads(points)
+    is_told = tells_contact(rows.values())
+    columns = _heads(points, is_told)
     top = [[name for name, _ in columns], [unit for _, unit in columns]]
-    body = [cells(label, each, points) for label, each in rows.items()]
+    body = [cells(label, each, points, contact=is_told) for label, each in rows.items()]
     symbols = ' and '.join(point.symbol for point in points)
     titles = ' and of '.join(f'the {point.title.removeprefix("the ")}' for point in points)
     count = max(each.joints for each in rows.values())
@@ -58,17 +64,21 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
         f' {FLOOR * _MILLIMETRES:g} mm if that is more.\n'
         f'Torque variation: sum of the changes of all {commands} commands, per second.\n'
+        + (CONTACT_NOTE + '\n' if is_told else '')
     )
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
     """Return metrics by label as a Markdown table, errors in mm."""
-    points = points_of(rows.values())
-    top = heads(points)
+    points, is_told = points_of(rows.values()), tells_contact(rows.values())
+    top = heads(points, contact=is_told)
     lines = [
         top,
         ['---'] + ['---:'] * (len(top) - 1),
-        *(cells(label.replace('|', r'\|'), each, points) for label, each in rows.items()),
+        *(
+            cells(label.replace('|', r'\|'), each, points, contact=is_told)
+            for label, each in rows.items()
+        ),
     ]
     return ''.join(f'| {" | ".join(line)} |\n' for line in lines)
 
@@ -80,6 +90,7 @@ def csv_table(rows: Mapping[str, Metrics]) -> str:
     The settling time of what does not settle is `inf`.
     """
     points = points_of(rows.values())
+    whole = {**_OTHERS, **(_CONTACT if tells_contact(rows.values()) else {})}
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
     names = (
@@ -87,14 +98,14 @@ def csv_table(rows: Mapping[str, Metrics]) -> str:
         ('end', 's'),
         *((f'{point.key}_{what}', 'm') for point in points for what in ('rms', 'max')),
         *((f'{point.key}_settling', 's') for point in points),
-        *_OTHERS.items(),
+        *whole.items(),
     )
     writer.writerow(['run', *(f'{name} ({unit})' for name, unit in names)])
     for label, each in rows.items():
         reached = [each.points.get(point, _UNKNOWN) for point in points]
         errors = [error for one in reached for error in (one.rms, one.largest)]
         settling = [one.settling for one in reached]
-        others = [getattr(each, name) for name in _OTHERS]
+        others = [getattr(each, name) for name in whole]
         writer.writerow([label, each.begin, each.end, *errors, *settling, *others])
     return out.getvalue()
 
@@ -104,7 +115,12 @@ def points_of(rows: Iterable[Metrics]) -> tuple[Point, ...]:
     return tuple(dict.fromkeys(point for row in rows for point in row.points))
 
 
-def _heads(points: Sequence[Point]) -> tuple[tuple[str, str], ...]:
+def tells_contact(rows: Iterable[Metrics]) -> bool:
+    """Tell whether any run has a contact with the ground, of which there are columns then."""
+    return any(row.fastest_slip is not None for row in rows)
+
+
+def _heads(points: Sequence[Point], contact: bool) -> tuple[tuple[str, str], ...]:
     errors = (f'{point.symbol} {what}' for point in points for what in ('RMS', 'max'))
     return (
         ('run', ''),
@@ -114,6 +130,7 @@ def _heads(points: Sequence[Point]) -> tuple[tuple[str, str], ...]:
         ('torque RMS', '(N·m)'),
         ('torque variation', '(N·m/s)'),
         ('estimate norm', '(mixed)'),
+        *((('fastest slip', '(mm/s)'), ('least normal force', '(N)')) if contact else ()),
     )
 
 
@@ -125,17 +142,22 @@ def number(value: float) -> str:
     return text.rstrip('.')
 
 
-def heads(points: Sequence[Point]) -> list[str]:
-    """Return what the columns of a table show, with units."""
-    return [f'{name} {unit}'.rstrip() for name, unit in _heads(points)]
+def heads(points: Sequence[Point], *, contact: bool = False) -> list[str]:
+    """Return what the columns of a table show, with units; with contacts if there are any."""
+    return [f'{name} {unit}'.rstrip() for name, unit in _heads(points, contact)]
 
 
-def cells(label: str, row: Metrics, points: Sequence[Point]) -> list[str]:
+def cells(
+    label: str, row: Metrics, points: Sequence[Point], *, contact: bool = False
+) -> list[str]:
     """Return one run's line of a table, a text a column."""
     reached = [row.points.get(point, _UNKNOWN) for point in points]
     errors = [error for one in reached for error in (one.rms, one.largest)]
     settling = [one.settling for one in reached]
-    others = (row.torque_rms, row.torque_variation, row.estimate_norm)
+    others = [row.torque_rms, row.torque_variation, row.estimate_norm]
+    if contact:
+        slip = row.fastest_slip
+        others += [None if slip is None else slip * _MILLIMETRES, row.least_normal_force]
     return [
         label,
         f'{row.begin:g}-{row.end:g}',

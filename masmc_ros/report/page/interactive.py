@@ -22,7 +22,7 @@ from itertools import cycle, product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, Signal, TOLD
 from masmc_ros.report.measure.parameters import Change, run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
 from masmc_ros.report.page.samples import packed_path
@@ -152,6 +152,7 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
         times = run.times - begun
         add('torque', 'Torques applied', 'torque (N·m)', drives, times, run.applied_effort)
     add_told(signal for signal in told if signal not in of_task)
+    plots += _contacts(run, span, changes)
     return plots
 
 
@@ -169,6 +170,27 @@ def _raw_torques(run: Run) -> list[Line]:
         for line, cut in zip(lines(names, times, raw.values), is_cut, strict=True)
         if cut
     ]
+
+
+def _contacts(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:
+    """Return how what touches the ground slips, and what forces it takes there."""
+    if run.contact is None:
+        return []
+    times, names = run.contact.times - run.times[0], run.contact_names
+    told = run.contact.values.reshape(len(times), len(names), len(CONTACT))
+    plots = []
+    for name, title, quantity, unit in (
+        ('slip', 'Slip of wheels on the ground', 'slip', 'm/s'),
+        ('contact_force', 'Forces on wheels from the ground', 'force', 'N'),
+    ):
+        parts = [part for part, signal in enumerate(CONTACT) if signal.unit == unit]
+        labels = [
+            f'{escape(each)}, {CONTACT[part].description}' for each in names for part in parts
+        ]
+        values = told[:, :, parts].reshape(len(times), -1)
+        figure = time_plot(lines(labels, times, values), f'{quantity} ({unit})', span, changes)
+        plots.append(Plot(name, title, figure))
+    return plots
 
 
 def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> list[Plot]:

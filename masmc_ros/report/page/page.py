@@ -26,7 +26,13 @@ from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.report.measure.table import cells, heads, points_of
+from masmc_ros.report.measure.table import (
+    cells,
+    CONTACT_NOTE,
+    heads,
+    points_of,
+    tells_contact,
+)
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
 from masmc_ros.report.page.template import STYLE, template_at
@@ -45,16 +51,18 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
     Scripts, styles and data are in the page, and its content security policy keeps the
     browser from loading anything else.
     """
-    points = points_of(reached)
+    points, is_told = points_of(reached), tells_contact(reached)
     span = span_of([each.run for each in compared])
     return template_at(_PAGE).render(
         version=__version__,
-        heads=heads(points),
+        heads=heads(points, contact=is_told),
         rows=[
-            cells(each.label, row, points) for each, row in zip(compared, reached, strict=True)
+            cells(each.label, row, points, contact=is_told)
+            for each, row in zip(compared, reached, strict=True)
         ],
         band=f'{BAND:.0%}',
         floor=f'{FLOOR * 1e3:g} mm',
+        contact=CONTACT_NOTE if is_told else '',
         comparison=_plots('all', comparison_plots(compared, span)),
         runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),

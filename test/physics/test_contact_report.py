@@ -1,0 +1,140 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Slip and forces of wheels in reports and exports, as the plant told of them."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+from masmc_ros.cli.main import main
+from masmc_ros.log.read.reader import read_run, Run
+from masmc_ros.loop.signals import CONTACT
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.report.columns import table_of
+from masmc_ros.report.export import write_export
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
+from masmc_ros.report.measure.tracking import Compared, tracking
+from masmc_ros.report.page.page import report_page
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+import pytest
+from report_html import lines, Page
+from report_runs import paper_like, series
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+SETTINGS = (
+    'plant.physics=mujoco', 'plant.friction=0.05', 'robot.wheel_spin_inertia=0.01',
+    'duration=0.4', 'plant.odom_decimation=4',
+)  # fmt: skip
+TIMES = paper_like().times[:5]
+TOLD = np.array(
+    [
+        [0.0, 0.0, 80.0, 1.0, 0.0, 0.0, 70.0, 1.0],
+        [0.03, 0.04, 75.0, 4.0, 0.0, 0.01, 60.0, 2.0],
+        [0.01, 0.0, 85.0, 1.0, -0.02, 0.0, 65.0, 1.0],
+    ]
+)
+
+
+def slipping() -> Run:
+    """Return a run with three messages of two wheels."""
+    return replace(paper_like(), contact=series(TIMES[:3], TOLD))
+
+
+@pytest.fixture(scope='module')
+def logged(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return a computed run whose wheels slip, read from its log."""
+    log = tmp_path_factory.mktemp('contact') / 'slips.mcap'
+    settings = [word for setting in SETTINGS for word in ('--set', setting)]
+    assert main(['simulate', PAPER, '--output', str(log), *settings]) == 0
+    return read_run(log)
+
+
+def test_a_log_is_read_as_the_plant_told_it(logged: Run) -> None:
+    values = load_scenario(PAPER, list(SETTINGS))
+    contact = np.concatenate([part.contact for part in Simulation(values).run()])
+    assert logged.contact is not None
+    np.testing.assert_array_equal(logged.contact.values, contact[::4])
+    np.testing.assert_array_equal(logged.contact.times, logged.times[::4])
+    assert logged.contact_names == ('wheel_right_joint', 'wheel_left_joint')
+    assert metrics(logged).fastest_slip > 0.01
+
+
+def test_tables_have_the_fastest_slip_and_the_least_force() -> None:
+    rows = {'slips': metrics(slipping()), 'rolls': metrics(paper_like())}
+    text, markdown = text_table(rows), markdown_table(rows)
+    assert text.splitlines()[0].endswith('fastest slip  least normal force')
+    assert text.splitlines()[3].split()[-2:] == ['50.000', '60.000']
+    assert text.splitlines()[4].split()[-2:] == ['-', '-']
+    assert 'fastest slip (mm/s) | least normal force (N) |' in markdown
+    slips, rolls = csv.DictReader(csv_table(rows).splitlines())
+    assert float(slips['fastest_slip (m/s)']) == 0.05
+    assert float(slips['least_normal_force (N)']) == 60.0
+    assert rolls['fastest_slip (m/s)'] == ''
+
+
+def test_where_nothing_touches_the_ground_nothing_is_told_of_it() -> None:
+    rows = {'rolls': metrics(paper_like())}
+    for text in (text_table(rows), markdown_table(rows), csv_table(rows)):
+        assert 'slip' not in text
+    assert not any('slip' in column.name for column in table_of(paper_like()).columns)
+
+
+def test_a_page_shows_slip_and_forces() -> None:
+    run = slipping()
+    page = Page(report_page([Compared('slips', run, tracking(run))], [metrics(run)]))
+    drawn = lines(page.figure('run-1-slip'))
+    assert list(drawn) == [
+        f'{joint}, {part}'
+        for joint in run.contact_names
+        for part in ('slip in the rolling direction', 'slip along the axle')
+    ]
+    for line, values in zip(drawn.values(), TOLD[:, [0, 1, 4, 5]].T, strict=True):
+        np.testing.assert_array_equal(line['y'], values.astype(np.float32))
+    assert len(lines(page.figure('run-1-contact_force'))) == 4
+    assert page.table(id='metrics')[0][-2:] == ['fastest slip (mm/s)', 'least normal force (N)']
+
+
+def test_exports_have_a_column_for_each_part_of_each_contact(tmp_path: Path) -> None:
+    run = slipping()
+    columns, values, known = table_of(run)
+    names = [column.name for column in columns]
+    first = names.index('slip_along_wheel_right_joint_m_per_s')
+    assert names[first:] == [
+        'slip_along_wheel_right_joint_m_per_s',
+        'slip_across_wheel_right_joint_m_per_s',
+        'normal_force_wheel_right_joint_N',
+        'friction_wheel_right_joint_N',
+        'slip_along_wheel_left_joint_m_per_s',
+        'slip_across_wheel_left_joint_m_per_s',
+        'normal_force_wheel_left_joint_N',
+        'friction_wheel_left_joint_N',
+    ]
+    np.testing.assert_array_equal(values[:3, first:], TOLD)
+    assert known[:3, first:].all()
+    assert not known[3:, first:].any()
+    (path,) = write_export([run], tmp_path, 'npz', overwrite=False)
+    with np.load(path) as arrays:
+        np.testing.assert_array_equal(arrays['contact'], TOLD)
+        np.testing.assert_array_equal(arrays['contact_time_s'], TIMES[:3])
+
+
+def test_contacts_that_no_joint_moves_are_numbered() -> None:
+    told = series(TIMES, np.zeros((len(TIMES), 4 * len(CONTACT))))
+    run = replace(paper_like(), contact=told)
+    assert run.contact_names == ('contact_1', 'contact_2', 'contact_3', 'contact_4')
