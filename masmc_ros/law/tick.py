@@ -38,6 +38,7 @@ class Tick(NamedTuple):
     reference_velocity: Numbers  # v_r
     reference_acceleration: Numbers  # a_r
     position: Numbers  # measured
+    position_rates: Numbers  # measured; those of the base by whatever measures it
     desired_velocity: Numbers  # xdot_d of the task
     desired_acceleration: Numbers  # xddot_d
     error: Numbers  # e of the task, x - x_d
@@ -54,10 +55,11 @@ def tick_of(
     posture: Any,
     v: Numbers,
     position: Numbers,
+    position_rates: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tick:
     """
-    Return the tick of a measured state and of x_d, xdot_d and xddot_d.
+    Return the tick of a measured state, v being its rates, and of x_d, xdot_d and xddot_d.
 
     xdot_r and xddot_r by (14); v_r and a_r, for which J v_r = xdot_r, are the mechanism's.
     """
@@ -81,6 +83,7 @@ def tick_of(
         v_r,
         a_r,
         position,
+        position_rates,
         follows.velocity,
         follows.acceleration,
         follows.error,

@@ -84,6 +84,7 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
         posture,
         mechanism.motion(model, rates),
         position,
+        get(now, 'velocity', lane),
         thirds(get(now, 'reference', lane)),
     )
     put(now, 'estimate', lane, get(memory, 'estimate', lane))

@@ -67,7 +67,7 @@ def _dense(settings: Any, now: Any) -> Any:
     rates = tail(get(signals, 'velocity', 0), get(signals, 'torque', 0))
     desired = thirds(get(signals, 'reference', 0))
     v = mechanism.motion(model, rates)
-    tick = tick_of(gains, 0, posture, v, position, desired)
+    tick = tick_of(gains, 0, posture, v, position, get(signals, 'velocity', 0), desired)
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 import sys
 from typing import Any
@@ -41,6 +42,8 @@ from numpy.typing import NDArray
 import pytest
 from small_tree import parameters, START, URDF
 
+TIAGO = str(Path(__file__).parents[2] / 'config' / 'tiago.yaml')
+MOTORS = 'controller.torque_limit=[6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6]'
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 STILL = 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]'
 APPROACH = 'controller.active_on_start=false'
@@ -167,6 +170,37 @@ def test_the_robust_law_keeps_traction(friction: float) -> None:
     )
     assert largest_slip(stretch.contact) < 0.01
     assert np.abs(stretch.error[5000:]).max() < 2e-4
+
+
+@pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
+def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps: bool) -> None:
+    """As docs/contact.md has it: an abrupt start, after which one of both never grips again."""
+    stretch = run(
+        'duration=4.0',
+        'plant.friction=0.3',
+        'robot.wheel_spin_inertia=0.01',
+        'controller.active_on_start=true',
+        'controller.velocity_source=measured',
+        f'controller.slip_backoff={backoff}',
+        file=PAPER.replace('paper', 'robust'),
+    )
+    assert (largest_slip(stretch.contact[2000:]) < 0.01) == keeps
+    assert (np.abs(stretch.error[3000:]).max() < 0.01) == keeps
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
+@pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
+@pytest.mark.parametrize('limits', ['', MOTORS])
+def test_tiago_keeps_traction(friction: float, limits: str) -> None:
+    """As its file has it, and with nothing but its estimate to back off."""
+    settings = ['duration=4', 'plant.physics=mujoco', f'plant.friction={friction}', limits]
+    (stretch,) = Simulation(load_scenario(TIAGO, [each for each in settings if each])).run(
+        block=sys.maxsize
+    )
+    assert largest_slip(stretch.contact) < 0.1
+    assert largest_slip(stretch.contact[1000:]) < 0.01
+    assert np.abs(stretch.error[2000:, :3]).max() < 1e-4
 
 
 def test_wheels_slip_where_friction_is_small() -> None:

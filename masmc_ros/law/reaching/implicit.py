@@ -25,7 +25,8 @@ with H_x the task-space inertia of the nominal model. On the surface, s+ = 0 and
 whatever keeps it there.
 
 What the model did not predict, s_k - s+_{k-1}, is an impulse of the disturbance, which the
-estimate d follows: d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d.
+estimate d follows: d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d. Where wheels
+slip, beta is less: `parts.slip`.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.arrays import taken
@@ -142,7 +144,7 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         inertia,
         tick.surface,
         get(memory, 'predicted', lane),
-        get(settings, 'observer_gain', lane) / tick.period,
+        backed_off(settings, tick, get(settings, 'observer_gain', lane), lane) / tick.period,
         get(memory, 'disturbance', lane),
     )
     following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
@@ -294,7 +296,7 @@ IMPLICIT = register(
         'implicit',
         reach,
         correct,
-        (*GAINS, OBSERVER_GAIN),
+        (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF),
         (
             Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
             Field('predicted', 'axes', 's+; not-a-number: there is none', 'm/s', initial=math.nan),

@@ -1,0 +1,66 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Slip of the base's wheels, and how much of a gain it leaves.
+
+Slip is the base's velocity as measured, less the one with which its wheels would roll; of a base
+that is measured by its wheels there is none. What a wheel does that has broken loose is no
+disturbance of the robot: an estimate that followed it would ask the wheel for more and more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.parts.velocity_estimator import MEASURED
+from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.record import get
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+
+SLIP_BACKOFF = Parameter(
+    'slip_backoff',
+    0.05,
+    'Slip of the base against its wheels, in m/s and rad/s together, at which the disturbance '
+    'estimate of the implicit law follows half as fast; 0 is none',
+    unit='m/s',
+    minimum=0.0,
+    read_only=False,
+)
+
+
+@formula
+def squared_slip(tick: Tick) -> float:
+    """Return the squared velocity of the base against its wheels, m/s and rad/s together."""
+    rates = tail(tick.position_rates, tick.velocity)
+    rolling = mechanism.position_rates(tick.model, tick.posture, rates)
+    slip = each(minus, tick.position_rates, rolling)
+    return dot(slip, slip)
+
+
+@formula
+def backed_off(settings: Any, tick: Tick, gain: float, lane: int) -> float:
+    """
+    Return gain / (1 + (slip / slip_backoff)^2).
+
+    Of rates that are not measured there is no slip.
+    """
+    scale = get(settings, 'slip_backoff', lane)
+    if (scale > 0.0) & (get(settings, 'velocity_source', lane) == MEASURED):
+        return gain / (1.0 + squared_slip(tick) / (scale * scale))
+    return gain
