@@ -79,8 +79,9 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'castor_distance',
             0.0,
-            'With MuJoCo, how far ahead of the axle and behind it a castor without friction is; '
-            '0 is half of the track',
+            'With MuJoCo, how far ahead of the axle and behind it a castor without friction is, '
+            'or wheels from the middle of an omnidirectional base; 0 is half of the track, '
+            'or 0.4 m',
             unit='m',
             minimum=0.0,
         ),

@@ -52,10 +52,11 @@ mujoco.set_mju_user_warning(lambda _: None)
 
 class ContactRobot(SimulatedRobot):
     """
-    A robot on two driven wheels, as MuJoCo moves it; the interface of what it is made of.
+    A robot on wheels, as MuJoCo moves it; the interface of what it is made of.
 
     The base's pose is what it is, also where wheels slip, unless encoders have a resolution:
-    odometry knows nothing of slip.
+    odometry knows nothing of slip. Of a base that goes any way commands are forces on it, which
+    its wheels make; its own part of what disturbs it is not theirs.
     """
 
     is_compiled = False
@@ -77,6 +78,9 @@ class ContactRobot(SimulatedRobot):
         self._data = mujoco.MjData(self._parts.model)
         self._base = len(robot.mechanism.base)
         self._yaw, self._turned = 0.0, np.zeros(9)
+        self._gone = np.zeros(self._parts.forces)
+        # The least torques of the wheels that make forces on the base.
+        self._shares = np.linalg.pinv(self._parts.rolling).T
         self._drive: Callable[..., None] | None = None
         self._observe: Callable[..., bool] | None = None
         super().__init__(robot, period, values)
@@ -95,13 +99,19 @@ class ContactRobot(SimulatedRobot):
         if not holds:
             self._command[:] = command
         data, memory, model = self._data, self.memory[0], self._model
+        parts, forces = self._parts, self._parts.forces
         for step in range(self._steps):
             moved = self.settings, self.memory, self.tick, step, self.now, holds
             self._drive = self._drive or bound(plant_drive, *moved)
-            memory['rates'][:, 0] = data.qvel[self._parts.rates]
+            memory['rates'][:, 0] = self._rates()
             self._drive(*moved)
-            data.qfrc_applied[self._parts.rates] = memory['driven'][:, 0] + memory['push'][:, 0]
+            driven, push = memory['driven'][:, 0], memory['push'][:, 0]
+            data.qfrc_applied[parts.rates] = driven[forces:] + push[forces:]
+            if forces:
+                data.qfrc_applied[parts.turning] = self._shares @ driven[:forces]
+                self._push_base(push[:forces])
             mujoco.mj_step(model, data)
+            self._gone += self._rates()[:forces] * self.period / self._steps
         self.tick += 1
         self._write_state()
         if not self._see(holds) or self._is_lost or self._turned[8] < _UPRIGHT:
@@ -111,6 +121,27 @@ class ContactRobot(SimulatedRobot):
                 'of wheels (with their rotors) with which slipping wheels are not thrown about, '
                 'or castors further away from the axle (castor_distance)'
             )
+
+    def _rates(self) -> NDArray[np.float64]:
+        """Return the rates of the mechanism's joints, of which a base's own are in its frame."""
+        rates: NDArray[np.float64] = self._data.qvel[self._parts.rates]
+        return np.concatenate([self._base_rates(), rates]) if self._parts.forces else rates
+
+    def _base_rates(self) -> NDArray[np.float64]:
+        """Return the base's velocity ahead and aside in m/s, and around in rad/s."""
+        data = self._data
+        mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
+        yaw = math.atan2(self._turned[3], self._turned[0])
+        c, s = math.cos(yaw), math.sin(yaw)
+        x_rate, y_rate = data.qvel[:2]
+        turn = self._turned[6:] @ data.qvel[3:6]
+        return np.array([x_rate * c + y_rate * s, y_rate * c - x_rate * s, turn])
+
+    def _push_base(self, push: NDArray[np.float64]) -> None:
+        """Push the base ahead and aside, in N, and around, in N m."""
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        self._data.qfrc_applied[:2] = push[0] * c - push[1] * s, push[0] * s + push[1] * c
+        self._data.qfrc_applied[5] = push[2]
 
     @property
     def _model(self) -> Any:
@@ -127,18 +158,21 @@ class ContactRobot(SimulatedRobot):
         data, memory, parts = self._data, self.memory[0], self._parts
         start, velocity = memory['position'][:, 0].copy(), memory['velocity'][:, 0].copy()
         x, y, self._yaw = start[:self._base]
+        first = self._base + parts.forces
+        self._gone = start[self._base:first].copy()
         data.qpos[:3] = x, y, parts.height
         data.qpos[3:7] = math.cos(0.5 * self._yaw), 0.0, 0.0, math.sin(0.5 * self._yaw)
         for _ in range(round(_SETTLING * self._steps / self.period)):
-            data.qpos[:2], data.qpos[parts.positions] = (x, y), start[self._base:]
+            data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
             heave, roll, pitch = _CALM * data.qvel[2:5]
             data.qvel[:] = 0.0
             data.qvel[2:5] = heave, roll, pitch
             mujoco.mj_step(self._model, data)
-        data.qpos[:2], data.qpos[parts.positions] = (x, y), start[self._base:]
+        data.qpos[:2], data.qpos[parts.positions] = (x, y), start[first:]
         data.qvel[:] = 0.0
         data.qvel[:2], data.qvel[5] = velocity[:2], velocity[2]
-        data.qvel[parts.rates] = velocity[self._base:]
+        data.qvel[parts.turning] = parts.rolling @ self._base_rates()
+        data.qvel[parts.rates] = velocity[first:]
         data.time = 0.0
 
     def _write_state(self) -> None:
@@ -147,8 +181,8 @@ class ContactRobot(SimulatedRobot):
         mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
         yaw = math.atan2(self._turned[3], self._turned[0])
         self._yaw += math.remainder(yaw - self._yaw, 2.0 * math.pi)
-        rates = data.qvel[self._parts.rates]
-        memory['position'][:, 0] = *data.qpos[:2], self._yaw, *data.qpos[self._parts.positions]
+        rates, angles = self._rates(), data.qpos[self._parts.positions]
+        memory['position'][:, 0] = *data.qpos[:2], self._yaw, *self._gone, *angles
         memory['velocity'][:, 0] = *data.qvel[:2], self._turned[6:] @ data.qvel[3:6], *rates
         memory['rates'][:, 0] = rates
 
@@ -162,17 +196,13 @@ class ContactRobot(SimulatedRobot):
     def contact(self) -> NDArray[np.float64]:
         """Return what `CONTACT` names of each wheel in turn (4 wheels)."""
         data, parts = self._data, self._parts
-        x_rate, y_rate, turn = self.true_velocity[:self._base]
-        c, s = math.cos(self._yaw), math.sin(self._yaw)
-        ahead, aside = x_rate * c + y_rate * s, y_rate * c - x_rate * s
-        rates = self.true_velocity[self._base:][:len(parts.radii)]
+        base = self._base_rates()
         found = np.zeros((len(parts.radii), len(CONTACT)))
-        found[:, 0] = parts.radii * rates - (ahead - parts.centres * turn)
-        found[:, 1] = aside
-        # A wheel touches the ground in one point at most, with one normal and two friction forces.
+        found[:, 0] = parts.radii * (data.qvel[parts.turning] - parts.rolling @ base)
+        found[:, 1] = 0.0 if parts.has_rollers else base[1]
+        # In every point of contact there are a normal and two friction forces.
         for wheel, touches in enumerate(parts.wheels[:, None] == data.contact.geom[:, 1]):
-            if touches.any():
-                first = data.contact.efc_address[touches.argmax()]
-                normal, along, across = data.efc_force[first:first + 3]
-                found[wheel, 2:] = normal, math.hypot(along, across)
+            firsts = data.contact.efc_address[touches]
+            normal, along, across = data.efc_force[firsts[:, None] + range(3)].sum(axis=0)
+            found[wheel, 2:] = normal, math.hypot(along, across)
         return found.ravel()

@@ -21,7 +21,8 @@ nothing but wheels and castors touches anything.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import math
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
@@ -36,6 +37,26 @@ Array = NDArray[np.float64]
 
 _PLACES = [0, 5]
 """Of the velocities that two driven wheels give a base: ahead, and around."""
+
+_ANY_WAY = [0, 1, 5]
+"""Of those of a base that goes any way: ahead, aside and around."""
+
+_OMNI_COUNT = 4
+"""Of the wheels under such a base; they roll around its middle."""
+
+_OMNI_RADIUS = 0.1
+_OMNI_MASS = 0.05
+_OMNI_INERTIA = 0.001
+"""Of such a wheel with its rotor: in m, kg and kg m2."""
+
+_OMNI_DISTANCE = 0.4
+"""From the middle of the base in m, where nothing else is said."""
+
+_ROLLER = 1.0e-3
+"""Friction of rollers along the axle as a part of the wheel's: zero for all that moves."""
+
+_FLATNESS = 1.0e-3
+"""Length of what touches the ground as a part of the radius: it tells where the axle points."""
 
 _SOFTNESS = 0.004
 """Time constant of contacts in s: 20 kg sink in by 10 um, and wheels creep by 0.1 mm/s."""
@@ -62,15 +83,21 @@ class ContactModel(NamedTuple):
     model: Any
     """The `mujoco.MjModel`."""
     positions: Array
-    """(joints) places of the joints in qpos, in the mechanism's order."""
+    """(joints) places of the joints in qpos, in the mechanism's order, less `forces`."""
     rates: Array
-    """(joints) their places in qvel."""
+    """(joints) their places in qvel, less `forces`."""
+    forces: int
+    """Number of the mechanism's first joints that are none, but forces on the base."""
+    turning: Array
+    """(wheels) places of the wheels in qvel."""
     wheels: Array
     """(wheels) numbers of the wheels' geometries."""
-    centres: Array
-    """(wheels) where they are to the left of the base's origin, in m."""
     radii: Array
     """(wheels) their radius in m, negative where a positive rate drives backwards."""
+    rolling: Array
+    """(wheels, 3) rates with which they roll, by the base's velocity ahead, aside and around."""
+    has_rollers: bool
+    """Whether they roll along their axles, too."""
     height: float
     """Of the base's origin above the ground with the robot on its wheels, in m."""
 
@@ -84,7 +111,7 @@ def contact_model(
     load: float = 0.0,
 ) -> ContactModel:
     """
-    Make the model of a robot on two driven wheels.
+    Make the model of a robot on two driven wheels, or on omnidirectional ones.
 
     Parameters
     ----------
@@ -95,33 +122,41 @@ def contact_model(
     friction
         coefficient of friction of the wheels on the ground.
     castor_distance
-        of the castors from the axle, in m; 0 is half of the track.
+        of the castors from the axle, or of omnidirectional wheels from the middle, in m; 0 is
+        half of the track, or 0.4 m.
     load
         mass of what the robot carries in its tip, in kg.
 
     Raises
     ------
     InputError
-        where it does not stand on two driven wheels, or MuJoCo cannot have such bodies.
+        where it does not stand on such wheels, or MuJoCo cannot have such bodies.
 
     """
     mechanism = robot.mechanism
-    if [velocity.place for velocity in mechanism.twist] != _PLACES:
+    places = [velocity.place for velocity in mechanism.twist]
+    has_rollers = places == _ANY_WAY
+    if (has_rollers and robot.values.get('wheels')) or places not in (_PLACES, _ANY_WAY):
         raise InputError(
             'plant.physics = mujoco: expected a robot on two driven wheels (robot.base '
-            'differential); what stands still or has rollers has no such contact with the ground'
+            'differential), or a base that goes any way without robot.wheels, under which four '
+            'are put'
         )
-    tree = _with_wheels(robot)
-    names = [joint.name for joint in mechanism.joints]
-    driven = names[:len(_PLACES)]
-    centres = [_centre(tree, name) for name in driven]
-    radius = robot.values.get('wheel_radius') or centres[0][2]
-    ground = centres[0][2] - radius
+    forces = len(_ANY_WAY) if has_rollers else 0
+    names = [joint.name for joint in mechanism.joints][forces:]
+    tree = _with_wheels(robot, names)
+    if has_rollers:
+        wheels = _omni_wheels(castor_distance or _OMNI_DISTANCE)
+        ground = 0.0
+    else:
+        wheels = [_wheel(tree, name, robot.values) for name in names[:len(_PLACES)]]
+        ground = wheels[0].centre[2] - wheels[0].radius
     spec = mujoco.MjSpec()
     spec.compiler.autolimits = True
     option = spec.option
     option.timestep, option.cone = step, mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = _IMPEDANCE_RATIO
+    # Of two frictions it means that in the first direction, which is the axle's.
+    option.impratio = _IMPEDANCE_RATIO * (_ROLLER**2 if has_rollers else 1.0)
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Who goes on from zero after a failure would tell of no failure.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -136,15 +171,14 @@ def contact_model(
         joint = spec.joint(name)
         # The second and third are of its square and cube.
         joint.damping, joint.frictionloss = [viscous, 0.0, 0.0], coulomb
-    for name in driven:
-        _add_wheel(bodies[_number(tree, name)], name, radius, friction)
-    distance = castor_distance or 0.5 * abs(centres[0][1] - centres[1][1])
-    for side in (-distance, distance):
-        size = _CASTOR * radius
-        bodies[0].add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[size, 0.0, 0.0], condim=1,
-            pos=[side, 0.0, ground + size + _GAP], solref=[_SOFTNESS, 1.0],
-        )
+    for wheel in wheels:
+        if has_rollers:
+            _add_omni_wheel(spec, bodies[0], wheel, friction)
+        else:
+            _add_wheel(bodies[_number(tree, wheel.name)], wheel, friction)
+    if not has_rollers:
+        distance = castor_distance or 0.5 * abs(wheels[0].centre[1] - wheels[1].centre[1])
+        _add_castors(bodies[0], distance, _CASTOR * wheels[0].radius, ground)
     tip = tree.frames[mechanism.point_frame or mechanism.frames[-1][1]]
     # Always there, so that the state is laid out alike; what weighs nothing moves nothing.
     carried = bodies[tip.body].add_body(name='load', pos=tip.offset)
@@ -159,20 +193,59 @@ def contact_model(
         model,
         np.array([joint.qposadr[0] for joint in joints]),
         np.array([joint.dofadr[0] for joint in joints]),
-        np.array([model.geom(name).id for name in driven]),
-        np.array([centre[1] for centre in centres]),
-        np.array([radius * _side(tree, name) for name in driven]),
+        forces,
+        np.array([model.joint(wheel.name).dofadr[0] for wheel in wheels]),
+        np.array([model.geom(wheel.name).id for wheel in wheels]),
+        np.array([wheel.radius * (1.0 if has_rollers else wheel.axle[1]) for wheel in wheels]),
+        np.array([wheel.rolling for wheel in wheels]),
+        has_rollers,
         -ground,
     )
 
 
-def _with_wheels(robot: Robot) -> TreeRobot:
-    """Return the bodies of a robot, its wheels being bodies of their own."""
+class _Wheel(NamedTuple):
+    """A wheel, in the base's frame."""
+
+    name: str
+    centre: Array
+    axle: Array
+    """Unit vector; about it a positive rate turns."""
+    radius: float
+
+    @property
+    def rolling(self) -> list[float]:
+        """Return its rate when it rolls, by the base's velocity ahead, aside and around."""
+        ahead, left = self.axle[1] / self.radius, -self.axle[0] / self.radius
+        return [ahead, left, self.centre[0] * left - self.centre[1] * ahead]
+
+
+def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
+    """Return a wheel of the robot's own, its axle along the base's y."""
+    number = _number(tree, joint)
+    centre = tree.tree.offset[number]
+    axle = tree.tree.rotation[number].reshape(3, 3) @ tree.joints[number - 1].axis
+    side = np.array([0.0, np.sign(axle[1]), 0.0])
+    return _Wheel(joint, centre, side, float(values.get('wheel_radius') or centre[2]))
+
+
+def _omni_wheels(distance: float) -> list[_Wheel]:
+    """Return wheels that roll around the middle of the base, the first ahead to the left."""
+    found = []
+    for number in range(_OMNI_COUNT):
+        angle = (number + 0.5) * 2.0 * math.pi / _OMNI_COUNT
+        outward = np.array([math.cos(angle), math.sin(angle), 0.0])
+        centre = distance * outward + [0.0, 0.0, _OMNI_RADIUS]
+        found.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
+    return found
+
+
+def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
+    """Return the bodies of a robot by joints of these names, with its wheels among them."""
     mechanism = robot.mechanism
-    names = [joint.name for joint in mechanism.joints]
+    driven = [joint.name for joint in mechanism.joints]
     values = {f'robot.{name}': value for name, value in robot.values.items()}
     where = 'robot_description'
-    text = mechanism.formulas.description(values, names, '')
+    text = mechanism.formulas.description(values, driven, '')
     return tree_robot(
         read_urdf(text, where),
         where,
@@ -185,19 +258,6 @@ def _with_wheels(robot: Robot) -> TreeRobot:
 def _number(tree: TreeRobot, joint: str) -> int:
     """Return the number of the body that a joint moves."""
     return 1 + [each.name for each in tree.joints].index(joint)
-
-
-def _centre(tree: TreeRobot, joint: str) -> Sequence[float]:
-    """Return where a wheel's centre is in the base, in m."""
-    found: Sequence[float] = tree.tree.offset[_number(tree, joint)].tolist()
-    return found
-
-
-def _side(tree: TreeRobot, joint: str) -> float:
-    """Return 1 where a wheel's axle points to the left, -1 where it does to the right."""
-    number = _number(tree, joint)
-    axle = tree.tree.rotation[number].reshape(3, 3) @ tree.joints[number - 1].axis
-    return float(np.sign(axle[1]))
 
 
 def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
@@ -242,9 +302,40 @@ def _set_inertia(body: Any, moments: Array) -> None:
     body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def _add_wheel(body: Any, name: str, radius: float, friction: float) -> None:
+def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
     """Add what touches the ground: in one point below the wheel's centre, as a thin disc does."""
     body.add_geom(
-        name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0],
+        name=wheel.name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[wheel.radius, 0.0, 0.0],
         friction=[friction, 0.0, 0.0], priority=1, condim=3, solref=[_SOFTNESS, 1.0],
     )
+
+
+def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> None:
+    """
+    Add a wheel with rollers across its rim: it pushes where it rolls, and not along its axle.
+
+    It touches the ground by a capsule along the axle, because directions of friction are those of
+    a capsule.
+    """
+    body = base.add_body(name=wheel.name, pos=wheel.centre)
+    body.explicitinertial = True
+    body.mass, body.ipos, body.inertia = _OMNI_MASS, np.zeros(3), np.full(3, _OMNI_INERTIA)
+    body.add_joint(name=wheel.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=wheel.axle)
+    end = 0.5 * _FLATNESS * wheel.radius * wheel.axle
+    body.add_geom(
+        name=wheel.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[wheel.radius, 0.0, 0.0],
+        fromto=[*-end, *end],
+    )
+    spec.add_pair(
+        geomname1='ground', geomname2=wheel.name, condim=3, solref=[_SOFTNESS, 1.0],
+        friction=[_ROLLER * friction, friction, 0.0, 0.0, 0.0],
+    )
+
+
+def _add_castors(base: Any, distance: float, size: float, ground: float) -> None:
+    """Add what keeps a base on two wheels upright: castors ahead and behind."""
+    for side in (-distance, distance):
+        base.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[size, 0.0, 0.0], condim=1,
+            pos=[side, 0.0, ground + size + _GAP], solref=[_SOFTNESS, 1.0],
+        )
