@@ -20,7 +20,7 @@ from pathlib import Path
 import sys
 
 from masmc_ros.errors import InputError
-from masmc_ros.robot.tree.packages import resource_path
+from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree.urdf import read_urdf_file
 import pytest
 

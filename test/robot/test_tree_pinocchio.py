@@ -27,11 +27,11 @@ import subprocess
 import sys
 from typing import Any
 
+from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.model import DIFFERENTIAL
-from masmc_ros.robot.tree.packages import resource_path
 from masmc_ros.robot.tree.task import tip_pose
 from masmc_ros.robot.tree.urdf import read_urdf_file
 import numpy as np

@@ -39,6 +39,7 @@ from masmc_ros.robot.declaration import (
     URDF,
     Velocity,
 )
+from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import formulas as kernels
 from masmc_ros.robot.tree.assembly import BASES, Frame, joint_pose, tree_robot, TreeRobot
 from masmc_ros.robot.tree.frames import (
@@ -52,7 +53,6 @@ from masmc_ros.robot.tree.frames import (
     world_of,
 )
 from masmc_ros.robot.tree.model import packed
-from masmc_ros.robot.tree.packages import resource_path
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
 from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
 import numpy as np

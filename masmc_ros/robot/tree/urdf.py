@@ -30,7 +30,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.robot.tree.packages import resource_path
+from masmc_ros.robot.packages import resource_path
 
 MOST_BYTES = 10_000_000
 """Longest description in bytes that is read; the longest known has one million."""
