@@ -24,7 +24,7 @@ from typing import Any
 
 from markupsafe import Markup
 from masmc_ros import __version__
-from masmc_ros.compare.ranking import Ranked, Row
+from masmc_ros.compare.ranking import LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
@@ -32,7 +32,8 @@ from masmc_ros.report.measure.table import number
 from masmc_ros.report.page.template import STYLE, template_at
 from masmc_ros.robot.declaration import Point
 
-_MILLIMETRES = 1e3
+_SMALL = 1e3
+"""Errors are told in mm and mrad."""
 _LOST = 'lost'
 _PAGE = Path(__file__).with_name('page.html')
 _DECADES = 4.0
@@ -49,18 +50,19 @@ def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Poi
     lines = [f'{trials[0].description}:', '', *_aligned([['', *heads], ['', *units], *body])]
     if len(trials) > 1:
         rows = [
-            [each.contender.label, *(_millimetres(each.rows[t.name].error) for t in trials)]
+            [each.contender.label, *(_small(each.rows[t.name].error) for t in trials)]
             for each in ranked
         ]
         names = ['law', *(trial.name for trial in trials)]
-        lines += ['', f'RMS error of {symbols}{together}, mm:', '', *_aligned([names, *rows]), '']
+        head = f'RMS error of {symbols}{together}, {_units(points)}:'
+        lines += ['', head, '', *_aligned([names, *rows]), '']
         lines += [f'{trial.name}: {trial.description}' for trial in trials[1:]]
     runs = next(iter(ranked[0].rows.values())).runs
     lines += [
         '',
         f'Errors, torques and their variation over the second half of a run; medians of {runs} '
         f'run{"s" if runs != 1 else ""}.',
-        f'{_LOST}: diverged, or farther than 1 m from the path, in most runs.',
+        f'{_LOST}: diverged, or farther than {_farthest(points)} from the path, in most runs.',
     ]
     return '\n'.join(lines) + '\n'
 
@@ -68,23 +70,34 @@ def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Poi
 def _heads(points: Sequence[Point]) -> tuple[list[str], list[str]]:
     names = [f'{point.symbol} RMS' for point in points]
     heads = ['law', *names, 'largest', 'torque RMS', 'variation', 'lost']
-    return heads, ['', *['(mm)'] * (len(names) + 1), '(N·m)', '(N·m/s)', 'runs']
+    units = [f'({point.small_unit})' for point in points]
+    return heads, ['', *units, f'({_units(points)})', '(N·m)', '(N·m/s)', 'runs']
+
+
+def _units(points: Sequence[Point]) -> str:
+    """Return what errors of all points are told in."""
+    return ' or '.join(dict.fromkeys(point.small_unit for point in points))
+
+
+def _farthest(points: Sequence[Point]) -> str:
+    """Return from where on a run is lost."""
+    return ' or '.join(dict.fromkeys(f'{LOST:g} {point.unit}' for point in points))
 
 
 def _cells(each: Ranked, trial: str, points: Sequence[Point]) -> list[str]:
     row = each.rows[trial]
     return [
         each.contender.label,
-        *(_millimetres(row.errors.get(point.key, math.inf)) for point in points),
-        _millimetres(row.largest),
+        *(_small(row.errors.get(point.key, math.inf)) for point in points),
+        _small(row.largest),
         _known(row.torque_rms),
         _known(row.torque_variation),
         f'{row.lost}/{row.runs}',
     ]
 
 
-def _millimetres(error: float) -> str:
-    return number(_MILLIMETRES * error) if math.isfinite(error) else _LOST
+def _small(error: float) -> str:
+    return number(_SMALL * error) if math.isfinite(error) else _LOST
 
 
 def _known(value: float) -> str:
@@ -157,7 +170,7 @@ def page(
                 'cells': _cells(each, trials[0].name, points)[1:],
                 'errors': [
                     (
-                        _millimetres(each.rows[trial.name].error),
+                        _small(each.rows[trial.name].error),
                         _shade(each.rows[trial.name].error, least),
                     )
                     for trial in trials
@@ -166,6 +179,8 @@ def page(
             for each in ranked
         ],
         runs=rows[0].runs if rows else 0,
+        units=_units(points),
+        farthest=_farthest(points),
         style=Markup(STYLE.read_text(encoding='utf-8')),
     )
 

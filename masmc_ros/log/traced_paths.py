@@ -16,7 +16,7 @@
 Paths of the robot's first point, for viewers: where it is to go, and where it has been.
 
 Live nodes and computed logs make them with the same functions, so that they are the same
-bytes. They lie at the height of its frame.
+bytes. They lie at the height of its frame. A robot whose task is no place has none.
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ class DesiredPath:
     def __init__(self, timing: Timing, robot: Robot, frame_prefix: str = '') -> None:
         """Take the control grid, the robot and the prefix of the frames' names."""
         self._timing = timing
-        self._height, self._axes = robot.height, robot.mechanism.points[0].axes
+        self._height, self._axes = robot.height, _axes(robot)
         self._frame = frame_prefix + ODOM_FRAME
         self._recent: deque[_Pose] = deque(maxlen=MOST_POSES)
 
     def whole(self, trajectory: Trajectory, origin_ns: int = 0) -> bytes | None:
         """
-        Return the whole path as a message; None for an endless one.
+        Return the whole path as a message; None for an endless one, and where there is none.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class DesiredPath:
             stamp at which it begins, in ns.
 
         """
-        if self._timing.last is None:
+        if self._timing.last is None or self._axes is None:
             return None
         ticks = thinned(self._timing.last)
         points = np.full((len(ticks), 3), self._height)
@@ -86,9 +86,9 @@ class DesiredPath:
         stamps = origin_ns + np.array([self._timing.stamp(tick) for tick in ticks.tolist()])
         return path_message(self._frame, int(stamps[0]), stamps, points)
 
-    def piece(self, stamp_ns: int, starts_ns: int, samples: NDArray[np.float64]) -> bytes:
+    def piece(self, stamp_ns: int, starts_ns: int, samples: NDArray[np.float64]) -> bytes | None:
         """
-        Add what is sent of a trajectory, and return its latest piece as a message.
+        Add what is sent of a trajectory, and return its latest piece as a message, if any.
 
         Parameters
         ----------
@@ -100,6 +100,8 @@ class DesiredPath:
             (n, 3 axes) at consecutive ticks.
 
         """
+        if self._axes is None:
+            return None
         for tick in range(0, len(samples), pose_stride(self._timing)):
             x, y = samples[tick, self._axes].tolist()
             _add(self._recent, (starts_ns + self._timing.stamp(tick), x, y, self._height))
@@ -113,7 +115,7 @@ class ActualPath:
         """Take the control grid, the robot and the prefix of the frames' names."""
         self._timing = timing
         self._robot = robot
-        self._height, self._axes = robot.height, robot.mechanism.points[0].axes
+        self._height, self._axes = robot.height, _axes(robot)
         self._frame = frame_prefix + ODOM_FRAME
         self._stride = pose_stride(timing)
         self._sent_stride = max(1, round(_SENT_PERIOD / timing.period))
@@ -121,7 +123,8 @@ class ActualPath:
 
     def takes(self, tick: int) -> bool:
         """Tell whether the path has a pose of this tick: others need not be added."""
-        return tick % self._stride == 0 or tick % self._sent_stride == 0 or self._is_last(tick)
+        is_due = tick % self._stride == 0 or tick % self._sent_stride == 0 or self._is_last(tick)
+        return is_due and self._axes is not None
 
     def add(self, tick: int, position: NDArray[np.float64]) -> bytes | None:
         """
@@ -148,6 +151,11 @@ class ActualPath:
 
     def _is_last(self, tick: int) -> bool:
         return tick == self._timing.last
+
+
+def _axes(robot: Robot) -> slice | None:
+    """Return which axes of the task are x and y of the first point that is a place."""
+    return next((point.axes for point in robot.mechanism.places), None)
 
 
 def _add(poses: deque[_Pose], pose: _Pose) -> None:

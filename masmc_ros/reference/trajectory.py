@@ -59,10 +59,12 @@ def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         default = mechanism.default(name, 'axes')
         return Parameter(name, default, description, unit=unit, length=len(default))
 
+    units = dict.fromkeys(axis.unit for axis in mechanism.axes)
+    unit, per_second = ', '.join(units), ', '.join(f'{each}/s' for each in units)
     return (
-        per_axis('offset', 'Position at t = 0 without the sine', 'm'),
-        per_axis('slope', 'Velocity without the sine', 'm/s'),
-        per_axis('amplitude', 'Amplitude of the sine', 'm'),
+        per_axis('offset', 'Position at t = 0 without the sine', unit),
+        per_axis('slope', 'Velocity without the sine', per_second),
+        per_axis('amplitude', 'Amplitude of the sine', unit),
         per_axis('frequency', 'Frequency of the sine', 'rad/s'),
         per_axis('phase', 'Phase of the sine at t = 0', 'rad'),
     )

@@ -90,7 +90,11 @@ class Velocity(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A point that has to follow a path in the plane: two task axes, x and then y."""
+    """
+    What is looked at together of a task: neighbouring axes of one unit.
+
+    As a rule a point that has to follow a path in the plane: two axes, x and then y.
+    """
 
     symbol: str
     key: str
@@ -99,12 +103,23 @@ class Point(NamedTuple):
     title: str
     """As titles call it."""
     first: int
-    """Which task axis is its x."""
+    """Which task axis is its x, or the first of its axes."""
+    size: int = 2
+    """How many axes it has."""
+    unit: str = 'm'
+    """m or rad."""
+    is_place: bool = True
+    """Whether they are x and y, of which a path can be drawn."""
 
     @property
     def axes(self) -> slice:
-        """Return which task axes are its x and y."""
-        return slice(self.first, self.first + 2)
+        """Return which task axes are its own."""
+        return slice(self.first, self.first + self.size)
+
+    @property
+    def small_unit(self) -> str:
+        """Return the thousandth of its unit, in which errors are told."""
+        return f'm{self.unit}'
 
 
 class Group(NamedTuple):
@@ -162,7 +177,7 @@ class Mechanism:
     twist
         velocities of the base that are commanded where rates are.
     points
-        pairs of axes; paths are drawn of the first one.
+        what errors are told of; paths are drawn of those that are places.
     groups
         of joints, for figures.
     frames
@@ -258,6 +273,11 @@ class Mechanism:
     def joint_list(self) -> str:
         """Return the joints as descriptions of parameters name them."""
         return ', '.join(joint.short for joint in self.joints)
+
+    @property
+    def places(self) -> tuple[Point, ...]:
+        """Return the points of which a path can be drawn."""
+        return tuple(point for point in self.points if point.is_place)
 
     @property
     def group_of_joints(self) -> tuple[int, ...]:

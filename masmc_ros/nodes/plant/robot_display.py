@@ -54,7 +54,8 @@ class RobotDisplay:
         self._message = TransformsCdr(prefix, robot.mechanism.frames)
         self._path = ActualPath(self._timing, robot, prefix)
         self._position = np.zeros((1, len(robot.mechanism.positions)))
-        self._path.add(0, self._position[0])
+        if self._path.takes(0):
+            self._path.add(0, self._position[0])
         self._origins = robot.frame_origins
         transforms = robot.mechanism.formulas.frame_transforms
         self._frames = bound(transforms, self._origins, self._position)

@@ -179,8 +179,9 @@ class TrajectoryNode(SuiteNode):
             start = self._timing.stamp(self._next) + (self._origin or 0)
             window = ReferenceWindow(start, self._timing.period, samples)
             self._publisher.publish(window.to_bytes())
-            if last is None:
-                self._paths.publish(self._path.piece(now, start, samples))
+            piece = self._path.piece(now, start, samples) if last is None else None
+            if piece is not None:
+                self._paths.publish(piece)
             self._next += count
 
 

@@ -39,7 +39,8 @@ _LEGEND_WIDTH = 120
 """Letters that fit into a row of the legend, lines counted."""
 _LINE = 8
 """Letters that a legend's line takes the room of."""
-_MILLIMETRES = 1.0e3
+_SMALL = 1.0e3
+"""Errors are drawn in mm and mrad."""
 _LOWEST = 2.0
 """Percentile of the values at which a logarithmic axis begins: zero crossings go below."""
 
@@ -95,7 +96,7 @@ def _panels(compared: Sequence[Compared]) -> list[_Panel]:
     kinds = tuple(dict.fromkeys(each.run.mechanism for each in compared))
     points = dict.fromkeys(point for kind in kinds for point in kind.points)
     panels = [
-        _Panel(point.name, f'$|e_{point.symbol}|$ (mm)', partial(_distance, point))
+        _Panel(point.name, f'$|e_{point.symbol}|$ ({point.small_unit})', partial(_distance, point))
         for point in points
     ]
     if not all(each.run.commands_rates for each in compared):
@@ -120,7 +121,7 @@ def _panels(compared: Sequence[Compared]) -> list[_Panel]:
 def _distance(point: Point, each: Compared) -> tuple[Floats, Floats] | None:
     if point not in each.run.mechanism.points:
         return None
-    return each.tracked.times, each.tracked.error[:, point.axes] * _MILLIMETRES
+    return each.tracked.times, each.tracked.error[:, point.axes] * _SMALL
 
 
 def _torques(group: Group, each: Compared) -> tuple[Floats, Floats] | None:

@@ -17,13 +17,12 @@
 from __future__ import annotations
 
 from masmc_ros.report.draw.style import (
-    BLUE,
     caption,
     COLUMN,
     GREY,
+    line_styles,
     new_figure,
     time_axis,
-    VERMILLION,
 )
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.tracking import Tracking
@@ -33,7 +32,8 @@ from matplotlib.figure import Figure
 import numpy as np
 
 _HEIGHT = 78.0
-_MILLIMETRES = 1.0e3
+_SMALL = 1.0e3
+"""Errors are drawn in mm and mrad."""
 _HEADROOM = 1.15
 """Height of the lower panel over the largest error in the window."""
 
@@ -42,7 +42,7 @@ def error_figure(
     tracked: Tracking, reached: Metrics, label: str, point: Point
 ) -> Figure | None:
     """
-    Draw the errors of a point over the whole run and, enlarged, once settled, in mm.
+    Draw the errors of a point over the whole run and, enlarged, once settled.
 
     Returns None where there are no errors in the window.
     """
@@ -51,18 +51,23 @@ def error_figure(
         return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    error = tracked.error[:, point.axes] * _MILLIMETRES
+    error = tracked.error[:, point.axes] * _SMALL
+    unit = point.small_unit
+    # A path's axes have letters, joints have numbers.
+    names = [str(1 + i) for i in range(point.size)]
+    if point.is_place:
+        names = [f'{axis}_{point.symbol}' for axis in 'xy']
     for axes in (upper, lower):
         axes.axhline(0.0, color=GREY, linewidth=0.6)
-        for values, axis, colour in zip(error.T, 'xy', (BLUE, VERMILLION), strict=True):
-            name = f'$e_{{{axis}_{point.symbol}}}$'
-            axes.plot(tracked.times, values, color=colour, linewidth=0.9, label=name)
-        axes.set_ylabel('error (mm)')
+        for values, name, style in zip(error.T, names, line_styles(point.size), strict=True):
+            legend = f'$e_{{{name}}}$'
+            axes.plot(tracked.times, values, linewidth=0.9, label=legend, **style)
+        axes.set_ylabel(f'error ({unit})')
     _enlarge(lower, tracked, error, reached)
     lower.text(
         1.0,
         1.02,
-        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * _MILLIMETRES:.3g} mm over'
+        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * _SMALL:.3g} {unit} over'
         f' {reached.begin:g}–{reached.end:g} s',
         transform=lower.transAxes,
         fontsize=7.0,

@@ -57,15 +57,17 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
 
     Returns None where the log does not tell the positions.
     """
+    robot = run_robot(run)
     if tracked.actual is None or tracked.desired is None:
+        return None
+    if robot is None and not run.mechanism.places:
         return None
     figure = new_figure(PAGE, PAGE)
     axes = figure.subplots()
-    robot = run_robot(run)
     if robot is not None:
         _draw_instants(axes, robot, run)
     lines = []
-    for point, colour in zip(run.mechanism.points, _COLOURS, strict=False):
+    for point, colour in zip(run.mechanism.places, _COLOURS, strict=False):
         name = point.symbol
         x, y = tracked.actual[:, point.axes].T
         lines += axes.plot(x, y, color=colour, linewidth=1.2, label=f'{name} actual', zorder=2.5)

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 import io
 from itertools import cycle, islice, product
+import math
 from typing import Any
 
 import matplotlib
@@ -51,7 +52,9 @@ _MILLIMETRES_PER_INCH = 25.4
 _GAP = 10.0
 """Room in pixels, at 100 to the inch, after a title."""
 _NEXT_LINE = 16.0
-"""Distance in points from the axes to a title above the legend."""
+"""Distance in points from the axes to a title above a row of the legend."""
+_LEGEND = 8
+"""Most lines that a row of it names."""
 _STYLE: Any = {  # the type of its keys differs between versions of matplotlib
     'font.size': 8.0,
     'axes.titlesize': 8.0,
@@ -123,16 +126,18 @@ def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -
 
     A label that is too long for that goes above the lines' names, smaller if it must.
     """
+    rows = math.ceil(len(handles) / _LEGEND)
     legend = axes.legend(
-        handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.02), ncols=len(handles)
-    )
+        handles=handles, loc='lower right', bbox_to_anchor=(1.0, 1.02),
+        ncols=math.ceil(len(handles) / max(rows, 1)),
+    )  # fmt: skip
     title = axes.set_title(plain(label))
     figure.draw_without_rendering()
     extent = title.get_window_extent()
     if extent.x1 > legend.get_window_extent().x0 - _GAP:
         room = (figure.bbox.x1 - _GAP - extent.x0) / extent.width
         size = title.get_fontsize() * min(1.0, room)
-        axes.set_title(plain(label), pad=_NEXT_LINE, fontsize=size)
+        axes.set_title(plain(label), pad=_NEXT_LINE * max(rows, 1), fontsize=size)
 
 
 def time_axis(axes: Axes) -> None:

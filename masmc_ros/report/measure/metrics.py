@@ -42,9 +42,9 @@ class Reached:
     Attributes
     ----------
     rms
-        root mean square of the distance, m.
+        root mean square of the distance, in the point's unit.
     largest
-        largest distance, m.
+        largest distance, likewise.
     settling
         s from the first error until the distance stays small for good, see `settling_time`;
         infinity where it does not.

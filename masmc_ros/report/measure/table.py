@@ -36,17 +36,19 @@ CONTACT_NOTE = (
 )
 _UNKNOWN = Reached(None, None, None)
 _DIGITS = 5
-_MILLIMETRES = 1.0e3
+_SMALL = 1.0e3
+"""Errors are told in mm and mrad."""
 
 
 def text_table(rows: Mapping[str, Metrics]) -> str:
-    """Return metrics by label as an aligned table, errors in mm, and what they mean."""
+    """Return metrics by label as an aligned table, errors in mm or mrad, and what they mean."""
     points = points_of(rows.values())
     is_told = tells_contact(rows.values())
     columns = _heads(points, is_told)
     top = [[name for name, _ in columns], [unit for _, unit in columns]]
     body = [cells(label, each, points, contact=is_told) for label, each in rows.items()]
     symbols = ' and '.join(point.symbol for point in points)
+    units = ' or '.join(dict.fromkeys(point.small_unit for point in points))
     titles = ' and of '.join(f'the {point.title.removeprefix("the ")}' for point in points)
     count = max(each.joints for each in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
@@ -62,14 +64,14 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
         f'{symbols}: distance of {titles} from where {"they" if len(points) > 1 else "it"}'
         ' should be.\n'
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
-        f' {FLOOR * _MILLIMETRES:g} mm if that is more.\n'
+        f' {FLOOR * _SMALL:g} {units} if that is more.\n'
         f'Torque variation: sum of the changes of all {commands} commands, per second.\n'
         + (CONTACT_NOTE + '\n' if is_told else '')
     )
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
-    """Return metrics by label as a Markdown table, errors in mm."""
+    """Return metrics by label as a Markdown table, errors in mm or mrad."""
     points, is_told = points_of(rows.values()), tells_contact(rows.values())
     top = heads(points, contact=is_told)
     lines = [
@@ -96,7 +98,7 @@ def csv_table(rows: Mapping[str, Metrics]) -> str:
     names = (
         ('begin', 's'),
         ('end', 's'),
-        *((f'{point.key}_{what}', 'm') for point in points for what in ('rms', 'max')),
+        *((f'{point.key}_{what}', point.unit) for point in points for what in ('rms', 'max')),
         *((f'{point.key}_settling', 's') for point in points),
         *whole.items(),
     )
@@ -121,11 +123,15 @@ def tells_contact(rows: Iterable[Metrics]) -> bool:
 
 
 def _heads(points: Sequence[Point], contact: bool) -> tuple[tuple[str, str], ...]:
-    errors = (f'{point.symbol} {what}' for point in points for what in ('RMS', 'max'))
+    errors = (
+        (f'{point.symbol} {what}', f'({point.small_unit})')
+        for point in points
+        for what in ('RMS', 'max')
+    )
     return (
         ('run', ''),
         ('window', '(s)'),
-        *((error, '(mm)') for error in errors),
+        *errors,
         *((f'{point.symbol} settles', '(s)') for point in points),
         ('torque RMS', '(N·m)'),
         ('torque variation', '(N·m/s)'),
@@ -161,7 +167,7 @@ def cells(
     return [
         label,
         f'{row.begin:g}-{row.end:g}',
-        *(_known(None if error is None else error * _MILLIMETRES) for error in errors),
+        *(_known(None if error is None else error * _SMALL) for error in errors),
         *('does not' if time == math.inf else _known(time) for time in settling),
         *map(_known, others),
     ]

@@ -42,7 +42,8 @@ import plotly.graph_objects as go
 
 Floats = NDArray[np.float64]
 
-_MILLIMETRES = 1.0e3
+_SMALL = 1.0e3
+"""Errors are drawn in mm and mrad."""
 
 _MOST = 14
 """Lines of a plot of what the controller tells."""
@@ -89,12 +90,13 @@ def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) ->
         for each, (dash, colour) in zip(told, styles, strict=False):
             if point not in each.run.mechanism.points:
                 continue
-            errors = each.tracked.error[:, point.axes] * _MILLIMETRES
+            errors = each.tracked.error[:, point.axes] * _SMALL
             size = np.linalg.norm(errors, axis=1)
             # A logarithm has no place for zero.
             size[size == 0.0] = np.nan
             drawn.append(Line(escape(each.label), each.tracked.times, size, colour, dash))
-        figure = time_plot(drawn, f'|e<sub>{point.symbol}</sub>| (mm)', span, is_logarithmic=True)
+        quantity = f'|e<sub>{point.symbol}</sub>| ({point.small_unit})'
+        figure = time_plot(drawn, quantity, span, is_logarithmic=True)
         name = point.title.removeprefix('the ')
         title = f'Distance of the {name} from its reference, all runs'
         plots.append(Plot(f'comparison_{point.symbol}', title, figure))
@@ -134,10 +136,11 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
 
     if len(tracked.error):
         for point in run.mechanism.points:
-            errors = tracked.error[:, point.axes] * _MILLIMETRES
+            errors = tracked.error[:, point.axes] * _SMALL
             names = [f'e of {axis}' for axis in axes[point.axes]]
             title = f'Tracking error of {point.title}'
-            add(f'error_{point.symbol}', title, 'error (mm)', names, tracked.times, errors)
+            quantity = f'error ({point.small_unit})'
+            add(f'error_{point.symbol}', title, quantity, names, tracked.times, errors)
     told = [signal for signal in TOLD if signal.title and signal.name in run.telemetry]
     of_task = [signal for signal in told if signal.size == 'axes']
     add_told(of_task)
@@ -217,13 +220,13 @@ def _rates(run: Run, span: tuple[float, float], changes: Sequence[Change]) -> li
 
 
 def _path(run: Run, tracked: Tracking) -> go.Figure:
-    """Draw the paths of the robot's points, or where these are not known, of its base."""
+    """Draw the paths of the robot's points, or where these are none or not known, of its base."""
     figure = go.Figure(layout=page_layout())
-    if tracked.actual is None:
+    if tracked.actual is None or not run.mechanism.places:
         pose, _ = run.mechanism.formulas.base_motion(run.position, run.velocity)
         _add_path(figure, run.mechanism.origin, pose[:, :2], 'green', 'solid')
     for number, (point, colour) in enumerate(
-        zip(run.mechanism.points, ('blue', 'vermillion', 'green', 'purple'), strict=False)
+        zip(run.mechanism.places, ('blue', 'vermillion', 'green', 'purple'), strict=False)
     ):
         for kind, values, tone, dash in (
             ('actual', tracked.actual, colour, 'solid'),
