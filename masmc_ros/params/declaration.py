@@ -64,7 +64,8 @@ class Parameter:
         number of entries of an array, None for any number.
     broadcast
         a number stands for an array of `length` equal entries, and integers for
-        doubles. Such a parameter is typed dynamically in ROS 2.
+        doubles; a string for an array of it. Such a parameter is typed dynamically
+        in ROS 2.
     minimum
         smallest value (of each entry), None for no bound.
     maximum
@@ -109,7 +110,7 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Find the kind and hold the default against the declaration itself."""
-        if self.broadcast and self.length is None:
+        if self.broadcast and self.length is None and self._kind_of_default() == 'doubles':
             raise ValueError(f'{self.name}: a broadcast parameter needs a length')
         object.__setattr__(self, 'kind', self.kind or self._kind_of_default())
         # Choices from a function may come from plug-ins: not asked for while modules load.
@@ -149,7 +150,7 @@ class Parameter:
         entries = f'{noun}s' if self.length != 1 else noun
         many = f'an array of {entries}' if self.length is None else f'{self.length} {entries}'
         if self.broadcast:
-            many = f'a number or {many}'
+            many = f'a {noun} or {many}'
         return f'{many}, each {limits}' if limits else many
 
     def known_choices(self) -> tuple[str, ...]:
@@ -232,8 +233,8 @@ class Parameter:
             return value if isinstance(value, str) else None
         if value is None:  # an array without entries, which has no type in ROS 2
             value = ()
-        if self.broadcast and self.length is not None and not _is_array(value):
-            value = (value,) * self.length
+        if self.broadcast and not _is_array(value):
+            value = (value,) * (1 if self.length is None else self.length)
         if not _is_array(value):
             return None
         if self.kind == 'strings':

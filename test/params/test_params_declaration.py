@@ -209,6 +209,14 @@ def test_default_must_be_right_itself(default: object, rest: dict[str, Any]) -> 
         Parameter('x', default, 'X', **rest)
 
 
+def test_a_string_stands_for_an_array_of_it() -> None:
+    task = Parameter('task', ('pose',), 'Task', broadcast=True)
+    assert task.check('planar') == ('planar',)
+    assert task.check(['pose', 'heading']) == ('pose', 'heading')
+    with pytest.raises(InputError, match=r'task = 1\.0: expected a string or an array of strings'):
+        task.check(1.0)
+
+
 def test_broadcast_needs_a_length() -> None:
     with pytest.raises(ValueError, match='length'):
         Parameter('x', 1.0, 'X', broadcast=True)

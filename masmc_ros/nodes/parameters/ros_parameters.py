@@ -221,7 +221,7 @@ def _plain(value: Any) -> Any:
 
 def _as_ros(parameter: Parameter, value: Any) -> Any:
     """Return a checked value in the form that rclpy declares."""
-    if parameter.broadcast:
+    if parameter.broadcast and parameter.kind == 'doubles':
         value = [float(v) for v in value] if isinstance(value, list) else value
         return float(value) if isinstance(value, int) else value
     # rclpy cannot tell the type of an empty array; one empty name stands for none.
