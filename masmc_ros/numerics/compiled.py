@@ -82,7 +82,9 @@ class Formula:
     def _of_python(self) -> Callable[..., Any]:
         own: Any = self.py_func
         # By another name, because Numba keeps machine code on disk by names.
-        twin = FunctionType(own.__code__, own.__globals__, own.__name__, own.__defaults__)
+        twin = FunctionType(
+            own.__code__, own.__globals__, own.__name__, own.__defaults__, own.__closure__
+        )
         twin.__module__, twin.__qualname__ = own.__module__, f'{own.__qualname__}_of_python'
         return cast(Callable[..., Any], _compile(twin, forceinline=True))
 

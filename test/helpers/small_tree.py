@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
+from masmc_ros.robot.tree.outputs import OUTPUTS
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 
 _BODY = """<link name="{0}"><inertial><origin xyz="{1}" rpy="0.2 -0.1 0.3"/><mass value="{2}"/>
@@ -100,7 +101,7 @@ def write_scenario(
     ahead = [tip[0] + 0.1, *tip[1:4], tip[4] + 0.1, tip[5]]
 
     def of_task(values: Sequence[float]) -> list[float]:
-        return [values[axis] for axis in TASKS[task]]
+        return [values[axis] for axis in OUTPUTS[task]]
 
     (folder / 'small.urdf').write_text(URDF, encoding='utf-8')
     path = folder / 'small.yaml'

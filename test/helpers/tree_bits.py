@@ -52,7 +52,7 @@ def model_of(
     tree = robot if isinstance(robot, Tree) else robot.tree
     size = tree.base + len(tree.parent) - 1
     numbers = packed(
-        tree, np.eye(tree.base), (body, np.eye(3).ravel().tolist(), point), range(6),
+        tree, np.eye(tree.base), [(body, np.eye(3).ravel().tolist(), point)], range(6),
         np.ones(size), np.zeros(size), (np.zeros(size),) * 3, 0.0, 0.0, 1e-3,
     )  # fmt: skip
     return TreeModel(numbers[:, None], 0)

@@ -26,7 +26,8 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.assembly import pseudo_inertia
 from masmc_ros.robot.tree.frames import world_of
-from masmc_ros.robot.tree.tree_mechanism import TASKS, tree_mechanism
+from masmc_ros.robot.tree.outputs import OUTPUTS
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_a_part_of_a_pose_can_be_the_task(task: str, tmp_path: Path) -> None:
         env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'}, check=True, timeout=300.0,
     )  # fmt: skip
     error = read_run(log).telemetry['error'].values
-    assert error.shape == (TICKS + 1, len(TASKS[task]))
+    assert error.shape == (TICKS + 1, len(OUTPUTS[task]))
     assert np.abs(error).max() < 1e-4
 
 

@@ -29,7 +29,7 @@ from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
 from masmc_ros.robot.tree.dynamics import GRAVITY, Posture
 from masmc_ros.robot.tree.model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
-from masmc_ros.robot.tree.task import tip_pose
+from masmc_ros.robot.tree.task import frame_pose
 from masmc_ros.robot.tree.urdf import read_urdf
 from masmc_ros.robot.two_link import two_link
 import numpy as np
@@ -254,7 +254,7 @@ def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: 
     def at(position: Array) -> tuple[Array, Array, Array]:
         """Return pose, Jacobian and derivative in the first state, in the world's frame."""
         posture, nu = robot.postures(position)[0], robot.velocity[:, 0].copy()
-        rotation, origin = tip_pose(model, posture)
+        rotation, origin = frame_pose(model, posture, 0)
         jacobian = dynamics.point_jacobian(model, posture, body, point)
         derivative = dynamics.point_jacobian_rate(model, posture, nu, body, point)
         return np.array([*origin, *rotation]), jacobian.T, derivative.T

@@ -32,7 +32,7 @@ from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.model import DIFFERENTIAL
-from masmc_ros.robot.tree.task import tip_pose
+from masmc_ros.robot.tree.task import frame_pose
 from masmc_ros.robot.tree.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
@@ -236,7 +236,7 @@ def _compare(
     _near(jacobian.T, pin.getFrameJacobian(model, data, number, world) @ select)
     rates = pin.getFrameJacobianTimeVariation(model, data, number, world)
     _near(derivative.T, rates @ select)
-    rotation, origin = tip_pose(tree_model, place)
+    rotation, origin = frame_pose(tree_model, place, 0)
     _near(np.array(origin), data.oMf[number].translation)
     own = np.reshape(rotation, (3, 3)) @ np.reshape(frame.rotation, (3, 3))
     _near(own, data.oMf[number].rotation)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The contract of mechanisms for a tree of bodies, its task the pose of a frame or a part of it.
+The contract of mechanisms for a tree of bodies, its task poses of frames and positions of joints.
 
 Positions are x, y and yaw of the base in the world (where it stands, if it is fixed), then the
 positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
@@ -22,6 +22,7 @@ Task and redundancy are in files of their own, as is what bodies can be.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import array_of, taken
@@ -87,29 +88,17 @@ class Regressor(NamedTuple):
     acceleration: Numbers
 
 
-@formula
-def _model(record: Any, lane: int, axes: Numbers) -> TreeModel:
-    """Return what a record holds of a robot whose task has as many axes as a tuple."""
-    return TreeModel(record['geometry'], lane, axes_of(record['geometry'], lane, axes))
+@cache
+def model_of_axes(count: int) -> Any:
+    """Return `model_of` for a task of so many axes, which compiled code knows as it is made."""
+    as_many = (0.0,) * count
 
+    @formula
+    def model_of(record: Any, lane: int) -> TreeModel:
+        numbers = record['geometry']
+        return TreeModel(numbers, lane, axes_of(numbers, lane, as_many))
 
-@formula
-def _model_of_pose(record: Any, lane: int) -> TreeModel:
-    return _model(record, lane, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-
-
-@formula
-def _model_of_three(record: Any, lane: int) -> TreeModel:
-    return _model(record, lane, (0.0, 0.0, 0.0))
-
-
-@formula
-def _model_of_two(record: Any, lane: int) -> TreeModel:
-    return _model(record, lane, (0.0, 0.0))
-
-
-MODELS = {6: _model_of_pose, 3: _model_of_three, 2: _model_of_two}
-"""`model_of` by the number of the task's axes, which compiled code knows as it is made."""
+    return model_of
 
 
 @kernel

@@ -64,18 +64,18 @@ class TreeModel(NamedTuple):
     lane: int
     """Which of them."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
-    """Which of x, y, z and the rotation about them are the task's axes."""
+    """Places of the task's axes among the coordinates of `task.py`."""
 
 
-_AXES = 18
-_HEAD = 24
+_AXES = 6
 _BODY = 17
+_FRAME = 13
 
 
 def packed(
     tree: Tree,
     wheel_rates: ArrayLike,
-    tip: tuple[int, Sequence[float], Sequence[float]],
+    frames: Sequence[tuple[int, Sequence[float], Sequence[float]]],
     axes: Sequence[int],
     mobility: ArrayLike,
     posture: ArrayLike,
@@ -93,10 +93,10 @@ def packed(
         bodies and joints, n velocities in all.
     wheel_rates
         (m, m) rates of the wheels from those of the base, m = 0, 2 or 3 by its kind.
-    tip
-        body of the frame that has a task, and the frame's rotation and offset in m in the body's.
-    axes
-        which of x, y, z and the rotation about them are the task's.
+    frames : sequence
+        of the task: body of each, and the frame's rotation and offset in m in the body's.
+    axes : sequence
+        of the task: places among the coordinates of `task.py`.
     mobility
         (n) how much each velocity moves for the task: inverse weights.
     posture
@@ -117,22 +117,27 @@ def packed(
 
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
-    body, rotation, offset = tip
-    places = np.pad(np.asarray(axes, dtype=np.float64), (0, _HEAD - _AXES - len(axes)))
     bodies = np.column_stack([tree.parent, tree.kind, tree.axis, tree.rotation, tree.offset])
     parts: tuple[Any, ...] = (
-        (len(tree.parent), tree.base, body, posture_gain, damping, least_pivot),
-        rotation, offset, places, bodies, mobility, posture, wheels,
+        (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot),
+        axes, bodies, mobility, posture, wheels,
         np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
+        *(part for frame in frames for part in frame),
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
 
 @formula
 def axes_of(numbers: Any, lane: int, like: tuple[float, ...]) -> tuple[float, ...]:
-    """Return as many of the task's axes as a tuple has: all."""
+    """Return the places of the task's axes, of which a tuple has as many."""
     found: tuple[float, ...] = read_down(numbers, _AXES, lane, like)
     return found
+
+
+@formula
+def axis_of(model: TreeModel, i: int) -> int:
+    """Return the place of one of the task's axes, in loops, which tuples are slow in."""
+    return int(model.numbers[_AXES + i, model.lane])
 
 
 @formula
@@ -148,12 +153,9 @@ def base_of(model: TreeModel) -> int:
 
 
 @formula
-def tip_of(model: TreeModel) -> tuple[int, Rotation, Vector]:
-    """Return the body of the frame that has a task, and where the frame is on it."""
-    numbers, lane = model.numbers, model.lane
-    rotation: Rotation = read_down(numbers, 6, lane, ROTATION)
-    offset: Vector = read_down(numbers, 15, lane, VECTOR)
-    return int(numbers[2, lane]), rotation, offset
+def frames_of(model: TreeModel) -> int:
+    """Return the number of frames that have a task."""
+    return int(model.numbers[2, model.lane])
 
 
 @formula
@@ -175,16 +177,21 @@ def least_pivot_of(model: TreeModel) -> float:
 
 
 @formula
+def _body_begins(model: TreeModel, body: int) -> int:
+    return _AXES + len(model.axes) + _BODY * body
+
+
+@formula
 def parent_of(model: TreeModel, body: int) -> int:
     """Return the number of the body that a body hangs on."""
-    return int(model.numbers[_HEAD + _BODY * body, model.lane])
+    return int(model.numbers[_body_begins(model, body), model.lane])
 
 
 @formula
 def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Rotation, Vector]:
     """Return whether a body's joint turns, its axis, and the body's placement at zero."""
     numbers, lane = model.numbers, model.lane
-    first = _HEAD + _BODY * body
+    first = _body_begins(model, body)
     axis: Vector = read_down(numbers, first + 2, lane, VECTOR)
     rotation: Rotation = read_down(numbers, first + 5, lane, ROTATION)
     offset: Vector = read_down(numbers, first + 14, lane, VECTOR)
@@ -195,7 +202,7 @@ def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Rotation, Vecto
 def _after_bodies(model: TreeModel) -> tuple[int, int, int]:
     """Return where the mobility begins, the number of velocities, and that of the base's."""
     bodies, base = bodies_of(model), base_of(model)
-    return _HEAD + _BODY * bodies, base + bodies - 1, base
+    return _body_begins(model, bodies), base + bodies - 1, base
 
 
 @formula
@@ -233,6 +240,17 @@ def limits_of(model: TreeModel, k: int) -> tuple[float, float, float]:
     numbers, lane = model.numbers, model.lane
     at = first + 2 * (size + base * base) + size * size + k
     return numbers[at, lane], numbers[at + size, lane], numbers[at + 2 * size, lane]
+
+
+@formula
+def frame_of(model: TreeModel, frame: int) -> tuple[int, Rotation, Vector]:
+    """Return the body of a frame that has a task, and where the frame is on it."""
+    first, size, base = _after_bodies(model)
+    numbers, lane = model.numbers, model.lane
+    at = first + 2 * (size + base * base) + size * size + 3 * size + _FRAME * frame
+    rotation: Rotation = read_down(numbers, at + 1, lane, ROTATION)
+    offset: Vector = read_down(numbers, at + 10, lane, VECTOR)
+    return int(numbers[at, lane]), rotation, offset
 
 
 @formula

@@ -37,8 +37,6 @@ from masmc_ros.robot.tree.dynamics import (
     factor,
     inertia,
     joint_position,
-    point_jacobian,
-    point_jacobian_rate,
     Posture,
     solve,
 )
@@ -50,9 +48,9 @@ from masmc_ros.robot.tree.model import (
     mobility_begins,
     posture_gain_of,
     rest_of,
-    tip_of,
     TreeModel,
 )
+from masmc_ros.robot.tree.task import task_jacobian, task_jacobian_rate
 import numpy as np
 
 
@@ -73,25 +71,6 @@ def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[
     slope = 6.0 * d * (1.0 - d) / margin
     toward = rate if below < above else -rate
     return mobility * (d * d * (3.0 - 2.0 * d)), mobility * (slope * toward)
-
-
-@kernel
-def _of_task(model: TreeModel, columns: Any) -> Any:
-    """Return of the columns (n, 6) of a Jacobian what belongs to the task's m axes: (n, m)."""
-    if len(model.axes) == columns.shape[1]:
-        return columns
-    out = np.empty((len(columns), len(model.axes)))
-    for k in range(len(columns)):
-        for i in range(len(model.axes)):
-            out[k, i] = columns[k, int(model.axes[i])]
-    return out
-
-
-@kernel
-def _jacobian(model: TreeModel, posture: Posture) -> Any:
-    """Return the columns (n, m) of J."""
-    body, _, offset = tip_of(model)
-    return _of_task(model, point_jacobian(model, posture, body, offset))
 
 
 @kernel
@@ -133,7 +112,7 @@ def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
 @kernel
 def is_singular(model: TreeModel, posture: Posture) -> bool:
     """Tell whether the least pivot of J W^-1 J' is too small."""
-    _, found = _factored(model, posture, _jacobian(model, posture))
+    _, found = _factored(model, posture, task_jacobian(model, posture))
     return found
 
 
@@ -151,9 +130,8 @@ def reference_motion(
     nu, at = array_of(motion), array_of(position)
     y, y_dot = array_of(velocity), array_of(acceleration)
     size, pose = len(nu), len(at) - len(nu)
-    body, _, offset = tip_of(model)
-    columns = _jacobian(model, posture)
-    changes = _of_task(model, point_jacobian_rate(model, posture, nu, body, offset))
+    columns = task_jacobian(model, posture)
+    changes = task_jacobian_rate(model, posture, nu)
     factors, _ = _factored(model, posture, columns)
     # z and its derivative: the joints tend to their posture, the base to nothing.
     z, z_dot = np.zeros(size), np.zeros(size)
@@ -186,7 +164,7 @@ def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    columns, y = _jacobian(model, posture), array_of(rates)
+    columns, y = task_jacobian(model, posture), array_of(rates)
     factors, _ = _factored(model, posture, columns)
     solve(factors, y)
     out = np.empty(len(columns))
@@ -200,7 +178,7 @@ def motion_from_task(
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
     m = len(model.axes)
-    columns, h = _jacobian(model, posture), inertia(model, posture, theta)
+    columns, h = task_jacobian(model, posture), inertia(model, posture, theta)
     factor(h)
     # L^-1 J', in place of J'.
     for row in range(len(columns)):

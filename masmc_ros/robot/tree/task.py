@@ -13,21 +13,40 @@
 # limitations under the License.
 
 """
-The pose of a tree's frame, how it moves, and how it follows what is desired.
+What follows a path of a tree: poses of frames and positions of joints, or some of their entries.
 
-The task are x, y, z of the frame's origin in m and its rotation vector in rad, in the world's
-frame, or some of these; its velocities, the origin's in m/s and the angular velocity in rad/s.
+A tree's *coordinates* are x, y, z of the origin in m and the rotation vector in rad of each frame
+that has a task, in the world's frame, one frame after the other, then the positions of all joints.
+The task's axes are places among them, which `outputs.py` finds. Its velocities are the origins' in
+m/s, the angular velocities in rad/s and the joints' rates.
 """
 
 from __future__ import annotations
 
-from masmc_ros.numerics.arrays import array_of, read_part, taken
+from typing import Any
+
+from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, tabulate
 from masmc_ros.robot.mechanism import Numbers, Tracking
-from masmc_ros.robot.tree.dynamics import point_forces, point_velocity, Posture, to_world
-from masmc_ros.robot.tree.model import tip_of, TreeModel
+from masmc_ros.robot.tree.dynamics import (
+    joint_position,
+    point_forces,
+    point_jacobian,
+    point_jacobian_rate,
+    point_velocity,
+    Posture,
+    to_world,
+)
+from masmc_ros.robot.tree.model import (
+    axis_of,
+    base_of,
+    bodies_of,
+    frame_of,
+    frames_of,
+    TreeModel,
+)
 from masmc_ros.robot.tree.rotation_vector import (
     angular_motion,
     orientation_error,
@@ -35,53 +54,50 @@ from masmc_ros.robot.tree.rotation_vector import (
     rotation_of,
     vector_of,
 )
-from masmc_ros.robot.tree.spatial import (
-    add,
-    product,
-    rotate,
-    ROTATION,
-    Rotation,
-    VECTOR,
-    Vector,
-)
+from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
+import numpy as np
 
-_ALL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""As long as a pose."""
+POSE = 6
+"""Coordinates of a frame."""
 
+_ROTATED = 3
+"""Where its rotation vector begins among them."""
 
-@formula
-def _entry(of: tuple[TreeModel, Numbers], i: int) -> float:
-    model, values = of
-    return values[int(model.axes[i])]
+_ERROR, _ERROR_RATE, _RATE = range(3)
+"""What a `Tracking` has first, by rows of all coordinates."""
 
 
 @formula
-def _of_task(model: TreeModel, values: Numbers) -> Numbers:
-    """Return of six numbers those that belong to the task's axes."""
-    found: Numbers = tabulate(_entry, model.axes, (model, values))
+def _entry(of: tuple[TreeModel, Any, int], i: int) -> float:
+    model, values, row = of
+    return values[row, int(model.axes[i])]
+
+
+@formula
+def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
+    """Return of a row of all coordinates those that are the task's axes."""
+    found: Numbers = tabulate(_entry, model.axes, (model, values, row))
     return found
 
 
 @formula
-def _entry_of_pose(of: tuple[TreeModel, Numbers], axis: int) -> float:
-    model, values = of
-    found = 0.0
-    for i in range(len(values)):
-        found = values[i] if int(model.axes[i]) == axis else found
-    return found
+def _coordinates(model: TreeModel) -> int:
+    """Return how many there are."""
+    return POSE * frames_of(model) + bodies_of(model) - 1
 
 
 @formula
-def _of_pose(model: TreeModel, values: Numbers) -> Numbers:
-    """Return six numbers of those of the task's axes: nothing of what is no task."""
-    found: Numbers = tabulate(_entry_of_pose, _ALL, (model, values))
-    return found
+def _put(model: TreeModel, values: Numbers, row: int, out: Any) -> None:
+    """Write the task's axes into a row of all coordinates."""
+    given = array_of(values)
+    for i in range(len(model.axes)):
+        out[row, axis_of(model, i)] = given[i]
 
 
 @kernel
-def tip_pose(model: TreeModel, posture: Posture) -> tuple[Rotation, Vector]:
-    """Return rotation and origin of the task's frame in the world's."""
-    body, rotation, offset = tip_of(model)
+def frame_pose(model: TreeModel, posture: Posture, frame: int) -> tuple[Rotation, Vector]:
+    """Return rotation and origin of one of the task's frames in the world's."""
+    body, rotation, offset = frame_of(model, frame)
     own = read_part(posture.frames, body, 0, ROTATION)
     world = to_world(posture)
     origin = add(read_part(posture.frames, body, 9, VECTOR), rotate(own, offset))
@@ -91,49 +107,57 @@ def tip_pose(model: TreeModel, posture: Posture) -> tuple[Rotation, Vector]:
     )
 
 
-@formula
-def _first(values: Numbers) -> Vector:
-    return values[0], values[1], values[2]
-
-
-@formula
-def _last(values: Numbers) -> Vector:
-    return values[3], values[4], values[5]
-
-
 @kernel
 def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numbers:
-    """Return the origin and the rotation vector of the frame."""
-    r, p = tip_pose(model, posture)
-    phi = vector_of(r)
-    return _of_task(model, (p[0], p[1], p[2], phi[0], phi[1], phi[2]))
+    """Return origins and rotation vectors of frames, and positions of joints."""
+    found = np.empty((1, _coordinates(model)))
+    for frame in range(frames_of(model)):
+        r, p = frame_pose(model, posture, frame)
+        write_part(found, 0, POSE * frame, p)
+        write_part(found, 0, POSE * frame + _ROTATED, vector_of(r))
+    first = POSE * frames_of(model) - 1
+    for body in range(1, bodies_of(model)):
+        found[0, first + body] = joint_position(posture, body)
+    return _of_task(model, found, 0)
 
 
 @kernel
 def task_error(
     model: TreeModel, posture: Posture, position: Numbers, desired: Numbers
 ) -> Numbers:
-    """Return the origin's distance, and the axis from R_d to R times the angle's sine."""
-    r, p = tip_pose(model, posture)
-    x = _of_pose(model, desired)
-    turned = orientation_error(r, rotation_of(_last(x)))
-    return _of_task(
-        model, (p[0] - x[0], p[1] - x[1], p[2] - x[2], turned[0], turned[1], turned[2])
-    )
+    """
+    Return the distances of origins and joints.
 
-
-@kernel
-def _twist(model: TreeModel, posture: Posture, motion: Numbers) -> tuple[Vector, Vector]:
-    """Return the origin's velocity and the angular velocity."""
-    body, _, offset = tip_of(model)
-    return point_velocity(model, posture, array_of(motion), body, offset)
+    Of a frame's rotation, the axis from R_d to R times the angle's sine.
+    """
+    # What is desired, and in its place what is off by then.
+    off = np.zeros((1, _coordinates(model)))
+    _put(model, desired, 0, off)
+    for frame in range(frames_of(model)):
+        at, turned = POSE * frame, POSE * frame + _ROTATED
+        r, p = frame_pose(model, posture, frame)
+        aim = rotation_of(read_part(off, 0, turned, VECTOR))
+        write_part(off, 0, at, each(minus, p, read_part(off, 0, at, VECTOR)))
+        write_part(off, 0, turned, orientation_error(r, aim))
+    first = POSE * frames_of(model) - 1
+    for body in range(1, bodies_of(model)):
+        off[0, first + body] = joint_position(posture, body) - off[0, first + body]
+    return _of_task(model, off, 0)
 
 
 @kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
-    """Return the origin's velocity and the angular velocity."""
-    v, w = _twist(model, posture, motion)
-    return _of_task(model, (v[0], v[1], v[2], w[0], w[1], w[2]))
+    """Return velocities of origins, angular velocities, and the rates of joints."""
+    found, nu = np.empty((1, _coordinates(model))), array_of(motion)
+    for frame in range(frames_of(model)):
+        body, _, offset = frame_of(model, frame)
+        v, w = point_velocity(model, posture, nu, body, offset)
+        write_part(found, 0, POSE * frame, v)
+        write_part(found, 0, POSE * frame + _ROTATED, w)
+    first, base = POSE * frames_of(model), base_of(model)
+    for joint in range(bodies_of(model) - 1):
+        found[0, first + joint] = nu[base + joint]
+    return _of_task(model, found, 0)
 
 
 @kernel
@@ -141,10 +165,58 @@ def forces_from_task(
     model: TreeModel, posture: Posture, force: Numbers, like: Numbers
 ) -> Numbers:
     """Return J' F."""
-    body, _, offset = tip_of(model)
-    pull = _of_pose(model, force)
-    found = point_forces(model, posture, body, offset, _first(pull), _last(pull))
+    pull = np.zeros((1, _coordinates(model)))
+    _put(model, force, 0, pull)
+    base, size = base_of(model), base_of(model) + bodies_of(model) - 1
+    found = np.zeros(size)
+    for k in range(base, size):
+        found[k] = pull[0, POSE * frames_of(model) + k - base]
+    for frame in range(frames_of(model)):
+        body, _, offset = frame_of(model, frame)
+        at = POSE * frame
+        part = point_forces(
+            model, posture, body, offset,
+            read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR),
+        )  # fmt: skip
+        for k in range(size):
+            found[k] += part[k]
     return taken(found, like)
+
+
+@formula
+def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
+    """Write of a frame's Jacobian (n, 6) what belongs to the task into that of the task."""
+    for i in range(len(model.axes)):
+        axis = axis_of(model, i) - POSE * frame
+        if (axis >= 0) & (axis < POSE):
+            for k in range(len(own)):
+                columns[k, i] = own[k, axis]
+
+
+@kernel
+def task_jacobian(model: TreeModel, posture: Posture) -> Any:
+    """Return the columns (n, m) of J."""
+    base = base_of(model)
+    columns = np.zeros((base + bodies_of(model) - 1, len(model.axes)))
+    for frame in range(frames_of(model)):
+        body, _, offset = frame_of(model, frame)
+        _take(model, frame, point_jacobian(model, posture, body, offset), columns)
+    for i in range(len(model.axes)):
+        joint = axis_of(model, i) - POSE * frames_of(model)
+        if joint >= 0:
+            columns[base + joint, i] = 1.0
+    return columns
+
+
+@kernel
+def task_jacobian_rate(model: TreeModel, posture: Posture, velocity: Any) -> Any:
+    """Return the derivative by time of `task_jacobian` at velocities nu (n)."""
+    columns = np.zeros((len(velocity), len(model.axes)))
+    for frame in range(frames_of(model)):
+        body, _, offset = frame_of(model, frame)
+        changes = point_jacobian_rate(model, posture, velocity, body, offset)
+        _take(model, frame, changes, columns)
+    return columns
 
 
 @kernel
@@ -155,25 +227,43 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return how the frame follows; what is desired is a rotation vector and its derivatives."""
-    r, p = tip_pose(model, posture)
-    x = _of_pose(model, desired[0])
-    v, a = _of_pose(model, desired[1]), _of_pose(model, desired[2])
-    phi = _last(x)
-    wanted = rotation_of(phi)
-    omega_d, alpha_d = angular_motion(phi, _last(v), _last(a))
-    moving, around = _twist(model, posture, motion)
-    turned = orientation_error(r, wanted)
-    turning = orientation_error_rate(r, around, wanted, omega_d)
-    velocity = (v[0], v[1], v[2], omega_d[0], omega_d[1], omega_d[2])
-    twist = (moving[0], moving[1], moving[2], around[0], around[1], around[2])
-    rate = each(minus, twist, velocity)
+    """Return how all follow; of a frame's rotation are desired a vector and its derivatives."""
+    size, nu = _coordinates(model), array_of(motion)
+    wanted, found = np.zeros((3, size)), np.empty((3, size))
+    _put(model, desired[0], 0, wanted)
+    _put(model, desired[1], 1, wanted)
+    _put(model, desired[2], 2, wanted)
+    for frame in range(frames_of(model)):
+        body, _, offset = frame_of(model, frame)
+        at, turned = POSE * frame, POSE * frame + _ROTATED
+        r, p = frame_pose(model, posture, frame)
+        v, w = point_velocity(model, posture, nu, body, offset)
+        phi = read_part(wanted, 0, turned, VECTOR)
+        aim = rotation_of(phi)
+        omega, alpha = angular_motion(
+            phi, read_part(wanted, 1, turned, VECTOR), read_part(wanted, 2, turned, VECTOR)
+        )
+        # Angular ones in the place of the vector's derivatives.
+        write_part(wanted, 1, turned, omega)
+        write_part(wanted, 2, turned, alpha)
+        rate = each(minus, v, read_part(wanted, 1, at, VECTOR))
+        write_part(found, _ERROR, at, each(minus, p, read_part(wanted, 0, at, VECTOR)))
+        write_part(found, _ERROR, turned, orientation_error(r, aim))
+        write_part(found, _ERROR_RATE, at, rate)
+        write_part(found, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
+        write_part(found, _RATE, at, rate)
+        write_part(found, _RATE, turned, each(minus, w, omega))
+    base, first = base_of(model), POSE * frames_of(model)
+    for joint in range(bodies_of(model) - 1):
+        at = first + joint
+        rate_error = nu[base + joint] - wanted[1, at]
+        found[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
+        found[_ERROR_RATE, at] = rate_error
+        found[_RATE, at] = rate_error
     return Tracking(
-        _of_task(
-            model, (p[0] - x[0], p[1] - x[1], p[2] - x[2], turned[0], turned[1], turned[2])
-        ),
-        _of_task(model, (rate[0], rate[1], rate[2], turning[0], turning[1], turning[2])),
-        _of_task(model, rate),
-        _of_task(model, velocity),
-        _of_task(model, (a[0], a[1], a[2], alpha_d[0], alpha_d[1], alpha_d[2])),
+        _of_task(model, found, _ERROR),
+        _of_task(model, found, _ERROR_RATE),
+        _of_task(model, found, _RATE),
+        _of_task(model, wanted, 1),
+        _of_task(model, wanted, 2),
     )

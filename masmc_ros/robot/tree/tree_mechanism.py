@@ -32,7 +32,6 @@ from masmc_ros.robot.declaration import (
     Mechanism,
     ODOM_FRAME,
     Outline,
-    Point,
     Quantity,
     register,
     Shape,
@@ -41,7 +40,7 @@ from masmc_ros.robot.declaration import (
 )
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import formulas as kernels
-from masmc_ros.robot.tree.assembly import BASES, Frame, joint_pose, tree_robot, TreeRobot
+from masmc_ros.robot.tree.assembly import BASES, joint_pose, tree_robot, TreeRobot
 from masmc_ros.robot.tree.frames import (
     BASE,
     Frames,
@@ -53,6 +52,7 @@ from masmc_ros.robot.tree.frames import (
     world_of,
 )
 from masmc_ros.robot.tree.model import packed
+from masmc_ros.robot.tree.outputs import Robot, Task, task_of
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
 from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
@@ -62,15 +62,6 @@ Array = NDArray[np.float64]
 
 NAME = 'tree'
 """As `robot.mechanism` has it."""
-
-
-TASKS = {
-    'pose': (0, 1, 2, 3, 4, 5),
-    'position': (0, 1, 2),
-    'planar': (0, 1),
-    'base': (0, 1, 5),
-}
-"""What a task can be: which of x, y, z and the rotation about them it has."""
 
 FRICTIONLESS = 'none'
 """Of the choices of robot.friction."""
@@ -88,10 +79,13 @@ PARAMETERS = (
         "Angle of each omnidirectional wheel's rollers, or of all: 0, or a mecanum wheel's",
         unit='rad',
     ),
-    Parameter('robot.tip_frame', '', 'Link that has the task; where empty, the last one, or of '
-              'the task base the base'),
-    Parameter('robot.task', 'pose', 'What of it follows a path: x, y, z and rotation vector; x, '
-              'y, z; x, y; or x, y and yaw of what stays upright', choices=tuple(TASKS)),
+    Parameter('robot.tip_frame', '', 'Link that has the task; where empty, the last one'),
+    Parameter(
+        'robot.task', ('pose',), 'What follows a path, one or several: pose, position, '
+        'orientation or planar (x, y) of the tip, base (x, y, yaw), heading (yaw), or joints; '
+        'of another frame or of some joints with their names behind: [pose, heading]',
+        broadcast=True,
+    ),
     Parameter('robot.joints', (), 'Joints that are controlled; all that can be where empty'),
     Parameter('robot.held_joints', (), 'Joints that are held'),
     Parameter('robot.held_positions', (0.0,), 'Where they are held, or 0 for all'),
@@ -171,15 +165,6 @@ _DRIVES = {
 }
 """What takes forces where no wheels do."""
 
-_AXES = (
-    Quantity('x_tip', 'm'),
-    Quantity('y_tip', 'm'),
-    Quantity('z_tip', 'm'),
-    Quantity('rx_tip', 'rad'),
-    Quantity('ry_tip', 'rad'),
-    Quantity('rz_tip', 'rad'),
-)
-
 _MOMENTS = (
     ('mass', 'kg'), ('mx', 'kg·m'), ('my', 'kg·m'), ('mz', 'kg·m'), ('mxx', 'kg·m²'),
     ('myy', 'kg·m²'), ('mzz', 'kg·m²'), ('mxy', 'kg·m²'), ('myz', 'kg·m²'), ('mzx', 'kg·m²'),
@@ -203,8 +188,8 @@ class TreeMechanism(Mechanism):
     """The URDF."""
     friction: Array
     """Coefficients of all joints, viscous ones first; none without friction."""
-    tip: str
-    """Link that has the task."""
+    tips: tuple[str, ...]
+    """Links that have the task; the robot's tip where joints have it."""
     held: Mapping[str, float]
     """Where joints are held that are not controlled."""
     made_of: Mapping[str, Any]
@@ -244,7 +229,7 @@ class TreeMechanism(Mechanism):
                 'frame_transforms', 'description', 'outline',
             )
         }  # fmt: skip
-        of_size = {'model_of': kernels.MODELS[len(self.axes)]}
+        of_size = {'model_of': kernels.model_of_axes(len(self.axes))}
         return SimpleNamespace(**{**vars(kernels), **own, **of_size})
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -324,22 +309,24 @@ class TreeMechanism(Mechanism):
         return ElementTree.tostring(root, encoding='unicode', xml_declaration=True)
 
     def _outline(self, lengths: Array, position: Array) -> Outline:
-        """Return the base and the bodies on the way to the tip, seen from above."""
+        """Return the base and the bodies on the way to each tip, seen from above."""
         of = self._frame_transforms(self._frames.origin, position[None])[0]
         children = (child for _, child in self.frames)
         places = dict(zip(children, world_of(self.frames, of), strict=True))
         r, origin = places[self.frames[0][1]]
         above = {child: parent for parent, child in self.frames}
         moving = {self.frames[i][1] for i in np.flatnonzero(self._frames.motion)}
-        link = self.tip
-        way = [places[link][1][:2]]
-        while link != self.frames[0][0]:
-            if link in moving:
-                way.append(places[link][1][:2])
-            link = above[link]
+        ways = []
+        for link in self.tips:
+            way = [places[link][1][:2]]
+            while link != self.frames[0][0]:
+                if link in moving:
+                    way.append(places[link][1][:2])
+                link = above[link]
+            ways.append(Shape('links', np.array(way[::-1])))
         corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * 0.2
         body = origin[:2] + corners @ r[:2, :2].T
-        shapes = (Shape('body', body), Shape('links', np.array(way[::-1])))
+        shapes = (Shape('body', body), *ways)
         return Outline((float(origin[0]), float(origin[1])), shapes, below=0.4, text=0.1)
 
 
@@ -365,18 +352,13 @@ def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
 
     Raises InputError for what is no robot.
     """
-    own = tuple(
-        tuple(value) if isinstance(value, list) else value
-        for value in (values.get(p.name, p.default) for p in PARAMETERS)
-    )
+    own = tuple(p.check(values.get(p.name, p.default)) for p in PARAMETERS)
     return _made(values[URDF], own)
 
 
 @lru_cache(maxsize=16)
 def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
-    values: dict[str, Any] = {
-        p.name: p.check(value) for p, value in zip(PARAMETERS, own, strict=True)
-    }
+    values: dict[str, Any] = {p.name: value for p, value in zip(PARAMETERS, own, strict=True)}
     text, description, where = described(urdf)
     names, wheels = values['robot.held_joints'], values['robot.wheels']
     angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
@@ -399,14 +381,9 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     )
     if not robot.joints:
         raise InputError(f'{where}: no joint that can be controlled; expected one at least')
-    task, base = values['robot.task'], values['robot.base']
-    if task == 'base' and base == 'differential':
-        raise InputError(
-            'robot.task = base: expected robot.base omnidirectional or fixed; of two wheels take '
-            'planar of a frame ahead of their axle, as none of their motions is sideways'
-        )
+    base = values['robot.base']
     root = values['robot.base_frame'] or description.root
-    tip = values['robot.tip_frame'] or (root if task == 'base' else robot.joints[-1].child)
+    tip = values['robot.tip_frame'] or robot.joints[-1].child
     if tip not in robot.frames:
         raise InputError(
             f"robot.tip_frame: no link '{tip}'; {suggestion(tip, tuple(robot.frames))}"
@@ -422,14 +399,19 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         Coordinate(j.name, j.name, j.name, 'm' if j.kind == 'prismatic' else 'rad')
         for j in robot.joints
     )
+    task = task_of(
+        values['robot.task'],
+        Robot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
+    )
     bodies = [root, *(j.child for j in robot.joints)]
-    model = _model(robot, robot.frames[tip], values)
+    model = _model(robot, task, values)
     joints = len(drives) + len(arm)
     if len(_POSE) + joints > LONGEST:
         raise InputError(
             f'{where}: {joints} joints; expected up to {LONGEST - len(_POSE)}: name those to be'
             ' controlled in robot.joints'
         )
+    tips = task.frames or (tip,)
     efforts = robot.limits.effort
     limits = np.zeros(joints)
     limits[joints - len(efforts):] = np.where(np.isfinite(efforts), efforts, 0.0)
@@ -443,25 +425,29 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         name=NAME,
         base=_POSE,
         joints=(*drives, *arm),
-        axes=tuple(_AXES[axis] for axis in TASKS[task]),
+        axes=task.axes,
         theta=tuple(
             Quantity(f'{body}_{name}', unit) for body in bodies for name, unit in _MOMENTS
         )
         + coefficients,
         twist=_TWISTS[base],
-        points=(Point('T', 'tip', 'tip', 'the tip', 0),),
+        points=task.points,
         groups=(
             *((Group('base', 0, len(drives)),) if drives else ()),
             Group('arm', len(drives), joints),
         ),
         frames=_pairs(description, root),
-        point_frame=tip,
+        point_frame=tips[0],
         parameters=PARAMETERS,
         law_parameters=_LAW_PARAMETERS,
         lengths=tuple(map(str, range(len(model)))),
         model=model,
         module=kernels.__name__,
-        defaults={'torque_limit': tuple(limits.tolist()), 'initial_pose': (0.0, 0.0, 0.0)},
+        defaults={
+            'torque_limit': tuple(limits.tolist()),
+            'initial_pose': (0.0, 0.0, 0.0),
+            'line_sine.offset': task.rest(_rest(robot, values).tolist()),
+        },
         origin='origin of the base',
         singular='its least pivot is below robot.least_pivot',
         is_planar=base != 'fixed',
@@ -469,27 +455,32 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         description=description,
         text=text,
         friction=friction,
-        tip=tip,
+        tips=tips,
         held=held,
-        made_of={URDF: urdf, **{p.name: value for p, value in zip(PARAMETERS, own, strict=True)}},
+        made_of={URDF: urdf, **values},
     )
     register(mechanism)
     return mechanism
 
 
-def _model(robot: TreeRobot, tip: Frame, values: Mapping[str, Any]) -> Array:
+def _rest(robot: TreeRobot, values: Mapping[str, Any]) -> Array:
+    """Return the posture of the joints."""
+    return _as_many(values['robot.posture'], len(robot.joints), 'robot.posture')
+
+
+def _model(robot: TreeRobot, task: Task, values: Mapping[str, Any]) -> Array:
     """Return what the formulas need, as one vector."""
     base, joints = robot.tree.base, len(robot.joints)
     mobility = np.ones(base + joints)
     mobility[:base] = values['robot.base_mobility']
-    rest = _as_many(values['robot.posture'], joints, 'robot.posture')
+    frames = [robot.frames[link] for link in task.frames]
     return packed(
         robot.tree,
         np.eye(base) if robot.wheels is None else robot.wheels.matrix,
-        (tip.body, tip.rotation, tip.offset),
-        TASKS[values['robot.task']],
+        [(frame.body, frame.rotation, frame.offset) for frame in frames],
+        task.places,
         mobility,
-        np.concatenate([np.zeros(base), rest]),
+        np.concatenate([np.zeros(base), _rest(robot, values)]),
         _limits(robot, values['robot.limit_margin']),
         values['robot.posture_gain'],
         values['robot.damping'],

@@ -1,0 +1,190 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a tree's task is made of: outputs, each of a frame or of joints, and the axes that they have.
+
+This is the one place that knows them: coordinates, names, units and what reports show follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+import re
+from string import ascii_uppercase
+from typing import NamedTuple
+
+from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.tuples import LONGEST
+from masmc_ros.robot.declaration import Coordinate, Point, Quantity
+
+OUTPUTS = {
+    'pose': (0, 1, 2, 3, 4, 5),
+    'position': (0, 1, 2),
+    'orientation': (3, 4, 5),
+    'planar': (0, 1),
+    'base': (0, 1, 5),
+    'heading': (5,),
+}
+"""Kinds of outputs of frames: which of x, y, z and the rotation about them each has."""
+
+JOINTS = 'joints'
+"""The kind of output of joints."""
+
+_OF_BASE = ('base', 'heading')
+"""Kinds that are the base's where they name no frame."""
+
+_AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz', 'rad'))
+"""Coordinates of a frame."""
+
+
+class Robot(NamedTuple):
+    """What outputs can be of."""
+
+    links: Collection[str]
+    joints: Sequence[Coordinate]
+    """Those that are controlled, without wheels."""
+    tip: str
+    """Link that outputs are of which name none."""
+    base: str
+    """Link that those of the base are of."""
+    goes_sideways: bool
+    """Whether its base can, or stands."""
+
+
+class Task(NamedTuple):
+    """All outputs."""
+
+    frames: tuple[str, ...]
+    """Links, each once."""
+    places: tuple[int, ...]
+    """Of the axes among the coordinates of `task.py`."""
+    axes: tuple[Quantity, ...]
+    points: tuple[Point, ...]
+    """What of the axes reports look at together."""
+
+    def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
+        """Return for each axis the position in a posture of its joint; 0 for one of a frame."""
+        first = len(_AXES) * len(self.frames)
+        return tuple(posture[at - first] if at >= first else 0.0 for at in self.places)
+
+
+class _Output(NamedTuple):
+    """One of them; of joints the link is empty."""
+
+    kind: str
+    link: str
+    axes: tuple[int, ...]
+    """Among the coordinates of the frame, or among the joints."""
+
+
+def task_of(texts: Sequence[str], robot: Robot) -> Task:
+    """Return what outputs come to, each a kind, and what it is of; InputError for what is none."""
+    outputs = [_output(text, robot) for text in texts]
+    frames = tuple(dict.fromkeys(each.link for each in outputs if each.link))
+    places: list[int] = []
+    axes: list[Quantity] = []
+    for text, each in zip(texts, outputs, strict=True):
+        first = len(_AXES) * (frames.index(each.link) if each.link else len(frames))
+        end = each.link if len(frames) > 1 else 'tip'
+        for axis in each.axes:
+            if first + axis in places:
+                raise InputError(
+                    f"robot.task: '{text}' has an axis that one before it has; expected each once"
+                )
+            places.append(first + axis)
+            if each.link:
+                name, unit = _AXES[axis]
+                axes.append(Quantity(f'{name}_{end}', unit))
+            else:
+                joint = robot.joints[axis]
+                axes.append(Quantity(joint.name, joint.unit))
+    if not 0 < len(axes) <= LONGEST:
+        raise InputError(f'robot.task: {len(axes)} axes; expected 1 to {LONGEST}')
+    return Task(frames, tuple(places), tuple(axes), _points(outputs, axes))
+
+
+def _output(text: str, robot: Robot) -> _Output:
+    kind, _, of = text.strip().partition(' ')
+    of = of.strip()
+    if kind == JOINTS:
+        names = [joint.name for joint in robot.joints]
+        unknown = [name for name in of.split() if name not in names]
+        if unknown:
+            raise InputError(
+                f"robot.task: no joint '{unknown[0]}' is controlled; "
+                f'{suggestion(unknown[0], tuple(names))}'
+            )
+        return _Output(kind, '', tuple(names.index(name) for name in of.split() or names))
+    if kind not in OUTPUTS:
+        kinds = (*OUTPUTS, JOINTS)
+        raise InputError(f"robot.task: no output '{kind}'; {suggestion(kind, kinds)}")
+    if kind == 'base' and not robot.goes_sideways:
+        raise InputError(
+            'robot.task = base: expected robot.base omnidirectional or fixed; of two wheels take '
+            'heading, and planar of a frame ahead of their axle, as none of their motions is '
+            'sideways'
+        )
+    link = of or (robot.base if kind in _OF_BASE else robot.tip)
+    if link not in robot.links:
+        raise InputError(f"robot.task: no link '{link}'; {suggestion(link, tuple(robot.links))}")
+    return _Output(kind, link, OUTPUTS[kind])
+
+
+class _Part(NamedTuple):
+    """Neighbouring axes of one unit."""
+
+    name: str
+    first: int
+    size: int
+    unit: str
+    is_place: bool = False
+
+
+def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point, ...]:
+    """Return x and y of each output that has them, rotations alone, and joints of one unit."""
+    parts, at = [], 0
+    for each in outputs:
+        end = at + len(each.axes)
+        if not each.link:
+            parts += _of_joints(axes, at, end)
+        elif each.axes[:2] == OUTPUTS['planar']:
+            parts.append(_Part(each.link, at, 2, 'm', is_place=True))
+        else:
+            parts.append(_Part(f'{each.kind} of {each.link}', at, len(each.axes), 'rad'))
+        at = end
+    if len(parts) == 1:
+        (only,) = parts
+        symbol, name = ('T', 'tip') if only.is_place else ('q', only.name)
+        return (_point(symbol, only._replace(name=name)),)
+    return tuple(
+        _point(f'{ascii_uppercase[i % 26]}{i // 26 or ""}', part) for i, part in enumerate(parts)
+    )
+
+
+def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
+    """Return neighbours of the same unit."""
+    changes = [i for i in range(first + 1, end) if axes[i].unit != axes[i - 1].unit]
+    found = []
+    for begin, stop in zip((first, *changes), (*changes, end), strict=True):
+        name = f'{axes[begin].name} to {axes[stop - 1].name}'
+        name = axes[begin].name if stop == begin + 1 else name if changes else JOINTS
+        found.append(_Part(name, begin, stop - begin, axes[begin].unit))
+    return found
+
+
+def _point(symbol: str, part: _Part) -> Point:
+    key = re.sub(r'\W+', '_', part.name)
+    title = f'the {part.name}'
+    return Point(symbol, key, part.name, title, part.first, part.size, part.unit, part.is_place)

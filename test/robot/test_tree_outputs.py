@@ -1,0 +1,121 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Outputs of a tree's task: their axes, names and units, what reports show, what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
+import numpy as np
+import pytest
+from small_tree import parameters, START
+
+
+def robot(*outputs: str, **given: Any) -> TreeMechanism:
+    """Return the small robot with a task."""
+    return tree_mechanism({**parameters(), 'robot.task': outputs, **given})
+
+
+def names(mechanism: TreeMechanism) -> list[str]:
+    """Return those of its axes."""
+    return [axis.name for axis in mechanism.axes]
+
+
+def test_one_frame_is_the_tip_and_several_have_their_names() -> None:
+    assert names(robot('planar')) == ['x_tip', 'y_tip']
+    one = robot('planar', 'orientation')
+    assert names(one) == ['x_tip', 'y_tip', 'rx_tip', 'ry_tip', 'rz_tip']
+    two = robot('position', 'planar turret', 'heading')
+    assert names(two) == ['x_hand', 'y_hand', 'z_hand', 'x_turret', 'y_turret', 'rz_base_link']
+    assert [axis.unit for axis in two.axes] == ['m'] * 5 + ['rad']
+
+
+def test_a_string_is_a_task_too() -> None:
+    assert tree_mechanism({**parameters(), 'robot.task': 'planar'}) is robot('planar')
+
+
+def test_joints_are_all_or_those_that_are_named() -> None:
+    joints = ['turret_joint', 'lift_joint', 'upper_joint', 'fore_joint', 'hand_joint']
+    every = robot('joints')
+    assert names(every) == joints
+    assert [axis.unit for axis in every.axes] == ['rad', 'm', 'rad', 'rad', 'rad']
+    assert names(robot('joints fore_joint  turret_joint')) == ['fore_joint', 'turret_joint']
+    assert names(robot('position', 'joints lift_joint'))[3:] == ['lift_joint']
+
+
+def test_the_task_is_where_frames_and_joints_are() -> None:
+    """Axis by axis that of a task of one output, whichever come before it."""
+    position = np.array([[0.3, -0.2, 0.5, 1.0, 2.0, *START[2:]]])
+
+    def at(*outputs: str) -> np.ndarray:
+        mechanism = robot(*outputs)
+        values = {p.name: p.default for p in mechanism.parameters} | parameters()
+        return robot_of(values | {'robot.task': outputs}).task_positions(position)[0]
+
+    together = at('joints fore_joint', 'pose upper', 'heading', 'position', 'joints turret_joint')
+    alone = [at('joints fore_joint'), at('pose upper'), at('heading'), at('position')]
+    np.testing.assert_array_equal(together, np.concatenate([*alone, at('joints turret_joint')]))
+    assert at('heading') == pytest.approx([0.5], abs=1e-12)
+    assert at('joints') == pytest.approx(START[2:])
+
+
+def test_a_path_of_joints_begins_as_their_posture() -> None:
+    mechanism = robot('planar', 'joints')
+    assert mechanism.default('line_sine.offset', 'axes') == (0.0, 0.0, *START[2:])
+
+
+def test_reports_tell_of_every_output_in_its_unit() -> None:
+    (tip,) = robot('pose').points
+    assert tip == ('T', 'tip', 'tip', 'the tip', 0, 2, 'm', True)
+    (joints,) = robot('joints upper_joint fore_joint').points
+    assert joints == ('q', 'joints', 'joints', 'the joints', 0, 2, 'rad', False)
+    points = robot('joints', 'planar turret', 'heading').points
+    told = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
+    assert told == [
+        ('A', 'turret_joint', slice(0, 1), 'mrad'),
+        ('B', 'lift_joint', slice(1, 2), 'mm'),
+        ('C', 'upper_joint to hand_joint', slice(2, 5), 'mrad'),
+        ('D', 'turret', slice(5, 7), 'mm'),
+        ('E', 'heading of base_link', slice(7, 8), 'mrad'),
+    ]
+    assert [point.key for point in points][2] == 'upper_joint_to_hand_joint'
+    assert [place.name for place in robot('joints', 'planar turret').places] == ['turret']
+
+
+@pytest.mark.parametrize(
+    ('outputs', 'text'),
+    [
+        (('pos',), r"no output 'pos'; did you mean pose\?"),
+        (('pose hnad',), r"robot\.task: no link 'hnad'; did you mean hand\?"),
+        (('joints uper_joint',), r"'uper_joint' is controlled; did you mean upper_joint"),
+        (('joints wheel_left_joint',), "no joint 'wheel_left_joint' is controlled"),
+        (('pose', 'planar hand'), "'planar hand' has an axis that one before it has"),
+        (('joints', 'joints lift_joint'), 'has an axis that one before it has'),
+        ((), r'robot\.task: 0 axes; expected 1 to 48'),
+        (('heading', 'base'), r'expected robot\.base omnidirectional or fixed'),
+    ],
+)
+def test_what_is_no_task_is_refused(outputs: tuple[str, ...], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        robot(*outputs)
+
+
+def test_more_axes_than_a_vector_has_entries_are_refused() -> None:
+    frames = ('turret', 'lift', 'upper', 'fore', 'hand', 'base_link', 'wheel_left', 'wheel_right')
+    with pytest.raises(InputError, match=r'robot\.task: 53 axes; expected 1 to 48'):
+        robot(*(f'pose {frame}' for frame in frames), 'joints')
