@@ -168,4 +168,4 @@ def test_a_task_of_joints_is_logged_reported_and_exported(tmp_path: Path) -> Non
     head = metrics.splitlines()[0].split(',')
     assert {'turret_joint_rms (rad)', 'lift_joint_rms (m)'} <= set(head)
     table = (tmp_path / 'export' / 'run.csv').read_text(encoding='utf-8').splitlines()[0]
-    assert {'error_lift_joint_m', 'reference_hand_joint_rad'} <= set(table.split(','))
+    assert {'error_lift_joint_m', 'reference_position_hand_joint_rad'} <= set(table.split(','))
