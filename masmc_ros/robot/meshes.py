@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.robot.tree.packages import resource_path
+from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree.urdf import read_urdf
 
 _SUFFIXES = {'.dae', '.glb', '.gltf', '.obj', '.ply', '.stl'}

@@ -37,7 +37,7 @@ CONTACT_NOTE = (
 _UNKNOWN = Reached(None, None, None)
 _DIGITS = 5
 _SMALL = 1.0e3
-"""Errors are told in mm and mrad."""
+"""Errors are told in mm and mrad, slip in mm/s."""
 
 
 def text_table(rows: Mapping[str, Metrics]) -> str:
@@ -163,7 +163,7 @@ def cells(
     others = [row.torque_rms, row.torque_variation, row.estimate_norm]
     if contact:
         slip = row.fastest_slip
-        others += [None if slip is None else slip * _MILLIMETRES, row.least_normal_force]
+        others += [None if slip is None else slip * _SMALL, row.least_normal_force]
     return [
         label,
         f'{row.begin:g}-{row.end:g}',
