@@ -16,11 +16,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 import json
 from typing import Any, NamedTuple
 
+from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.messages.layout import NANOSECONDS
+from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.robot import Robot, robot_of
 
 
@@ -64,10 +67,14 @@ def run_robot(run: Run) -> Robot | None:
 
     A simulated plant has the real lengths; the other nodes have what they believe.
     """
+    declared = run.mechanism.parameters
     for node in ('plant', 'controller', 'trajectory'):
         values = run.parameters.get(node, {})
-        if all(_is_number(values.get(p.name)) for p in run.mechanism.parameters):
-            return robot_of(values)
+        told = {p.name: values[p.name] for p in declared if p.name in values}
+        if len(told) == len(declared):
+            with suppress(InputError):
+                checked = check_all(declared, told, integers_for_doubles=True)
+                return robot_of({**values, **checked})
     return None
 
 
@@ -81,7 +88,3 @@ def change_texts(change: Change) -> tuple[str, str]:
 def value_text(value: Any) -> str:
     """Return a parameter's value as a parameter file has it, '?' for one not known."""
     return '?' if value is None else json.dumps(value, ensure_ascii=False)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
