@@ -44,3 +44,28 @@ def solve_definite(n: int, work: Any) -> None:
         for j in range(i + 1, n):
             value -= work[i, j] * work[j, n]
         work[i, n] = value / work[i, i]
+
+
+@formula
+def solve_band(band: Any, right: Any) -> None:
+    """
+    Solve A X = B in place: `right` (n, m) is B, and then X.
+
+    A is positive definite; `band` (n, width) has its diagonals from the main one to the right,
+    A[i, i + d] being band[i, d], and loses them.
+    """
+    n, width, columns = band.shape[0], band.shape[1], right.shape[1]
+    for i in range(n):
+        for d in range(1, min(width, n - i)):
+            factor = band[i, d] / band[i, 0]
+            for e in range(d, min(width, n - i)):
+                band[i + d, e - d] -= factor * band[i, e]
+            for j in range(columns):
+                right[i + d, j] -= factor * right[i, j]
+    for reverse in range(n):
+        i = n - 1 - reverse
+        for j in range(columns):
+            value = right[i, j]
+            for d in range(1, min(width, n - i)):
+                value -= band[i, d] * right[i + d, j]
+            right[i, j] = value / band[i, 0]

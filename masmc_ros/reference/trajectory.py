@@ -16,14 +16,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Protocol
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
+from masmc_ros.reference.arc import Arc
 from masmc_ros.reference.line_sine import line_sine
+from masmc_ros.reference.reference import Declared, made, Reference
+from masmc_ros.reference.waypoints import Waypoints
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.robot import Robot
 import numpy as np
@@ -31,26 +34,6 @@ from numpy.typing import NDArray
 
 ENTRY_POINTS = 'masmc_ros.references'
 """Group of entry points through which a user's own trajectory types plug in."""
-
-Declared = tuple[Parameter, ...] | Callable[[Mechanism], tuple[Parameter, ...]]
-"""What a type of trajectory declares: parameters, or a function of the mechanism for them."""
-
-
-class Reference(Protocol):
-    """
-    A type of trajectory: class attribute `parameters`, made from checked values.
-
-    One that is for certain task axes alone has their names as its class attribute `axes`.
-    """
-
-    parameters: ClassVar[Declared]
-
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take checked values, names without the type's prefix."""
-
-    def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (n, 3 axes) samples at times (n) in s: positions, velocities, accelerations."""
-        ...
 
 
 def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -100,7 +83,9 @@ def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
     return out
 
 
-BUILT_IN: dict[str, type[Reference]] = {'line_sine': LineSine}
+BUILT_IN: dict[str, type[Reference]] = {
+    'line_sine': LineSine, 'waypoints': Waypoints, 'arc': Arc
+}
 
 
 def types() -> tuple[str, ...]:
@@ -134,7 +119,8 @@ class Trajectory:
         """
         Take checked values of `parameters`, and the control period in s.
 
-        Raises InputError where the trajectory is for other task axes than the robot's.
+        Raises InputError where the trajectory is for other task axes than the robot's, and for
+        values that contradict each other.
         """
         kind = values['type']
         block = f'{kind}.'
@@ -146,9 +132,8 @@ class Trajectory:
                 f'type = {kind}: a trajectory of {", ".join(wanted)}; expected one of '
                 f'{", ".join(own)}, the task axes of {robot.mechanism.name}'
             )
-        self._reference = chosen(
-            {n.removeprefix(block): v for n, v in values.items() if n.startswith(block)}
-        )
+        own_values = {n.removeprefix(block): v for n, v in values.items() if n.startswith(block)}
+        self._reference = made(chosen, own_values, robot.mechanism)
         self._period = period
         self._robot = robot
         self._axes = len(own)

@@ -127,6 +127,24 @@ BAD_FILES = {
     'unknown switching': BadFile('controller', 'switching: tan', ('switching', 'tan', 'tanh')),
     'unknown pacing': BadFile('plant', 'pacing: fast', ('pacing', 'lockstep, realtime')),
     'unknown trajectory': BadFile('trajectory', 'type: circle', ('type', 'circle', 'line_sine')),
+    'times that do not ascend': BadFile(
+        'trajectory',
+        'type: waypoints\nwaypoints.times: [0.0, 2.0, 1.0]',
+        ('waypoints.times', '1.0 follows 2.0', 'ascend'),
+        line=None,
+    ),
+    'points for other times': BadFile(
+        'trajectory',
+        'type: waypoints\nwaypoints.times: [0.0, 2.0]',
+        ('waypoints.points', '4 numbers', 'expected 8', 'x_E, y_E, x_F, y_F'),
+        line=None,
+    ),
+    'negative time of a point': BadFile(
+        'trajectory', 'waypoints.times: [-1.0]', ('waypoints.times', '-1.0', '>= 0')
+    ),
+    'arc about its start': BadFile(
+        'trajectory', 'type: arc\narc.centre: [0.3, 0.5]', ('arc.start', 'axis'), line=None
+    ),
     'out of reach': BadFile(
         'trajectory',
         'line_sine.offset: [3.0, 0.5, 0.0, 0.0]',

@@ -1,0 +1,148 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An arc of a circle about an axis in space, from rest to rest, or a whole one and more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any, ClassVar
+
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.reference.hermite import quintic
+from masmc_ros.reference.reference import Declared
+from masmc_ros.robot.declaration import Mechanism
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SPACE = 3
+
+
+def _coordinates(mechanism: Mechanism) -> tuple[int, ...]:
+    """Return which task axes are x, y and perhaps z of the first place; none without a place."""
+    if not mechanism.places:
+        return ()
+    first, axes = mechanism.places[0].first, mechanism.axes
+    z = 'z' + axes[first].name.removeprefix('x')
+    has_z = first + 2 < len(axes) and axes[first + 2].name == z
+    return tuple(range(first, first + (_SPACE if has_z else 2)))
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    start = mechanism.default('line_sine.offset', 'axes')
+    units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
+    dimensions = len(_coordinates(mechanism)) or _SPACE
+    normal = Parameter(
+        'arc.normal', (0.0, 0.0, 1.0),
+        'Direction of the axis, about which a positive angle turns as a right-handed screw does',
+        length=_SPACE,
+    )  # fmt: skip
+    return (
+        Parameter(
+            'arc.start', start, 'Where it begins; other axes than those of the circle stay there',
+            unit=units, length=len(start),
+        ),
+        Parameter(
+            'arc.centre', (0.0,) * dimensions, 'A point of the axis about which it goes',
+            unit='m', length=dimensions,
+        ),
+        *((normal,) if dimensions == _SPACE else ()),
+        Parameter('arc.angle', 2.0 * math.pi, 'How far it goes about the axis', unit='rad'),
+        Parameter('arc.delay', 0.0, 'When it sets out', unit='s', minimum=0.0),
+        Parameter(
+            'arc.duration', 10.0, 'How long it takes',
+            unit='s', minimum=0.0, exclusive_minimum=True,
+        ),
+    )  # fmt: skip
+
+
+class Arc:
+    """
+    Goes about an axis through an angle, with the least jerk along the arc, and holds the ends.
+
+    x(t) = foot + u cos(angle(t)) + w sin(angle(t)): u leads from the axis to the start, and w
+    is across both.
+    """
+
+    parameters: ClassVar[Declared] = staticmethod(_parameters)
+
+    def __init__(self, values: Mapping[str, Any], first: int = 0) -> None:
+        """Take checked values, names without the type's prefix, and which task axis is x."""
+        self._start = np.array(values['start'], dtype=np.float64)
+        self._first, dimensions = first, len(values['centre'])
+        normal = values['normal'] if dimensions == _SPACE else (0.0, 0.0, 1.0)
+        length = math.sqrt(sum(each * each for each in normal))
+        if not length > 0.0:
+            raise InputError(f'arc.normal = {list(normal)}: expected a direction')
+        nx, ny, nz = (each / length for each in normal)
+        start = values['start'][first:first + dimensions]
+        away = [at - of for at, of in zip(start, values['centre'], strict=True)]
+        x, y, z = away if dimensions == _SPACE else (*away, 0.0)
+        along = x * nx + y * ny + z * nz
+        u = x - along * nx, y - along * ny, z - along * nz
+        if not any(u):
+            raise InputError(
+                f'arc.start: {list(start)} is on the axis of the circle; expected one beside it'
+            )
+        w = ny * u[2] - nz * u[1], nz * u[0] - nx * u[2], nx * u[1] - ny * u[0]
+        self._circle = np.array([u, w])[:, :dimensions].copy()
+        self._angle = float(values['angle'])
+        self._delay, self._duration = float(values['delay']), float(values['duration'])
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Arc:
+        """Make it for the first place of the task; InputError where it has none."""
+        found = _coordinates(mechanism)
+        if not found:
+            raise InputError(
+                'type = arc: a trajectory of x and y; expected another type, as the task is '
+                f'{", ".join(axis.name for axis in mechanism.axes)}'
+            )
+        return cls(values, found[0])
+
+    def sample(self, times: Array) -> Array:
+        """Return (n, 3 axes) samples at times (n) in s."""
+        return _sample(
+            self._start, self._circle, self._first, self._angle, self._delay, self._duration, times
+        )
+
+
+@kernel
+def _sample(
+    start: Any, circle: Any, first: int, angle: float, delay: float, duration: float, times: Any
+) -> Array:
+    axes = len(start)
+    out = np.zeros((len(times), 3 * axes))
+    for k in range(len(times)):
+        for j in range(axes):
+            out[k, j] = start[j]
+        part = max((times[k] - delay) / duration, 0.0)
+        way, speed, change = angle, 0.0, 0.0
+        if part < 1.0:
+            way, speed, change = quintic((0.0, 0.0, 0.0), (angle, 0.0, 0.0), duration, part)
+        s, c = sin_cos(way)
+        for j in range(circle.shape[1]):
+            u, w = circle[0, j], circle[1, j]
+            ahead, inward = w * c - u * s, u * c + w * s
+            # Of the start, so that it is there to the last bit before it sets out.
+            out[k, first + j] = start[first + j] + (w * s - u * (1.0 - c))
+            out[k, axes + first + j] = speed * ahead
+            out[k, 2 * axes + first + j] = change * ahead - speed * speed * inward
+    return out

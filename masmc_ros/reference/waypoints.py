@@ -1,0 +1,170 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Through points at given times, from rest to rest: at rest in each of them, or smoothly through all.
+
+Where it does not stop, the path is the one of least jerk through its points: of all that are at
+them at their times and begin and end at rest, that with the least integral of the squared third
+derivative (Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
+predicts the speed profiles of complex arm movements). That is a spline of degree five whose
+derivatives are continuous up to the fourth. Where it stops, it goes in straight lines, each of
+least jerk (Flash and Hogan 1985).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, ClassVar
+
+from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.elimination import solve_band
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.params.text import yaml_text
+from masmc_ros.reference.hermite import quintic
+from masmc_ros.reference.reference import Declared
+from masmc_ros.robot.declaration import Mechanism
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
+    return (
+        Parameter(
+            'waypoints.times', (0.0,), 'When it is at each point, one after the other',
+            unit='s', minimum=0.0,
+        ),
+        Parameter(
+            'waypoints.points', mechanism.default('line_sine.offset', 'axes'),
+            'The points, one after the other, with a number for each task axis', unit=units,
+        ),
+        Parameter(
+            'waypoints.stops', False,
+            'Whether it stops at each point, with straight lines from one to the next',
+        ),
+    )  # fmt: skip
+
+
+class Waypoints:
+    """Holds the first point until its time, goes through the others, and holds the last."""
+
+    parameters: ClassVar[Declared] = staticmethod(_parameters)
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take checked values, names without the type's prefix; as many numbers for each time."""
+        self._times = np.array(values['times'], dtype=np.float64)
+        points = np.array(values['points'], dtype=np.float64).reshape(len(self._times), -1)
+        self._knots = np.hstack([points, np.zeros((len(points), 2 * points.shape[1]))])
+        if not values['stops']:
+            _pass_through(self._times, self._knots)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Waypoints:
+        """Hold times and points against each other and the task; InputError where they differ."""
+        times, axes = values['times'], mechanism.axes
+        if not times:
+            raise InputError('waypoints.times = []: expected a time for each point')
+        for before, time in pairwise(times):
+            if not before < time:
+                raise InputError(
+                    f'waypoints.times: {yaml_text(time)} follows {yaml_text(before)}; expected '
+                    'times that ascend'
+                )
+        count, expected = len(values['points']), len(times) * len(axes)
+        if count != expected:
+            raise InputError(
+                f'waypoints.points: {count} numbers; expected {expected}, for each of '
+                f'{len(times)} times one of {", ".join(axis.name for axis in axes)}'
+            )
+        return cls(values)
+
+    def sample(self, times: Array) -> Array:
+        """Return (n, 3 axes) samples at times (n) in s."""
+        return _sample(self._times, self._knots, times)
+
+
+@kernel
+def _pass_through(times: Any, knots: Any) -> None:
+    """
+    Write velocity and acceleration into knots (n, 3 axes) that have positions.
+
+    Those between the ends are such that the third and fourth derivatives do not step: each
+    knot has two unknowns, its velocity and its acceleration, and an equation for each
+    derivative, of the knot and its neighbours. The matrix is that of the integral of the
+    squared jerk, which is symmetric and positive definite, and has seven diagonals.
+    """
+    n, axes = len(times) - 2, knots.shape[1] // 3
+    if n < 1:
+        return
+    band, right = np.zeros((2 * n, 4)), np.zeros((2 * n, axes))
+    for i in range(n):
+        before, after = times[i + 1] - times[i], times[i + 2] - times[i + 1]
+        p, q = 1.0 / before, 1.0 / after
+        v, a = 2 * i, 2 * i + 1
+        band[v, 0] = 192.0 * (p * p * p + q * q * q)
+        band[v, 1] = 36.0 * (q * q - p * p)
+        band[a, 0] = 9.0 * (p + q)
+        if i + 1 < n:
+            band[v, 2] = 168.0 * q * q * q
+            band[v, 3] = -24.0 * q * q
+            band[a, 1] = 24.0 * q * q
+            band[a, 2] = -3.0 * q
+        for j in range(axes):
+            come = (knots[i + 1, j] - knots[i, j]) * p * p * p
+            go = (knots[i + 2, j] - knots[i + 1, j]) * q * q * q
+            right[v, j] = 360.0 * (come * p + go * q)
+            right[a, j] = 60.0 * (go - come)
+    solve_band(band, right)
+    for i in range(n):
+        for j in range(axes):
+            knots[i + 1, axes + j] = right[2 * i, j]
+            knots[i + 1, 2 * axes + j] = right[2 * i + 1, j]
+
+
+@kernel
+def _sample(times: Any, knots: Any, at: Any) -> Array:
+    last, axes = len(times) - 1, knots.shape[1] // 3
+    out = np.empty((len(at), 3 * axes))
+    for k in range(len(at)):
+        time = at[k]
+        if not times[0] < time < times[last]:
+            end = 0 if time <= times[0] else last
+            for j in range(3 * axes):
+                out[k, j] = knots[end, j]
+            continue
+        low, high = 0, last
+        while high - low > 1:
+            middle = (low + high) // 2
+            if times[middle] <= time:
+                low = middle
+            else:
+                high = middle
+        period = times[high] - times[low]
+        part = (time - times[low]) / period
+        for j in range(axes):
+            position, velocity, acceleration = quintic(
+                (knots[low, j], knots[low, axes + j], knots[low, 2 * axes + j]),
+                (knots[high, j], knots[high, axes + j], knots[high, 2 * axes + j]),
+                period,
+                part,
+            )
+            out[k, j] = position
+            out[k, axes + j] = velocity
+            out[k, 2 * axes + j] = acceleration
+    return out

@@ -1,0 +1,72 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The paper's robot goes through waypoints and along an arc."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+
+PAPER = str(Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml')
+IMPLICIT = ('controller.switching=implicit', 'controller.observer_gain=0.5')
+NEAR = 5e-5
+"""How far in m an axis may be from where it is to be, once the start is forgotten."""
+SETTLED = 4000
+
+TIMES = [0.0, 4.0, 6.5, 9.0]
+POINTS = [
+    [0.3, 0.5, 0.0, 0.0], [0.9, 0.9, 0.5, 0.4], [1.2, 0.6, 0.8, 0.2], [0.8, 0.1, 0.5, 0.3],
+]  # fmt: skip
+
+
+def axes_of_a_run(*settings: str) -> NDArray[np.float64]:
+    """Return where E and F truly are at every tick of 10 s, (n, 4)."""
+    scenario = load_scenario(PAPER, (*IMPLICIT, 'duration=10.0', *settings))
+    position = np.concatenate([part.true_position for part in Simulation(scenario).run()])
+    return robot_of(scenario['plant']).task_positions(position)
+
+
+@pytest.mark.parametrize('stops', ['false', 'true'])
+def test_it_goes_through_waypoints_at_their_times(stops: str) -> None:
+    numbers = [number for point in POINTS for number in point]
+    found = axes_of_a_run(
+        'trajectory.type=waypoints', f'trajectory.waypoints.times={TIMES}',
+        f'trajectory.waypoints.points={numbers}', f'trajectory.waypoints.stops={stops}',
+    )  # fmt: skip
+    for time, point in zip(TIMES[1:], POINTS[1:], strict=True):
+        assert found[round(1000 * time)] == pytest.approx(point, abs=NEAR)
+    # Stays at the last point.
+    assert found[-1] == pytest.approx(POINTS[-1], abs=NEAR)
+
+
+def test_the_end_effector_goes_along_an_arc_while_the_platform_stays() -> None:
+    centre, angle = (0.3, 0.6), 1.5 * math.pi
+    found = axes_of_a_run(
+        'trajectory.type=arc', 'trajectory.arc.start=[0.3, 0.4, 0.0, 0.0]',
+        f'trajectory.arc.centre={list(centre)}', f'trajectory.arc.angle={angle}',
+        'trajectory.arc.delay=2.0', 'trajectory.arc.duration=7.0',
+    )  # fmt: skip
+    settled = found[SETTLED:]
+    distance = np.hypot(settled[:, 0] - centre[0], settled[:, 1] - centre[1])
+    assert distance == pytest.approx(0.2, abs=NEAR)
+    assert np.abs(settled[:, 2:]).max() < NEAR
+    assert settled[-1, :2] == pytest.approx([0.1, 0.6], abs=NEAR)

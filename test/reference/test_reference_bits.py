@@ -1,0 +1,67 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Waypoints and arcs have the same bits on every machine, compiled and interpreted."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+
+from masmc_ros.reference.arc import Arc
+from masmc_ros.reference.waypoints import Waypoints
+import numpy as np
+import pytest
+from surroundings import surroundings
+
+RECORDED = {
+    'waypoints': '521cd8feccb48a18ae288482081eb02c1bd9fbb4afb9cc558036db4e2373ffcf',
+    'stops': '821d0bbc0ecabeab48ae601f8d1c6206c82586789b43e012cb7a82e3bdd5da19',
+    'arc': 'f3795fdd3ab319392cb1176bc9057b2c05234ac4f0dc154ab460202b6da95538',
+}
+"""Digests as every machine must give them."""
+
+
+def digest(name: str) -> str:
+    """Return that of samples over and beyond a trajectory."""
+    at = np.arange(-100.0, 2000.0) * 0.005
+    if name == 'arc':
+        arc = Arc({
+            'start': (0.6, 0.3, 0.8, 1.8, 1.1, 1.1), 'centre': (0.75, 0.35, 0.8),
+            'normal': (1.0, -0.3, 0.7), 'angle': 8.0, 'delay': 0.3, 'duration': 7.7,
+        })  # fmt: skip
+        return hashlib.sha256(arc.sample(at).tobytes()).hexdigest()
+    times = np.array([0.1, 0.35, 2.0, 3.3, 7.2, 9.0])
+    points = (np.arange(36.0) * 7.0 % 5.0 - 2.0) / 3.0
+    way = Waypoints({'times': times, 'points': points, 'stops': name == 'stops'})
+    return hashlib.sha256(way.sample(at).tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize('name', RECORDED)
+def test_this_machine_gives_the_recorded_bits(name: str) -> None:
+    assert digest(name) == RECORDED[name]
+
+
+def test_interpreted_formulas_give_them_too() -> None:
+    environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
+    told = subprocess.run(
+        [sys.executable, __file__],
+        env=environment, check=True, timeout=300.0, capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    assert told.split() == list(RECORDED.values())
+
+
+if __name__ == '__main__':
+    print(*map(digest, RECORDED))
