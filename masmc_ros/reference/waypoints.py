@@ -42,6 +42,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_BESIDE = 3
+"""Diagonals on each side of the main one: a knot's two unknowns meet those of its neighbours."""
+
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
@@ -112,7 +115,7 @@ def _pass_through(times: Any, knots: Any) -> None:
     n, axes = len(times) - 2, knots.shape[1] // 3
     if n < 1:
         return
-    band, right = np.zeros((2 * n, 4)), np.zeros((2 * n, axes))
+    band, right = np.zeros((2 * n, 1 + _BESIDE)), np.zeros((2 * n, axes))
     for i in range(n):
         before, after = times[i + 1] - times[i], times[i + 2] - times[i + 1]
         p, q = 1.0 / before, 1.0 / after
