@@ -35,7 +35,7 @@ from masmc_ros.robot import mechanism
 
 SLIP_BACKOFF = Parameter(
     'slip_backoff',
-    0.05,
+    0.0,
     'Slip of the base against its wheels, in m/s and rad/s together, at which the disturbance '
     'estimate of the implicit law follows half as fast; 0 is none',
     unit='m/s',
@@ -58,7 +58,7 @@ def backed_off(settings: Any, tick: Tick, gain: float, lane: int) -> float:
     """
     Return gain / (1 + (slip / slip_backoff)^2).
 
-    Of rates that are not measured there is no slip.
+    Of rates that are not measured there is no slip; the noise of those that are looks like some.
     """
     scale = get(settings, 'slip_backoff', lane)
     if (scale > 0.0) & (get(settings, 'velocity_source', lane) == MEASURED):
