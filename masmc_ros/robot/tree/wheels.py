@@ -224,11 +224,14 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
     squares = _squares(matrix, np.ones(wheels))
     factored = squares.copy()
     factor(factored)
+    largest = squares.diagonal().max()
     for rate in range(rates):
-        # What is left of its column when the others' part is taken away, over all of it.
-        if not factored[rate, rate] > _TOLERANCE**2 * squares[rate, rate]:
+        # What is left of its column when the others' part is taken away, over all of it; and
+        # nothing turns a base whose wheels stand in one place.
+        own = squares[rate, rate]
+        if not (factored[rate, rate] > _TOLERANCE**2 * own > _TOLERANCE**4 * largest):
             raise InputError(
-                f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles or'
+                f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles, places or'
                 ' robot.roller_angles that differ more'
             )
     found = np.empty((rates, wheels))
