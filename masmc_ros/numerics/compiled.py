@@ -15,10 +15,11 @@
 """
 How formulas become machine code, and where that code is kept.
 
-Two decorators for everything numerical in this package:
+Decorators for everything numerical in this package:
 
 * `formula`: a pure scalar function, numbers and tuples in, numbers and tuples out. It is
   inlined into whatever compiled function calls it and can be called from Python as well.
+* `inlined`: a part of a kernel, which is a function to be read, or for another kernel to share.
 * `kernel`: a function over arrays that Python calls once per tick or once per run. Its
   machine code is kept on disk between processes.
 
@@ -38,6 +39,7 @@ from types import FunctionType
 from typing import Any, cast
 
 from masmc_ros.errors import UserError
+from masmc_ros.numerics.code_files import CodeFiles
 from masmc_ros.user_folder import runtime_folder
 from numba import __version__ as numba_version
 from numba import config, njit, typeof
@@ -99,6 +101,17 @@ def formula(function: Callable[..., Any]) -> Any:
     return function if settings.DISABLE_JIT else Formula(function)
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """
+    Let compiled functions have this one's statements in place of calls.
+
+    A formula is optimised for itself and again wherever it is inlined, which for what few call
+    and what itself calls nearly everything is most of the compiler's time.
+    """
+    settings: Any = config  # its attributes are made when it is imported
+    return function if settings.DISABLE_JIT else njit(inline='always')(function)
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function over arrays and keep its machine code on disk."""
     return _compile(function)
@@ -128,9 +141,15 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
     try:
         # Nobody calls by C's conventions, and a wrapper for it takes long to compile.
         options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
-        return njit(**options)(function)
+        compiled = njit(**options)(function)
     finally:
         settings.CACHE_DIR = previous
+    if not settings.DISABLE_JIT:
+        cache = compiled._cache
+        cache._cache_file = CodeFiles(
+            cache.cache_path, cache._impl.filename_base, cache._impl.locator.get_source_stamp()
+        )
+    return compiled
 
 
 def machine_code(name: str, *contents: str) -> Path:

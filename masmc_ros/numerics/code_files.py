@@ -1,0 +1,84 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Files of machine code that several processes make at once.
+
+Numba numbers a function's files and keeps which signature has which number in another file. Two
+processes that compile at once, as nodes that are started together do, take the same number, and
+one of them then finds under its own signature the code of the other: another law's, for records
+of other sizes. Here a file's name is made of the signature, and the file tells it again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+import pickle
+import tempfile
+from typing import Any
+
+from numba import __version__ as numba_version
+from numba.core.serialize import dumps
+
+_DAMAGED = (
+    pickle.UnpicklingError,
+    EOFError,
+    ImportError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
+"""What unpickling raises of a file that is not whole, or of something that is no more."""
+
+
+class CodeFiles:
+    """The files of one function; takes the place of Numba's `IndexDataCacheFile`."""
+
+    def __init__(self, folder: str, name: str, stamp: Any) -> None:
+        """Take where they are, how their names begin, and what tells the source's versions."""
+        self._folder, self._name = Path(folder), name
+        self._made_of = numba_version, stamp
+
+    def load(self, key: Any) -> Any:
+        """Return what was saved under a key; None where nothing is, or what is damaged."""
+        try:
+            made_of, found, data = pickle.loads(self._path(key).read_bytes())
+        except (OSError, *_DAMAGED):
+            return None
+        return data if made_of == self._made_of and found == key else None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save what was made under a key."""
+        content = dumps((self._made_of, key, data))
+        # Whoever reads meanwhile has the file before or this one, both whole.
+        descriptor, temporary = tempfile.mkstemp(dir=self._folder, prefix=f'{self._name}.tmp.')
+        try:
+            with open(descriptor, 'wb') as file:
+                file.write(content)
+            os.replace(temporary, self._path(key))
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+    def flush(self) -> None:
+        """Forget everything."""
+        for path in self._folder.glob(f'{self._name}.*.nbc'):
+            path.unlink(missing_ok=True)
+
+    def _path(self, key: Any) -> Path:
+        signature = hashlib.sha256(str(key).encode()).hexdigest()
+        return self._folder / f'{self._name}.{signature[:32]}.nbc'

@@ -1,0 +1,101 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Machine code that several processes make at once, and which of it is whose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import subprocess
+import sys
+
+from masmc_ros.numerics.code_files import CodeFiles
+import pytest
+
+PROCESSES = 6
+
+SOURCE = """
+import sys, time
+from pathlib import Path
+from masmc_ros.numerics.compiled import kernel
+
+@kernel
+def total(values):
+    found = 0.0
+    for value in values:
+        found += len(values) * value
+    return found
+
+if __name__ == '__main__':
+    own, everybody = Path(sys.argv[1]), int(sys.argv[2])
+    own.touch()
+    while len(list(own.parent.glob('ready.*'))) < everybody:
+        time.sleep(1e-4)
+    sizes = map(int, sys.argv[3:])
+    print([total((1.0,) * size) for size in sizes], sum(total.stats.cache_hits.values()))
+"""
+
+
+def test_what_processes_compile_at_once_is_kept_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    monkeypatch.setenv('NUMBA_DISABLE_JIT', '0')
+    script = tmp_path / 'total.py'
+    script.write_text(SOURCE)
+    sizes = [str(size) for size in range(1, PROCESSES + 1)]
+
+    def run(name: str, together: int, *sizes: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, str(script), str(tmp_path / f'ready.{name}'), str(together), *sizes],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    started = [run(size, PROCESSES, size) for size in sizes]
+    told = [process.communicate(timeout=120)[0] for process in started]
+    assert told == [f'[{float(size) ** 2}] 0\n' for size in map(int, sizes)]
+    # Whoever comes later finds all of it, each under its own signature.
+    later = run('later', 0, *sizes).communicate(timeout=120)[0]
+    assert later == f'{[float(size) ** 2 for size in map(int, sizes)]} {PROCESSES}\n'
+
+
+def test_a_file_is_that_of_its_key(tmp_path: Path) -> None:
+    one, other = (CodeFiles(str(tmp_path), 'total', (1.0, 2)) for _ in range(2))
+    one.save(('a', 1), 'code of a')
+    other.save(('b', 1), 'code of b')
+    assert [files.load(key) for files in (one, other) for key in (('a', 1), ('b', 1))] == [
+        'code of a', 'code of b',
+    ] * 2
+    assert one.load(('c', 1)) is None
+    # Another version of the source, or a file under the name of another.
+    assert CodeFiles(str(tmp_path), 'total', (3.0, 4)).load(('a', 1)) is None
+    a, b = (files for files in sorted(tmp_path.iterdir()))
+    a.write_bytes(b.read_bytes())
+    assert sorted(str(one.load(key)) for key in (('a', 1), ('b', 1))) in (
+        ['None', 'code of a'], ['None', 'code of b'],
+    )
+
+
+@pytest.mark.parametrize('left', [0, 1, 40, -1])
+def test_a_damaged_file_counts_as_none(tmp_path: Path, left: int) -> None:
+    files = CodeFiles(str(tmp_path), 'total', (1.0, 2))
+    files.save('key', list(range(100)))
+    path, = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:left])
+    assert files.load('key') is None
+    files.save('key', 'whole')
+    assert files.load('key') == 'whole'
+    files.flush()
+    assert not list(tmp_path.iterdir())
