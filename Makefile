@@ -55,8 +55,8 @@ test-all: $(VENV)/.installed-all
 # An environment of its own, of Python 3.12 where that is not the default: PYTHON=python3.12.
 OLDEST := .venv-oldest
 OLDEST_TESTS := $(addprefix test/,numerics/test_portable_math.py robot/test_kinematics.py \
-	robot/test_dynamics.py law/test_implicit.py params/test_params_declaration.py \
-	loop/test_same_bits.py)
+	robot/test_dynamics.py robot/test_tree_dynamics.py law/test_implicit.py numerics/test_scratch.py \
+	numerics/test_code_files.py params/test_params_declaration.py loop/test_same_bits.py)
 test-oldest:
 	@$${PYTHON:-python3.12} -m venv $(OLDEST)
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check setuptools wheel

@@ -16,19 +16,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import re
+from statistics import median
 import subprocess
 import sys
 import tempfile
 
 from benchmarks.measure import beside, Measure
-from benchmarks.ping_pong import round_trips_per_second
+from benchmarks.ping_pong import round_trips_per_second, Sizes
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.robot.names import driven_joint_names, joint_names
+from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
@@ -38,9 +42,17 @@ CLAIMS = {False: (1.3, 0.6), True: (2.6, 1.0)}
 _PACE = re.compile(r'(\d+) ticks/s')
 
 
-def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0) -> float:
+def sizes_of(config: str) -> Sizes:
+    """Return how long the messages of a scenario's robot are."""
+    values = load_scenario(str(shared_file('config', config)))['plant']
+    return Sizes(joint_names(values), len(driven_joint_names(values)))
+
+
+def ticks_per_second(
+    *, composed: bool, everything: bool, duration: float = 10.0, config: str = 'paper.yaml'
+) -> float:
     """
-    Run the paper's scenario on real nodes and return the plant's ticks per second.
+    Run a scenario on real nodes and return the plant's ticks per second.
 
     `everything`: telemetry and frames at every tick, and the recorder; otherwise none of them.
     """
@@ -49,7 +61,8 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         domain = stack.enter_context(private_domain())
-        arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+        arguments = ['--ros-args', '--params-file', str(shared_file('config', config))]
+        arguments += ['-p', 'pacing:=lockstep']
         for node in nodes:
             arguments += ['-p', f'{node}:duration:={duration}']
         arguments += [
@@ -90,19 +103,37 @@ def ticks_per_second(*, composed: bool, everything: bool, duration: float = 10.0
 
 def measures(rounds: int = 3) -> Iterator[Measure]:
     """Yield medians over rounds in which ping-pong and lock-step alternate."""
+    yield from _beside_ping_pong('paper.yaml', '', (False, True), CLAIMS, rounds)
+    if find_spec('pinocchio') is not None:
+        # Whoever comes first compiles.
+        ticks_per_second(composed=True, everything=False, duration=0.1, config='tiago.yaml')
+        yield from _beside_ping_pong('tiago.yaml', ' of TIAGo', (False,), {}, rounds)
+
+
+def _beside_ping_pong(
+    config: str,
+    of: str,
+    loads: tuple[bool, ...],
+    claims: Mapping[bool, tuple[float, float]],
+    rounds: int,
+) -> Iterator[Measure]:
+    """Yield those of a scenario, without and with everything, beside messages of its sizes."""
+    sizes = sizes_of(config)
     for composed in (False, True):
-        bare, lean, full = [], [], []
+        bare: list[float] = []
+        ticks: dict[bool, list[float]] = {everything: [] for everything in loads}
         for _ in range(rounds):
             with private_domain() as domain:
                 os.environ.update(domain)
-                bare.append(round_trips_per_second(raw=False, composed=composed))
-            lean.append(ticks_per_second(composed=composed, everything=False))
-            full.append(ticks_per_second(composed=composed, everything=True))
-        ping, quick, whole = (sorted(rates)[rounds // 2] for rates in (bare, lean, full))
+                found = round_trips_per_second(raw=False, composed=composed, sizes=sizes)
+            bare.append(found)
+            for everything, rates in ticks.items():
+                pace = ticks_per_second(composed=composed, everything=everything, config=config)
+                rates.append(pace)
         where = 'one process' if composed else 'separate processes'
-        claims = CLAIMS[composed]
-        reference = Measure(f'typed ping-pong, {where}', ping, '/s')
+        reference = Measure(f'typed ping-pong{of}, {where}', median(bare), '/s')
         yield reference
-        yield beside(f'lock-step, {where}', quick, '/s', reference, claims[0])
-        name = f'lock-step, {where}, telemetry and recorder'
-        yield beside(name, whole, '/s', reference, claims[1])
+        for everything, rates in ticks.items():
+            name = f'lock-step{of}, {where}' + ', telemetry and recorder' * everything
+            claim = claims[composed][everything] if claims else None
+            yield beside(name, median(rates), '/s', reference, claim)

@@ -21,7 +21,7 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from masmc_ros.nodes.middleware.transport import prepare_transport
 import rclpy
@@ -35,8 +35,10 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 _QOS = QoSProfile(depth=1)
 
 
-def _state() -> Any:
-    names = [
+class Sizes(NamedTuple):
+    """What the messages of a robot are as long as."""
+
+    joints: tuple[str, ...] = (
         'base_x_joint',
         'base_y_joint',
         'base_yaw_joint',
@@ -44,70 +46,86 @@ def _state() -> Any:
         'wheel_left_joint',
         'arm_joint_1',
         'arm_joint_2',
-    ]
-    return JointState(name=names, position=[0.0] * 7, velocity=[0.0] * 7, effort=[0.0] * 7)
+    )
+    """Names in the state, whose last are those of the driven joints."""
+    driven: int = 4
 
 
-def _command() -> Any:
-    command = Float64MultiArray(data=[0.0] * 4)
-    command.layout.dim = [MultiArrayDimension(label='effort@1.000000000', size=4, stride=4)]
+PAPER = Sizes()
+
+
+def _state(sizes: Sizes) -> Any:
+    nothing = [0.0] * len(sizes.joints)
+    return JointState(
+        name=list(sizes.joints), position=nothing, velocity=nothing, effort=nothing
+    )
+
+
+def _command(sizes: Sizes) -> Any:
+    count = sizes.driven
+    command = Float64MultiArray(data=[0.0] * count)
+    dimension = MultiArrayDimension(label='effort@1.000000000', size=count, stride=count)
+    command.layout.dim = [dimension]
     return command
 
 
 class Pong:
     """Answers every state with a command."""
 
-    def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+    def __init__(self, context: rclpy.Context, sizes: Sizes, *, raw: bool) -> None:
         """Create the node."""
         self.node = rclpy.create_node('pong', context=context)
-        self._answer = serialize_message(_command()) if raw else None
+        self._sizes = sizes
+        self._answer = serialize_message(_command(sizes)) if raw else None
         self._publisher = self.node.create_publisher(Float64MultiArray, 'pong', _QOS)
         self.node.create_subscription(JointState, 'ping', self._reply, _QOS, raw=raw)
 
     def _reply(self, state: Any) -> None:
-        self._publisher.publish(self._answer or _command_like(state))
+        self._publisher.publish(self._answer or self._command_like(state))
 
-
-def _command_like(state: Any) -> Any:
-    command = _command()
-    command.data = state.position[:4]
-    return command
+    def _command_like(self, state: Any) -> Any:
+        command = _command(self._sizes)
+        command.data = state.position[:self._sizes.driven]
+        return command
 
 
 class Ping:
     """Sends the next state when the command is there."""
 
-    def __init__(self, context: rclpy.Context, *, raw: bool) -> None:
+    def __init__(self, context: rclpy.Context, sizes: Sizes, *, raw: bool) -> None:
         """Create the node."""
         self.count = 0
         self.node = rclpy.create_node('ping', context=context)
-        self._raw = serialize_message(_state()) if raw else None
+        self._sizes = sizes
+        self._raw = serialize_message(_state(sizes)) if raw else None
         self.publisher = self.node.create_publisher(JointState, 'ping', _QOS)
         self.node.create_subscription(Float64MultiArray, 'pong', self._next, _QOS, raw=raw)
 
     def send(self) -> None:
         """Publish a state."""
-        self.publisher.publish(self._raw or _state())
+        self.publisher.publish(self._raw or _state(self._sizes))
 
     def _next(self, _: Any) -> None:
         self.count += 1
         self.send()
 
 
-def round_trips_per_second(*, raw: bool, composed: bool, seconds: float = 3.0) -> float:
+def round_trips_per_second(
+    *, raw: bool, composed: bool, seconds: float = 3.0, sizes: Sizes = PAPER
+) -> float:
     """Measure round trips per second, both nodes in this process or one in another."""
     prepare_transport()
     context = rclpy.Context()
     rclpy.init(context=context)
     executor = EventsExecutor(context=context)
-    ping = Ping(context, raw=raw)
+    ping = Ping(context, sizes, raw=raw)
     executor.add_node(ping.node)
     peer = None
     if composed:
-        pong = Pong(context, raw=raw)
+        pong = Pong(context, sizes, raw=raw)
         executor.add_node(pong.node)
     else:
-        command = [sys.executable, '-m', 'benchmarks.ping_pong', '--pong']
+        command = [sys.executable, '-m', 'benchmarks.ping_pong', '--pong', str(sizes.driven)]
         peer = subprocess.Popen([*command, '--raw'] if raw else command)
     try:
         limit = time.monotonic() + 20.0
@@ -127,7 +145,7 @@ def round_trips_per_second(*, raw: bool, composed: bool, seconds: float = 3.0) -
         context.try_shutdown()
 
 
-def _serve(*, raw: bool) -> None:
+def _serve(sizes: Sizes, *, raw: bool) -> None:
     """Answer until SIGTERM."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
@@ -135,7 +153,7 @@ def _serve(*, raw: bool) -> None:
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     executor = EventsExecutor(context=context)
-    executor.add_node(Pong(context, raw=raw).node)
+    executor.add_node(Pong(context, sizes, raw=raw).node)
     while not stopped:
         executor.spin_once(timeout_sec=0.1)
     context.try_shutdown()
@@ -143,11 +161,11 @@ def _serve(*, raw: bool) -> None:
 
 if __name__ == '__main__':
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--pong', action='store_true')
+    parser.add_argument('--pong', type=int, metavar='DRIVEN')
     parser.add_argument('--raw', action='store_true')
     arguments = parser.parse_args()
     if arguments.pong:
-        _serve(raw=arguments.raw)
+        _serve(Sizes(driven=arguments.pong), raw=arguments.raw)
     else:
         for raw in (False, True):
             for composed in (False, True):

@@ -30,7 +30,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.report.measure.table import number
 from masmc_ros.report.page.template import STYLE, template_at
-from masmc_ros.robot.declaration import Point
+from masmc_ros.robot.declaration import Point, symbols_of
 
 _SMALL = 1e3
 """Errors are told in mm and mrad."""
@@ -162,7 +162,7 @@ def page(
         title=title,
         heads=[f'{name} {unit}'.strip() for name, unit in zip(heads, units, strict=True)],
         trials=[(trial.name, trial.description) for trial in trials],
-        symbols=' and '.join(point.symbol for point in points),
+        symbols=symbols_of(points),
         rows=[
             {
                 'law': each.contender.label,

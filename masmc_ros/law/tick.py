@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.compiled import inlined
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
@@ -46,9 +46,10 @@ class Tick(NamedTuple):
     error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
     surface: Numbers  # s = edot + sigma e
     regressor: Any  # Y(q, v, v_r, a_r)
+    is_singular: bool  # whether J is close to it, and v_r and a_r are damped
 
 
-@formula
+@inlined
 def tick_of(
     settings: Any,
     lane: int,
@@ -66,7 +67,7 @@ def tick_of(
     model = mechanism.model_of(settings, lane)
     sigma = get(settings, 'sigma', lane)
     follows = mechanism.tracking(model, posture, position, v, desired)
-    v_r, a_r = mechanism.reference_motion(
+    v_r, a_r, is_singular = mechanism.reference_motion(
         model,
         posture,
         position,
@@ -91,5 +92,6 @@ def tick_of(
         follows.velocity_error,
         each(sliding_surface, follows.error, follows.velocity_error, sigma),
         mechanism.regressor(model, posture, v, v_r, a_r),
+        is_singular,
     )
 

@@ -24,7 +24,7 @@ from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.velocity_estimator import estimate_rates, ESTIMATED, note_disturbance
 from masmc_ros.law.tick import tick_of
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.tuples import each, tail, thirds
@@ -50,7 +50,7 @@ MEMORY = (
 """What every law hands on, beside what it declares."""
 
 
-@formula
+@inlined
 def control(settings: Any, memory: Any, now: Any) -> None:
     """Compute one tick of the law from the state and the reference in `now`."""
     lanes = lane_count(settings)
@@ -69,7 +69,7 @@ def control(settings: Any, memory: Any, now: Any) -> None:
         law.settle(settings, memory, lane)
 
 
-@formula
+@inlined
 def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
     position = get(now, 'position', lane)
     before = get(memory, 'commanded', lane)
@@ -97,7 +97,7 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
     put(now, 'rates', lane, get(memory, 'velocity_command', lane))
     put(now, 'error', lane, tick.error)
     put(now, 'surface', lane, tick.surface)
-    put(now, 'singular', lane, mechanism.is_singular(model, posture))
+    put(now, 'singular', lane, tick.is_singular)
 
 
 @formula

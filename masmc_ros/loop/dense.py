@@ -79,7 +79,7 @@ def _dense(settings: Any, now: Any) -> Any:
         tabulate(_reduced_inertia_column, rates, (model, h, rates)),
         mechanism.task_inertia(model, posture, tick.nominal, tick.error),
         tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
-        mechanism.is_singular(model, posture),
+        tick.is_singular,
     )
 
 

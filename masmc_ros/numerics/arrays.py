@@ -23,7 +23,8 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.generated import Compiler, generated
-from masmc_ros.numerics.tuples import entry_place, is_array, new_vector, Numbers, VECTOR
+from masmc_ros.numerics.scratch import array_over, CACHE_LINE
+from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, Numbers, VECTOR
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
@@ -63,9 +64,33 @@ def read_down(array: Any, first: int, column: int, as_many: Numbers) -> Any:
     return tuple(array[first + i, column] for i in range(len(as_many)))
 
 
+def read_along(array: Any, first: int, as_many: Numbers) -> Any:
+    """Return the entries (first ...) of an array, as many as a tuple has."""
+    return tuple(array[first + i] for i in range(len(as_many)))
+
+
+def write_along(array: Any, first: int, values: Numbers) -> None:
+    """Write a tuple into the entries (first ...) of an array."""
+    for i in range(len(values)):
+        array[first + i] = values[i]
+
+
 def array_of(values: Numbers) -> Any:
-    """Return a vector as an array; one that is an array as it is."""
+    """
+    Return a vector as an array, which ends with the function that asks for it.
+
+    One that is an array comes as it is.
+    """
     return np.array(values) if isinstance(values, tuple) else values
+
+
+def parted(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
+    """Return an array (rows, columns) and one (others, wide), which share a vector's numbers."""
+    count = rows * columns
+    return (
+        block[:count].reshape(rows, columns),
+        block[count:count + others * wide].reshape(others, wide),
+    )
 
 
 def _tuple_of(context: Any, array: Any, *others: Any) -> types.Type:
@@ -104,12 +129,12 @@ def _read(which: int, indices: int) -> Any:
     return write
 
 
-def _written(indices: int) -> Any:
-    """Return what emits the writing of a tuple, the second index going up."""
+def _written(which: int, indices: int) -> Any:
+    """Return what emits the writing of a tuple from an index on, of which one goes up."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
         given = kinds[1 + indices]
-        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], 1, len(given))
+        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, len(given))
         entries = compiler.entries(values[1 + indices], given)
         for place, entry, kind in zip(places, entries, given, strict=True):
             compiler.builder.store(compiler.cast(entry, kind, kinds[0].dtype), place)
@@ -121,8 +146,10 @@ def _written(indices: int) -> Any:
 generated(read_row, _tuple_of)(_read(1, 3))
 generated(read_part, _tuple_of)(_read(1, 2))
 generated(read_down, _tuple_of)(_read(0, 2))
-generated(write_row, lambda context, *kinds: types.none)(_written(3))
-generated(write_part, lambda context, *kinds: types.none)(_written(2))
+generated(read_along, _tuple_of)(_read(0, 1))
+generated(write_row, lambda context, *kinds: types.none)(_written(1, 3))
+generated(write_part, lambda context, *kinds: types.none)(_written(1, 2))
+generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 
 def _type_of_taken(context: Any, array: Any, as_many: Any) -> types.Type:
@@ -154,8 +181,29 @@ def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
     if is_array(kinds[0]):
         return impl_ret_borrowed(compiler.context, compiler.builder, kinds[0], values[0])
     entries = compiler.entries(values[0], kinds[0])
-    out = new_vector(compiler, compiler.context.get_constant(types.intp, len(entries)))
+    count = compiler.context.get_constant(types.intp, len(entries))
+    number = compiler.context.get_data_type(FLOAT)
+    room = cgutils.alloca_once(compiler.builder, number, count)
+    room.align = CACHE_LINE
     for i, value in enumerate(entries):
-        at = compiler.context.get_constant(types.intp, i)
-        compiler.builder.store(value, entry_place(compiler, VECTOR, out, at))
-    return out
+        place = compiler.builder.gep(room, [compiler.context.get_constant(types.intp, i)])
+        compiler.builder.store(value, place)
+    return array_over(compiler, VECTOR, room, [count])
+
+
+@generated(parted, lambda context, *kinds: types.UniTuple(MATRIX, 2))
+def _parted(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    build, context = compiler.builder, compiler.context
+    block = context.make_array(kinds[0])(context, build, values[0])
+    lengths = [
+        compiler.cast(value, kind, types.intp)
+        for value, kind in zip(values[1:], kinds[1:], strict=True)
+    ]
+    second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
+    found = []
+    for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
+        # Both own the vector, which ends with the last of them.
+        part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
+        context.nrt.incref(build, MATRIX, part)
+        found.append(part)
+    return compiler.tuple_of(found)

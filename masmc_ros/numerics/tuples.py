@@ -36,6 +36,7 @@ import numpy as np
 Numbers = tuple[float, ...]
 FLOAT = types.float64
 VECTOR = types.Array(FLOAT, 1, 'C')
+MATRIX = types.Array(FLOAT, 2, 'C')
 
 LONGEST = 48
 """Most entries of a vector that is a tuple."""
@@ -150,7 +151,7 @@ def tabulate(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
 def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types.Type:
     row = called(context, function, (argument, types.intp)).return_type
     if is_array(of):
-        return types.Array(FLOAT, 2, 'C') if _is_tuple(row) else VECTOR
+        return MATRIX if _is_tuple(row) else VECTOR
     return like([row] * len(of))
 
 

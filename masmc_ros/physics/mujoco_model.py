@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
-from masmc_ros.robot.tree.urdf import read_urdf
+from masmc_ros.robot.urdf import read_urdf
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

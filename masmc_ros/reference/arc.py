@@ -88,7 +88,8 @@ class Arc:
         self._start = np.array(values['start'], dtype=np.float64)
         self._first, dimensions = first, len(values['centre'])
         normal = values['normal'] if dimensions == _SPACE else (0.0, 0.0, 1.0)
-        length = math.sqrt(sum(each * each for each in normal))
+        nx, ny, nz = normal
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
         if not length > 0.0:
             raise InputError(f'arc.normal = {list(normal)}: expected a direction')
         nx, ny, nz = (each / length for each in normal)

@@ -70,16 +70,23 @@ class LineSine:
 
 @kernel
 def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
-    axes = table.shape[1]
-    out = np.empty((len(times), 3 * axes))
-    for k in range(len(times)):
-        for i in range(axes):
+    axes, count = table.shape[1], len(times)
+    # An axis after the other, with which a processor computes several times at once.
+    columns = np.empty((3 * axes, count))
+    for i in range(axes):
+        offset, slope = table[0, i], table[1, i]
+        amplitude, frequency, phase = table[2, i], table[3, i], table[4, i]
+        for k in range(count):
             position, velocity, acceleration = line_sine(
-                times[k], table[0, i], table[1, i], table[2, i], table[3, i], table[4, i]
+                times[k], offset, slope, amplitude, frequency, phase
             )
-            out[k, i] = position
-            out[k, axes + i] = velocity
-            out[k, 2 * axes + i] = acceleration
+            columns[i, k] = position
+            columns[axes + i, k] = velocity
+            columns[2 * axes + i, k] = acceleration
+    out = np.empty((count, 3 * axes))
+    for k in range(count):
+        for j in range(3 * axes):
+            out[k, j] = columns[j, k]
     return out
 
 

@@ -20,7 +20,7 @@ The contract as a whole is told in `mechanism.py`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 import hashlib
@@ -120,6 +120,17 @@ class Point(NamedTuple):
     def small_unit(self) -> str:
         """Return the thousandth of its unit, in which errors are told."""
         return f'm{self.unit}'
+
+
+def symbols_of(points: Iterable[Point]) -> str:
+    """Return the symbols of points as a text lists them."""
+    return listed([point.symbol for point in points])
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a text lists them: A, B and C."""
+    first, last = names[:-1], ''.join(names[-1:])
+    return f'{", ".join(first)} and {last}' if first else last
 
 
 class Group(NamedTuple):

@@ -157,9 +157,9 @@ def reference_motion(
     motion: Numbers,
     velocity: Numbers,
     acceleration: Numbers,
-) -> tuple[Numbers, Numbers]:
+) -> tuple[Numbers, Numbers, bool]:
     """
-    Return v_r and a_r, finite everywhere.
+    Return v_r and a_r, finite everywhere, and whether J is close to singular.
 
     J v_r is the task's velocity where nothing is singular, and a_r the derivative of v_r along the
     true motion while the task's acceleration is that given. What the task leaves free is the
@@ -191,7 +191,7 @@ def forces_from_task(model: Any, posture: Any, force: Numbers, like: Numbers) ->
 
 @of_model
 def is_singular(model: Any, posture: Any) -> bool:
-    """Tell whether J cannot be inverted as it is."""
+    """Tell whether J of a square task cannot be inverted as it is; asked by `square_task`."""
 
 
 @of_model

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.robot.packages import resource_path
-from masmc_ros.robot.tree.urdf import read_urdf
+from masmc_ros.robot.urdf import read_urdf
 
 _SUFFIXES = {'.dae', '.glb', '.gltf', '.obj', '.ply', '.stl'}
 """Of meshes: whoever is shown a robot gets no other files for being told their names."""

@@ -68,12 +68,12 @@ def reference_motion(
     motion: Numbers,
     velocity: Numbers,
     acceleration: Numbers,
-) -> tuple[Numbers, Numbers]:
-    """Return v_r = J^-1 xdot_r and a_r = J^-1 (xddot_r - Jdot v_r)."""
+) -> tuple[Numbers, Numbers, bool]:
+    """Return v_r = J^-1 xdot_r, a_r = J^-1 (xddot_r - Jdot v_r), and if J is close to singular."""
     v_r = mechanism.motion_from_task(model, posture, velocity, motion)
     drift = task_drift(model, posture, motion, v_r)
     a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift), motion)
-    return v_r, a_r
+    return v_r, a_r, mechanism.is_singular(model, posture)
 
 
 @formula

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import hashlib
 
-from masmc_ros.robot.tree import dynamics
+from masmc_ros.robot.tree import articulated, dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.model import packed, Tree, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import natural_step
-from masmc_ros.robot.tree.urdf import read_urdf
+from masmc_ros.robot.urdf import read_urdf
 import numpy as np
 
 _LINK = """<link name="{0}"><inertial><origin xyz="0.1 -0.05 {1}" rpy="0.3 0.2 -0.7"/>
@@ -81,7 +81,7 @@ def digest() -> str:
             posture.screws,
             dynamics.inverse_dynamics(*of, *moved),
             dynamics.inertia(*of),
-            dynamics.forward_dynamics(*of, velocity, reference, 9.81),
+            articulated.forward_dynamics(*of, velocity, reference, 9.81),
             dynamics.moment_gradients(model, posture, *moved, velocity),
             dynamics.point_jacobian(model, posture, 3, point),
             dynamics.point_jacobian_rate(model, posture, velocity, 3, point),

@@ -126,9 +126,8 @@ def varied(seed: int, robot: Machine, law: str, switching: str, lane: int) -> Sc
     return scenario
 
 
-@pytest.mark.parametrize(
-    'switching', [pytest.param('tanh', marks=pytest.mark.slow), 'implicit']
-)
+@pytest.mark.slow
+@pytest.mark.parametrize('switching', ['tanh', 'implicit'])
 @settings(
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

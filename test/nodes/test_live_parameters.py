@@ -137,6 +137,7 @@ def test_every_parameter_is_described(controller: Call) -> None:
         assert descriptor.read_only == parameter.read_only
 
 
+@pytest.mark.slow
 def test_a_run_through_all_laws_can_be_computed_again(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

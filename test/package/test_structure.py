@@ -195,3 +195,73 @@ def test_only_its_own_folder_spells_the_sizes_of_a_robot() -> None:
                 if isinstance(part, ast.Constant) and part.value in SIZES
             ]
     assert not found
+
+
+ON_THE_STACK = ('scratch', 'array_of')
+"""Functions whose arrays end with the function that asks for them."""
+
+
+def _leaves(node: ast.expr) -> list[str]:
+    """Return the names that an expression hands out as they are, in tuples or by records."""
+    if isinstance(node, ast.Name):
+        return [node.id]
+    if isinstance(node, ast.Tuple):
+        return [name for each in node.elts for name in _leaves(each)]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        if node.func.id in ON_THE_STACK:
+            return [node.func.id]
+        if node.func.id[:1].isupper():
+            return [name for each in node.args for name in _leaves(each)]
+    return []
+
+
+def _asked_for(function: ast.FunctionDef) -> set[str]:
+    """Return the names of a function's arrays on the stack."""
+    found = set(ON_THE_STACK)
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assign):
+            target, value = node.targets[0], node.value
+            pairs = (
+                zip(target.elts, value.elts, strict=False)
+                if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
+                else [(target, value)]
+            )
+            for name, given in pairs:
+                is_call = isinstance(given, ast.Call) and isinstance(given.func, ast.Name)
+                if is_call and given.func.id in ON_THE_STACK and isinstance(name, ast.Name):
+                    found.add(name.id)
+    return found
+
+
+def _escaping(source: str) -> list[str]:
+    """Return where functions return arrays that end with them."""
+    return [
+        f'{function.name}:{node.lineno}'
+        for function in ast.walk(ast.parse(source))
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Return) and node.value is not None
+        if _asked_for(function) & set(_leaves(node.value))
+    ]
+
+
+def test_no_function_returns_an_array_that_ends_with_it() -> None:
+    assert _escaping('def f(n):\n    a, b = scratch(n), 1\n    return b, Pair(a, b)') == ['f:3']
+    assert _escaping('def f(n):\n    a = array_of(n)\n    return taken(a, n)') == []
+    found = {path: _escaping(path.read_text(encoding='utf-8')) for path in files()}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+def test_no_number_of_a_run_is_added_up_by_sum() -> None:
+    """Python 3.12 adds floats with compensation, 3.11 does not: their bits would differ."""
+    package = Path(__file__).parents[2] / 'masmc_ros'
+    found = [
+        f'{path.relative_to(package)}:{node.lineno}'
+        for folder in ('numerics', 'robot', 'law', 'reference', 'loop')
+        for path in sorted((package / folder).rglob('*.py'))
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == 'sum'
+    ]
+    assert found == []

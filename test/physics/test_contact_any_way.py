@@ -70,6 +70,7 @@ def told(robot: SimulatedRobot) -> NDArray[np.float64]:
     return robot.contact.reshape(-1, len(CONTACT))
 
 
+@pytest.mark.slow
 def test_four_wheels_carry_it() -> None:
     robot = plant()
     for _ in range(300):

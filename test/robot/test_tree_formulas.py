@@ -123,7 +123,7 @@ class Drawn:
     def reference(self, time: float) -> tuple[Array, Array]:
         """Return nu_r and a_r a little later, for a task whose velocity changes."""
         at = self.moved(time)
-        v, a = mechanism.reference_motion(
+        v, a, _ = mechanism.reference_motion(
             self.model,
             self.posture(at),
             numbers(at),
@@ -210,7 +210,7 @@ def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
     assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-6 * size)
     # What damps is in proportion to what the motion is off by.
     damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.7)
-    _, less = mechanism.reference_motion(
+    _, less, _ = mechanism.reference_motion(
         damped.model, damped.posture(), numbers(damped.position), nu,
         numbers(damped.twist), numbers(damped.change),
     )  # fmt: skip
@@ -252,7 +252,7 @@ def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:
         # Where that joint takes it, and nothing else did more.
         wanted = 0.1 * drawn.jacobian()[:, 5] / np.linalg.norm(drawn.jacobian()[:, 5])
         for _ in range(300):
-            v_r, _ = mechanism.reference_motion(
+            v_r, _, _ = mechanism.reference_motion(
                 drawn.model, drawn.posture(), numbers(drawn.position), still,
                 numbers(wanted), numbers(np.zeros(3)),
             )  # fmt: skip

@@ -21,7 +21,7 @@ import sys
 
 from masmc_ros.errors import InputError
 from masmc_ros.robot.packages import resource_path
-from masmc_ros.robot.tree.urdf import read_urdf_file
+from masmc_ros.robot.urdf import read_urdf_file
 import pytest
 
 URDF = (

@@ -28,12 +28,12 @@ import sys
 from typing import Any
 
 from masmc_ros.robot.packages import resource_path
-from masmc_ros.robot.tree import dynamics
+from masmc_ros.robot.tree import articulated, dynamics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.model import DIFFERENTIAL
 from masmc_ros.robot.tree.task import frame_pose
-from masmc_ros.robot.tree.urdf import read_urdf_file
+from masmc_ros.robot.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -224,7 +224,7 @@ def _compare(
     _near(dynamics.inertia(*of), inertia)
     taken = dynamics.inverse_dynamics(*of, velocity, reference, acceleration, GRAVITY)
     _near(taken, inertia @ acceleration + coriolis @ reference + gravity)
-    gained = dynamics.forward_dynamics(*of, velocity, forces, GRAVITY)
+    gained = articulated.forward_dynamics(*of, velocity, forces, GRAVITY)
     _near(gained, np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
 
     point = frame.body, frame.offset

@@ -22,7 +22,7 @@ import re
 
 from masmc_ros.errors import InputError
 from masmc_ros.robot.tree.assembly import tree_robot
-from masmc_ros.robot.tree.urdf import read_urdf
+from masmc_ros.robot.urdf import read_urdf
 import pytest
 
 INERTIA = (

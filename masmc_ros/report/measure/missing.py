@@ -32,6 +32,7 @@ from masmc_ros.messages.names import (
 )
 from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.report.measure.tracking import Tracking
+from masmc_ros.robot.declaration import symbols_of
 import numpy as np
 
 
@@ -73,7 +74,7 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     gaps = gaps_in(np.rint(run.times * NANOSECONDS))
     if gaps.count:
         yield f'{STATE_TOPIC}: {gaps.text()}, by its stamps.'
-    points = ' and '.join(point.symbol for point in run.mechanism.points)
+    points = symbols_of(run.mechanism.points)
     if not run.parameters:
         yield 'No parameters: law, gains and robot are not known.'
     elif run_robot(run) is None:

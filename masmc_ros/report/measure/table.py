@@ -23,7 +23,7 @@ import math
 
 from masmc_ros.report.measure.metrics import Metrics, Reached
 from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.robot.declaration import Point
+from masmc_ros.robot.declaration import listed, Point, symbols_of
 import numpy as np
 
 _COUNTS = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight')
@@ -47,9 +47,9 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
     columns = _heads(points, is_told)
     top = [[name for name, _ in columns], [unit for _, unit in columns]]
     body = [cells(label, each, points, contact=is_told) for label, each in rows.items()]
-    symbols = ' and '.join(point.symbol for point in points)
+    symbols = symbols_of(points)
     units = ' or '.join(dict.fromkeys(point.small_unit for point in points))
-    titles = ' and of '.join(f'the {point.title.removeprefix("the ")}' for point in points)
+    titles = listed([f'of the {point.title.removeprefix("the ")}' for point in points])
     count = max(each.joints for each in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
     widths = [max(map(len, column)) for column in zip(*top, *body, strict=True)]
@@ -61,7 +61,7 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
     ]
     return '\n'.join(lines) + (
         '\n\n'
-        f'{symbols}: distance of {titles} from where {"they" if len(points) > 1 else "it"}'
+        f'{symbols}: distance {titles} from where {"they" if len(points) > 1 else "it"}'
         ' should be.\n'
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
         f' {FLOOR * _SMALL:g} {units} if that is more.\n'

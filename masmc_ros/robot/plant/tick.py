@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get, lane_count, put
@@ -170,7 +170,7 @@ def drive_step(
         put(memory, 'push', lane, disturbance(plant, lane, tick * period + (step + 0.5) * h))
 
 
-@formula
+@inlined
 def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     """
     Move the true state on by one period under the command in `now`; nobody's if `holds`.

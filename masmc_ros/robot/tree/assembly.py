@@ -54,8 +54,8 @@ from masmc_ros.robot.tree.spatial import (
     VECTOR,
     Vector,
 )
-from masmc_ros.robot.tree.urdf import Description, Joint, Link, Pose
 from masmc_ros.robot.tree.wheels import driving_wheels, Mount, Wheels
+from masmc_ros.robot.urdf import Description, Joint, Link, Pose
 import numpy as np
 from numpy.typing import NDArray
 
@@ -392,7 +392,8 @@ def _check_moments(bodies: Sequence[_Body], description: Description, where: str
             continue
         least = _least(body.moments)
         # Flat bodies can exist, and decimals are rounded.
-        if not least >= -_ROUNDED * sum(body.moments[4:7]):
+        xx, yy, zz = body.moments[4:7]
+        if not least >= -_ROUNDED * (xx + yy + zz):
             link = description.links[body.link]
             raise InputError(
                 f"{where}, line {link.line}: link '{link.name}', with what is fixed to it, has an"

@@ -26,6 +26,7 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import tabulate
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
+from masmc_ros.robot.tree.spatial import PER_BODY
 import numpy as np
 
 
@@ -48,9 +49,9 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
     pivot, found = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     lower, x = np.zeros((4, 4)), np.zeros(4)
     for body in range(bodies_of(model)):
-        at = 10 * body
+        at = PER_BODY * body
         total = 0.0
-        for i in range(10):
+        for i in range(PER_BODY):
             total += abs(theta[at + i])
         if total == 0.0:
             continue
@@ -76,9 +77,9 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
 @formula
 def _normal(x: Numbers, i: int) -> float:
     """Return the derivative of x' P x by a moment."""
-    if i // 10 != int(x[4]):
+    if i // PER_BODY != int(x[4]):
         return 0.0
-    k = i % 10
+    k = i % PER_BODY
     if k == 0:
         return x[3] * x[3]
     if k < 4:

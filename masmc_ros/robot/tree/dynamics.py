@@ -32,9 +32,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import read_part, write_part
+from masmc_ros.numerics.arrays import parted, read_along, read_part, write_along, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.robot.tree.model import (
     base_of,
     bodies_of,
@@ -43,6 +44,7 @@ from masmc_ros.robot.tree.model import (
     joint_of,
     OMNIDIRECTIONAL,
     parent_of,
+    rotation_of_joint,
     rotors_begin,
     TreeModel,
 )
@@ -51,8 +53,10 @@ from masmc_ros.robot.tree.spatial import (
     cross,
     inner,
     MOMENTS,
+    Moments,
     moments_in_parent,
     momentum,
+    PER_BODY,
     power_gradient,
     product,
     rotate,
@@ -75,7 +79,9 @@ GRAVITY = 9.81
 _ORIGIN = 9
 _POSITION = 12
 _REFERENCE, _ACCELERATION = 6, 12
-_FORCE = 3
+
+MOTION = 18
+"""What a body's motion has: angular velocity and velocity of each of the three."""
 
 
 class Posture(NamedTuple):
@@ -123,29 +129,33 @@ def place(
 
     """
     bodies, base = bodies_of(model), base_of(model)
-    frames, screws = np.empty((bodies, _POSITION + 1)), np.zeros((base + bodies - 1, 6))
+    size, wide = base + bodies - 1, _POSITION + 1
+    frames, screws = parted(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, _ORIGIN, VECTOR)
+    for k in range(base):
+        write_part(screws, k, 0, VECTOR)
+        write_part(screws, k, 3, VECTOR)
     if base != FIXED:
         screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
             screws[1, 4] = 1.0
     for body in range(1, bodies):
-        turns, axis, rotation, offset = joint_of(model, body)
+        turns, axis, offset = joint_of(model, body)
         parent, value = parent_of(model, body), position[first + body - 1]
         above = read_part(frames, parent, 0, ROTATION)
         origin = add(read_part(frames, parent, _ORIGIN, VECTOR), rotate(above, offset))
-        own = product(above, rotation)
-        along = rotate(own, axis)
+        along = rotate(above, axis)
         screw = base + body - 1
+        s, c = sin_cos(value) if turns else (0.0, 1.0)
         if turns:
-            s, c = sin_cos(value)
-            own = product(own, turn(axis, s, c))
             write_part(screws, screw, 0, along)
             write_part(screws, screw, 3, cross(origin, along))
         else:
             origin = add(origin, scale(along, value))
+            write_part(screws, screw, 0, VECTOR)
             write_part(screws, screw, 3, along)
+        own = product(above, rotation_of_joint(model, body, s, c))
         write_part(frames, body, 0, own)
         write_part(frames, body, _ORIGIN, origin)
         frames[body, _POSITION] = value
@@ -178,36 +188,49 @@ def _sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[V
     )
 
 
-@kernel
-def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
-    """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
-    screws = posture.screws
+@formula
+def write_velocity(
+    model: TreeModel, screws: Any, rates: Any, motion: Any, first: int, body: int
+) -> tuple[Vector, Vector]:
+    """Write the motion of a body as `velocities` does, its parent's being there, and return it."""
     base = base_of(model)
-    w, v = base_motion(base, rates)
-    write_part(motion, 0, first, w)
-    write_part(motion, 0, first + 3, v)
-    for body in range(1, bodies_of(model)):
+    if body == 0:
+        w, v = base_motion(base, rates)
+    else:
         k = base + body - 1
         sw = scale(read_part(screws, k, 0, VECTOR), rates[k])
         sv = scale(read_part(screws, k, 3, VECTOR), rates[k])
         w, v = _sum_of(motion, parent_of(model, body), first, sw, sv)
-        write_part(motion, body, first, w)
-        write_part(motion, body, first + 3, v)
+    write_part(motion, body, first, w)
+    write_part(motion, body, first + 3, v)
+    return w, v
 
 
 @kernel
-def _moved(
+def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
+    """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
+    screws = posture.screws
+    for body in range(bodies_of(model)):
+        write_velocity(model, screws, rates, motion, first, body)
+
+
+@kernel
+def write_motions(
     model: TreeModel,
     posture: Posture,
     velocity: Any,
     reference: Any,
     acceleration: Any,
     gravity: float,
-) -> Any:
-    """Return velocities, reference velocities and reference accelerations of bodies (B, 18)."""
+    motion: Any,
+) -> None:
+    """
+    Write velocities, reference velocities and reference accelerations of bodies (B, MOTION).
+
+    Of nu, nu_r and a_r; gravity in m/s^2, downwards.
+    """
     screws = posture.screws
     bodies, base = bodies_of(model), base_of(model)
-    motion = np.empty((bodies, 18))
     velocities(model, posture, velocity, motion, 0)
     velocities(model, posture, reference, motion, _REFERENCE)
     w, v = base_motion(base, velocity)
@@ -235,7 +258,6 @@ def _moved(
         )
         write_part(motion, body, _ACCELERATION, alpha)
         write_part(motion, body, _ACCELERATION + 3, a)
-    return motion
 
 
 @formula
@@ -249,27 +271,20 @@ def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
     return velocity_map(w, omega, alpha), add(a, cross(w, v))
 
 
-@kernel
-def moments_about_base(model: TreeModel, posture: Posture, theta: Any) -> Any:
-    """Return the moments of all bodies about the base's origin, (B, 10)."""
+@formula
+def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
+    """Return the moments of a body about the base's origin."""
+    own: Moments = read_along(theta, PER_BODY * body, MOMENTS)
+    if body == 0:
+        return own
     frames = posture.frames
-    bodies = bodies_of(model)
-    moments = np.empty((bodies, 10))
-    for body in range(bodies):
-        for i in range(10):
-            moments[body, i] = theta[10 * body + i]
-        if body > 0:
-            moved = moments_in_parent(
-                read_part(frames, body, 0, ROTATION),
-                read_part(frames, body, _ORIGIN, VECTOR),
-                read_part(moments, body, 0, MOMENTS),
-            )
-            write_part(moments, body, 0, moved)
-    return moments
+    return moments_in_parent(
+        read_part(frames, body, 0, ROTATION), read_part(frames, body, _ORIGIN, VECTOR), own
+    )
 
 
 @formula
-def _power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
+def power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
     """Return the power of a wrench per velocity k."""
     return inner(read_part(screws, k, 0, VECTOR), moment) + inner(
         read_part(screws, k, 3, VECTOR), force
@@ -277,32 +292,34 @@ def _power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
 
 
 @kernel
-def _forces(model: TreeModel, posture: Posture, moments: Any, motion: Any) -> Any:
-    """
-    Return the forces (n) that move bodies of moments about the base.
-
-    In `motion`, of which every row is read once, their wrenches take the velocities' place.
-    """
+def write_forces(
+    model: TreeModel, posture: Posture, theta: Any, motion: Any, acceleration: Any, forces: Any
+) -> None:
+    """Write H a_r + C(nu) nu_r + g (n) of the motions that `write_motions` writes."""
     screws = posture.screws
     bodies, base = bodies_of(model), base_of(model)
-    size = base + bodies - 1
-    forces = np.empty(size)
+    size, rotors = base + bodies - 1, rotors_begin(model)
+    wrenches = scratch(bodies, 6)
     for body in range(bodies):
         a, c = _reference_field(motion, body)
-        moment, force = wrench(a, c, read_part(moments, body, 0, MOMENTS))
-        write_part(motion, body, 0, moment)
-        write_part(motion, body, _FORCE, force)
+        moment, force = wrench(a, c, moments_about_base(posture, theta, body))
+        write_part(wrenches, body, 0, moment)
+        write_part(wrenches, body, 3, force)
     for body in range(bodies - 1, 0, -1):
-        moment = read_part(motion, body, 0, VECTOR)
-        force = read_part(motion, body, _FORCE, VECTOR)
-        forces[base + body - 1] = _power(screws, base + body - 1, moment, force)
+        moment = read_part(wrenches, body, 0, VECTOR)
+        force = read_part(wrenches, body, 3, VECTOR)
+        forces[base + body - 1] = power(screws, base + body - 1, moment, force)
         parent = parent_of(model, body)
         for i in range(6):
-            motion[parent, i] += motion[body, i]
-    moment, force = read_part(motion, 0, 0, VECTOR), read_part(motion, 0, _FORCE, VECTOR)
+            wrenches[parent, i] += wrenches[body, i]
+    moment, force = read_part(wrenches, 0, 0, VECTOR), read_part(wrenches, 0, 3, VECTOR)
     for k in range(base):
-        forces[k] = _power(screws, k, moment, force)
-    return forces
+        forces[k] = power(screws, k, moment, force)
+    for row in range(size):
+        total = forces[row]
+        for other in range(size):
+            total += model.numbers[rotors + row * size + other, model.lane] * acceleration[other]
+        forces[row] = total
 
 
 @kernel
@@ -336,15 +353,9 @@ def inverse_dynamics(
         m/s^2, downwards.
 
     """
-    moments = moments_about_base(model, posture, theta)
-    motion = _moved(model, posture, velocity, reference, acceleration, gravity)
-    forces = _forces(model, posture, moments, motion)
-    size, rotors = len(forces), rotors_begin(model)
-    for row in range(size):
-        total = forces[row]
-        for other in range(size):
-            total += model.numbers[rotors + row * size + other, model.lane] * acceleration[other]
-        forces[row] = total
+    motion, forces = scratch(bodies_of(model), MOTION), np.empty(len(velocity))
+    write_motions(model, posture, velocity, reference, acceleration, gravity, motion)
+    write_forces(model, posture, theta, motion, acceleration, forces)
     return forces
 
 
@@ -364,10 +375,21 @@ def moment_gradients(
     sigma' (H a_r + C nu_r + g) is the sum of moments times gradients, but for rotors and wheels;
     the matrix Y is never formed. `error` (n) is sigma; the others as for `inverse_dynamics`.
     """
+    bodies = bodies_of(model)
+    motion, gradients = scratch(bodies, MOTION), np.empty(PER_BODY * bodies)
+    write_motions(model, posture, velocity, reference, acceleration, gravity, motion)
+    write_gradients(model, posture, motion, error, gradients)
+    return gradients
+
+
+@kernel
+def write_gradients(
+    model: TreeModel, posture: Posture, motion: Any, error: Any, gradients: Any
+) -> None:
+    """Write Y' sigma of the motions that `write_motions` writes."""
     frames = posture.frames
     bodies = bodies_of(model)
-    motion = _moved(model, posture, velocity, reference, acceleration, gravity)
-    moved, gradients = np.empty((bodies, 6)), np.empty((bodies, 10))
+    moved = scratch(bodies, 6)
     velocities(model, posture, error, moved, 0)
     for body in range(bodies):
         r = read_part(frames, body, 0, ROTATION)
@@ -379,17 +401,20 @@ def moment_gradients(
         own = product(product(transpose(r), a), r)
         along = rotate_back(r, add(rotate(a, p), c))
         speed = rotate_back(r, add(v, cross(w, p)))
-        write_part(gradients, body, 0, power_gradient(own, along, rotate_back(r, w), speed))
-    return gradients.reshape(gradients.size)
+        of_body = power_gradient(own, along, rotate_back(r, w), speed)
+        write_along(gradients, PER_BODY * body, of_body)
 
 
 @kernel
-def _inertia(model: TreeModel, posture: Posture, moments: Any) -> Any:
-    """Return H; `moments` about the base become those of composite bodies."""
+def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -> None:
+    """Write H (n, n), as `inertia` returns it."""
     screws = posture.screws
     bodies, base = bodies_of(model), base_of(model)
-    size = base + bodies - 1
-    matrix, rotors = np.empty((size, size)), rotors_begin(model)
+    size, rotors = base + bodies - 1, rotors_begin(model)
+    # Of the bodies, and then of composite ones: each with all that hangs on it.
+    moments = scratch(bodies, PER_BODY)
+    for body in range(bodies):
+        write_part(moments, body, 0, moments_about_base(posture, theta, body))
     for row in range(size):
         for column in range(size):
             matrix[row, column] = model.numbers[rotors + row * size + column, model.lane]
@@ -400,21 +425,20 @@ def _inertia(model: TreeModel, posture: Posture, moments: Any) -> Any:
             read_part(screws, row, 0, VECTOR),
             read_part(screws, row, 3, VECTOR),
         )
-        matrix[row, row] += _power(screws, row, moment, force)
+        matrix[row, row] += power(screws, row, moment, force)
         at = body
         if body > 0:
             at = parent_of(model, body)
-            for i in range(10):
+            for i in range(PER_BODY):
                 moments[at, i] += moments[body, i]
         while at > 0:
             column = base + at - 1
-            matrix[column, row] += _power(screws, column, moment, force)
+            matrix[column, row] += power(screws, column, moment, force)
             matrix[row, column] = matrix[column, row]
             at = parent_of(model, at)
         for column in range(min(row, base)):
-            matrix[column, row] += _power(screws, column, moment, force)
+            matrix[column, row] += power(screws, column, moment, force)
             matrix[row, column] = matrix[column, row]
-    return matrix
 
 
 @kernel
@@ -424,7 +448,10 @@ def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
 
     With the constant inertia of rotors and wheels.
     """
-    return _inertia(model, posture, moments_about_base(model, posture, theta))
+    size = len(posture.screws)
+    matrix = np.empty((size, size))
+    write_inertia(model, posture, theta, matrix)
+    return matrix
 
 
 @kernel
@@ -462,23 +489,6 @@ def solve(factored: Any, x: Any) -> None:
             x[k] -= factored[row, k] * value
 
 
-@kernel
-def forward_dynamics(
-    model: TreeModel, posture: Posture, theta: Any, velocity: Any, forces: Any, gravity: float
-) -> Any:
-    """Return the acceleration (n) under forces (n), H^-1 (forces - C nu - g)."""
-    acceleration = np.zeros(len(velocity))
-    moments = moments_about_base(model, posture, theta)
-    motion = _moved(model, posture, velocity, velocity, acceleration, gravity)
-    bias = _forces(model, posture, moments, motion)
-    matrix = _inertia(model, posture, moments)
-    factor(matrix)
-    for row in range(len(velocity)):
-        acceleration[row] = forces[row] - bias[row]
-    solve(matrix, acceleration)
-    return acceleration
-
-
 @formula
 def _tip(posture: Posture, body: int, point: Vector) -> Vector:
     """Return where a body's point is in the base's frame."""
@@ -506,7 +516,7 @@ def point_velocity(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> tuple[Vector, Vector]:
     """Return a point's velocity and its body's angular velocity, arguments as below."""
-    moved = np.empty((bodies_of(model), 6))
+    moved = scratch(bodies_of(model), 6)
     velocities(model, posture, velocity, moved, 0)
     w, world = read_part(moved, body, 0, VECTOR), to_world(posture)
     v = add(read_part(moved, body, 3, VECTOR), cross(w, _tip(posture, body, point)))
@@ -534,9 +544,19 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
         its columns (n, 6): per velocity, that of the point and the body's angular velocity.
 
     """
+    columns = np.empty((len(posture.screws), 6))
+    write_jacobian(model, posture, body, point, columns)
+    return columns
+
+
+@kernel
+def write_jacobian(
+    model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
+) -> None:
+    """Write what `point_jacobian` returns."""
     screws = posture.screws
-    base = base_of(model)
-    columns, world = np.zeros((len(screws), 6)), to_world(posture)
+    base, world = base_of(model), to_world(posture)
+    clear(columns)
     tip, k = _tip(posture, body, point), base + body - 1
     while k >= 0:
         w = read_part(screws, k, 0, VECTOR)
@@ -544,7 +564,6 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
         write_part(columns, k, 0, rotate(world, v))
         write_part(columns, k, 3, rotate(world, w))
         k = towards_base(model, base, k)
-    return columns
 
 
 @kernel
@@ -552,10 +571,20 @@ def point_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> Any:
     """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
+    columns = np.empty((len(posture.screws), 6))
+    write_jacobian_rate(model, posture, velocity, body, point, columns)
+    return columns
+
+
+@kernel
+def write_jacobian_rate(
+    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
+) -> None:
+    """Write what `point_jacobian_rate` returns."""
     screws = posture.screws
-    base = base_of(model)
-    columns, world = np.zeros((len(screws), 6)), to_world(posture)
-    moved = np.empty((bodies_of(model), 6))
+    base, world = base_of(model), to_world(posture)
+    clear(columns)
+    moved = scratch(bodies_of(model), 6)
     velocities(model, posture, velocity, moved, 0)
     tip, k = _tip(posture, body, point), base + body - 1
     w, v = read_part(moved, body, 0, VECTOR), read_part(moved, body, 3, VECTOR)
@@ -573,21 +602,24 @@ def point_jacobian_rate(
         write_part(columns, k, 0, rotate(world, change))
         write_part(columns, k, 3, rotate(world, turned))
         k = towards_base(model, base, k)
-    return columns
 
 
 @kernel
-def point_forces(
-    model: TreeModel, posture: Posture, body: int, point: Vector, force: Vector, moment: Vector
-) -> Any:
-    """Return the forces (n) that do the work of force and moment on a point, in the world."""
+def add_point_forces(
+    model: TreeModel,
+    posture: Posture,
+    body: int,
+    point: Vector,
+    force: Vector,
+    moment: Vector,
+    found: Any,
+) -> None:
+    """Add to forces (n) those that do the work of force and moment on a point, in the world."""
     screws = posture.screws
-    base = base_of(model)
-    found, world = np.zeros(len(screws)), to_world(posture)
+    base, world = base_of(model), to_world(posture)
     f = rotate_back(world, force)
     about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
     k = base + body - 1
     while k >= 0:
-        found[k] = _power(screws, k, about, f)
+        found[k] += power(screws, k, about, f)
         k = towards_base(model, base, k)
-    return found

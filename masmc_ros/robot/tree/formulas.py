@@ -29,18 +29,19 @@ from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scalars import minus, zero
+from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import each, joined
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
+from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
 from masmc_ros.robot.tree.dynamics import base_motion, GRAVITY, place, Posture
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
-from masmc_ros.robot.tree.model import axes_of, base_of, TreeModel
+from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
 from masmc_ros.robot.tree.redundancy import (
-    is_singular,
     motion_from_task,
     reference_motion,
     task_inertia,
@@ -58,7 +59,6 @@ import numpy as np
 __all__ = [
     'consistency_normal',
     'forces_from_task',
-    'is_singular',
     'motion_from_task',
     'reference_motion',
     'task_error',
@@ -83,7 +83,8 @@ class Regressor(NamedTuple):
     """Y(q, v, v_r, a_r), which is never formed."""
 
     posture: Posture
-    motion: Numbers
+    motions: Any
+    """(B, MOTION) of the bodies: `dynamics.write_motions`."""
     reference: Numbers
     acceleration: Numbers
 
@@ -178,7 +179,23 @@ def regressor(
     acceleration: Numbers,
 ) -> Regressor:
     """Return what Y is made of."""
-    return Regressor(posture, motion, reference, acceleration)
+    motions = _motions(model, posture, motion, reference, acceleration)
+    return Regressor(posture, motions, reference, acceleration)
+
+
+@kernel
+def _motions(
+    model: TreeModel,
+    posture: Posture,
+    motion: Numbers,
+    reference: Numbers,
+    acceleration: Numbers,
+) -> Any:
+    """Return the motions of the bodies, which both products with Y are made of."""
+    found = np.empty((bodies_of(model), dynamics.MOTION))
+    nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
+    dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, found)
+    return found
 
 
 @kernel
@@ -189,17 +206,11 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     The inertia of rotors and wheels, which is no parameter, is in it.
     """
     parameters, reference = array_of(theta), array_of(y.reference)
-    found = dynamics.inverse_dynamics(
-        model,
-        y.posture,
-        parameters,
-        array_of(y.motion),
-        reference,
-        array_of(y.acceleration),
-        GRAVITY,
-    )
+    found = scratch(len(reference))
+    acceleration = array_of(y.acceleration)
+    dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, found)
     add_friction(model, parameters, reference, 1.0, found)
-    return taken(found, y.motion)
+    return taken(found, y.reference)
 
 
 @kernel
@@ -208,18 +219,8 @@ def regressor_transpose_times(
 ) -> Numbers:
     """Return Y' v."""
     reference, along = array_of(y.reference), array_of(motion)
-    moments = dynamics.moment_gradients(
-        model,
-        y.posture,
-        array_of(y.motion),
-        reference,
-        array_of(y.acceleration),
-        GRAVITY,
-        along,
-    )
-    found = np.empty(len(like))
-    for i in range(len(moments)):
-        found[i] = moments[i]
+    found = scratch(len(like))
+    dynamics.write_gradients(model, y.posture, y.motions, along, found)
     write_friction_gradient(model, reference, along, found)
     return taken(found, like)
 
@@ -259,30 +260,30 @@ def inertia(model: TreeModel, posture: Posture, theta: Numbers) -> Any:
 def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numbers:
     """Return H nudot."""
     values = array_of(acceleration)
-    out = np.zeros(len(values))
+    out = scratch(len(values))
     for i in range(len(values)):
+        total = 0.0
         for j in range(len(values)):
-            out[i] += inertia[i, j] * values[j]
+            total += inertia[i, j] * values[j]
+        out[i] = total
     return taken(out, acceleration)
 
 
 @kernel
 def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
-    factors, x = inertia.copy(), array_of(forces)
+    factors, x = scratch(len(inertia), len(inertia)), array_of(forces)
+    copy_into(factors, inertia)
     dynamics.factor(factors)
     dynamics.solve(factors, x)
     return taken(x, forces)
 
 
-@kernel
+@formula
 def coriolis(model: TreeModel, posture: Posture, theta: Numbers, motion: Numbers) -> Numbers:
     """Return C nu + g and friction."""
-    nu, parameters = array_of(motion), array_of(theta)
-    still = np.zeros(len(nu))
-    found = dynamics.inverse_dynamics(model, posture, parameters, nu, nu, still, GRAVITY)
-    add_friction(model, parameters, nu, 1.0, found)
-    return taken(found, motion)
+    still = each(zero, motion)
+    return regressor_times(model, regressor(model, posture, motion, motion, still), theta)
 
 
 @kernel
@@ -294,7 +295,8 @@ def joint_accelerations(
     into_base(model, nu, False)
     into_base(model, f, True)
     add_friction(model, parameters, nu, -1.0, f)
-    found = dynamics.forward_dynamics(model, posture, parameters, nu, f, GRAVITY)
+    found = scratch(len(nu))
+    write_accelerations(model, posture, parameters, nu, f, GRAVITY, found)
     into_wheels(model, found, False)
     return taken(found, rates)
 

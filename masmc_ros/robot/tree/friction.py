@@ -28,13 +28,13 @@ import math
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
+from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.wheels import into_base, into_wheels
 
 CREEP = 0.02
 """Rate in rad/s or m/s at which seven tenths of Coulomb's friction are there."""
-
-_MOMENTS = 10
 
 
 @formula
@@ -48,10 +48,11 @@ def add_friction(
     model: TreeModel, theta: Any, motion: Any, sign: float, forces: Any
 ) -> None:
     """Add to forces, or take from them, what joints that move as nu (n) says meet with."""
-    first, count = _MOMENTS * bodies_of(model), len(motion)
+    first, count = PER_BODY * bodies_of(model), len(motion)
     if len(theta) == first:
         return
-    torques = motion.copy()
+    torques = scratch(count)
+    copy_into(torques, motion)
     into_wheels(model, torques, False)
     for j in range(count):
         rate = torques[j]
@@ -64,10 +65,12 @@ def add_friction(
 @kernel
 def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradient: Any) -> None:
     """Write what belongs to friction of Y' v, v being a motion (n), into a gradient of theta."""
-    first, count = _MOMENTS * bodies_of(model), len(motion)
+    first, count = PER_BODY * bodies_of(model), len(motion)
     if len(gradient) == first:
         return
-    rates, along = reference.copy(), motion.copy()
+    rates, along = scratch(count), scratch(count)
+    copy_into(rates, reference)
+    copy_into(along, motion)
     into_wheels(model, rates, False)
     into_wheels(model, along, False)
     for j in range(count):
@@ -80,6 +83,6 @@ def adapt_friction(
     model: TreeModel, theta: Any, gradient: Any, gamma: Any, period: float
 ) -> None:
     """Move the coefficients in theta on by a step down the gradient, none below zero."""
-    for j in range(_MOMENTS * bodies_of(model), len(theta)):
+    for j in range(PER_BODY * bodies_of(model), len(theta)):
         moved = theta[j] - period / gamma[j] * gradient[j]
         theta[j] = moved if moved > 0.0 else 0.0

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import read_down
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.tuples import each
 from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +69,7 @@ class TreeModel(NamedTuple):
 
 
 _AXES = 6
-_BODY = 17
+_BODY = 35
 _FRAME = 13
 
 
@@ -117,7 +118,7 @@ def packed(
 
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
-    bodies = np.column_stack([tree.parent, tree.kind, tree.axis, tree.rotation, tree.offset])
+    bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
     parts: tuple[Any, ...] = (
         (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot),
         axes, bodies, mobility, posture, wheels,
@@ -125,6 +126,34 @@ def packed(
         *(part for frame in frames for part in frame),
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+
+def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
+    """
+    Return each joint's axis in the parent's frame, and matrices of its body's rotation.
+
+    By Rodrigues the rotation is one of them, and another times the joint angle's cosine, and a
+    third times its sine; with no angle, the sum of the first two.
+    """
+    rotation = tree.rotation.reshape(-1, 3, 3)
+    axis = np.zeros_like(tree.axis)
+    around, across = np.zeros_like(rotation), np.zeros_like(rotation)
+    for i in range(3):
+        # Entry by entry, which is the same on every machine.
+        x, y, z = tree.axis.T
+        row = rotation[:, i]
+        axis[:, i] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z
+        around[:, i] = axis[:, i, None] * tree.axis
+        across[:, i, 0] = row[:, 1] * z - row[:, 2] * y
+        across[:, i, 1] = row[:, 2] * x - row[:, 0] * z
+        across[:, i, 2] = row[:, 0] * y - row[:, 1] * x
+    count = len(rotation)
+    return (
+        axis,
+        around.reshape(count, 9),
+        (rotation - around).reshape(count, 9),
+        across.reshape(count, 9),
+    )
 
 
 @formula
@@ -188,14 +217,31 @@ def parent_of(model: TreeModel, body: int) -> int:
 
 
 @formula
-def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Rotation, Vector]:
-    """Return whether a body's joint turns, its axis, and the body's placement at zero."""
+def joint_of(model: TreeModel, body: int) -> tuple[bool, Vector, Vector]:
+    """Return if a body's joint turns, its axis and the body's origin in the parent's frame."""
     numbers, lane = model.numbers, model.lane
     first = _body_begins(model, body)
     axis: Vector = read_down(numbers, first + 2, lane, VECTOR)
-    rotation: Rotation = read_down(numbers, first + 5, lane, ROTATION)
-    offset: Vector = read_down(numbers, first + 14, lane, VECTOR)
-    return numbers[first + 1, lane] == REVOLUTE, axis, rotation, offset
+    offset: Vector = read_down(numbers, first + 32, lane, VECTOR)
+    return numbers[first + 1, lane] == REVOLUTE, axis, offset
+
+
+@formula
+def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -> Rotation:
+    """Return a body's rotation in its parent's frame, of sine and cosine of the joint's angle."""
+    numbers, lane = model.numbers, model.lane
+    first = _body_begins(model, body) + 5
+    around: Rotation = read_down(numbers, first, lane, ROTATION)
+    along: Rotation = read_down(numbers, first + 9, lane, ROTATION)
+    across: Rotation = read_down(numbers, first + 18, lane, ROTATION)
+    return each(_turned_entry, around, along, across, sine, cosine)
+
+
+@formula
+def _turned_entry(
+    around: float, along: float, across: float, sine: float, cosine: float
+) -> float:
+    return around + cosine * along + sine * across
 
 
 @formula

@@ -29,12 +29,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
+from masmc_ros.numerics.arrays import array_of, read_along, taken, write_along
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import dot, each, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
-from masmc_ros.robot.tree.spatial import MOMENTS, Moments
+from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
 
 Row = tuple[float, float, float, float]
 Rows = tuple[Row, Row, Row, Row]
@@ -62,17 +63,18 @@ def adapted(
     Vectors have ten numbers a body; the gain of one is the entry of `gamma` for its mass. None
     grows beyond `upper` times the nominal mass and size.
     """
-    out, gains, count = array_of(theta).copy(), array_of(gamma), bodies_of(model)
-    nominals, gradients, shape = array_of(nominal), array_of(gradient), (count, 10)
-    found = out[:10 * count].reshape(shape)
-    rest, along = nominals[:10 * count].reshape(shape), gradients[:10 * count].reshape(shape)
-    for body in range(count):
+    before, gains = array_of(theta), array_of(gamma)
+    rest, gradients = array_of(nominal), array_of(gradient)
+    out = scratch(len(before))
+    copy_into(out, before)
+    for body in range(bodies_of(model)):
+        at = PER_BODY * body
         moved = natural_step(
-            read_part(found, body, 0, MOMENTS),
-            read_part(along, body, 0, MOMENTS),
-            period / gains[10 * body],
+            read_along(before, at, MOMENTS),
+            read_along(gradients, at, MOMENTS),
+            period / gains[at],
         )
-        write_part(found, body, 0, bounded(moved, read_part(rest, body, 0, MOMENTS), upper))
+        write_along(out, at, bounded(moved, read_along(rest, at, MOMENTS), upper))
     adapt_friction(model, out, gradients, gains, period)
     return taken(out, theta)
 
@@ -98,16 +100,24 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
 
     """
     mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
-    (a, b, c, d), is_body = _factor(
+    (b, c, d), pivots, is_body = _factor(
         (mass, 0.0, 0.0, 0.0), (x, xx, 0.0, 0.0), (y, xy, yy, 0.0), (z, zx, yz, zz)
     )
-    gradient_rows = _gradient_rows(gradient)
+    # Columns of C = L sqrt(D), and its rows.
+    roots = each(_root, pivots)
     p, q, r, s = (
-        (a[0], b[0], c[0], d[0]),
-        (0.0, b[1], c[1], d[1]),
-        (0.0, 0.0, c[2], d[2]),
-        (0.0, 0.0, 0.0, d[3]),
+        (roots[0], b[0] * roots[0], c[0] * roots[0], d[0] * roots[0]),
+        (0.0, roots[1], c[1] * roots[1], d[1] * roots[1]),
+        (0.0, 0.0, roots[2], d[2] * roots[2]),
+        (0.0, 0.0, 0.0, roots[3]),
     )
+    rows = (
+        (p[0], 0.0, 0.0, 0.0),
+        (p[1], q[1], 0.0, 0.0),
+        (p[2], q[2], r[2], 0.0),
+        (p[3], q[3], r[3], s[3]),
+    )
+    gradient_rows = _gradient_rows(gradient)
     e, f, g, h = (
         matrix_times(gradient_rows, p),
         matrix_times(gradient_rows, q),
@@ -125,32 +135,44 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         (by * pr, by * qr, by * rr, by * rs),
         (by * ps, by * qs, by * rs, by * ss),
     )
-    root, is_right = _factor(
-        (1.0 + e[0] + dot(e, e) / 2.0, 0.0, 0.0, 0.0),
-        (e[1] + dot(e, f) / 2.0, 1.0 + f[1] + dot(f, f) / 2.0, 0.0, 0.0),
-        (e[2] + dot(e, g) / 2.0, f[2] + dot(f, g) / 2.0, 1.0 + g[2] + dot(g, g) / 2.0, 0.0),
+    series, weights, is_right = _factor(
+        (1.0 + e[0] + 0.5 * dot(e, e), 0.0, 0.0, 0.0),
+        (e[1] + 0.5 * dot(e, f), 1.0 + f[1] + 0.5 * dot(f, f), 0.0, 0.0),
+        (e[2] + 0.5 * dot(e, g), f[2] + 0.5 * dot(f, g), 1.0 + g[2] + 0.5 * dot(g, g), 0.0),
         (
-            e[3] + dot(e, h) / 2.0,
-            f[3] + dot(f, h) / 2.0,
-            g[3] + dot(g, h) / 2.0,
-            1.0 + h[3] + dot(h, h) / 2.0,
+            e[3] + 0.5 * dot(e, h),
+            f[3] + 0.5 * dot(f, h),
+            g[3] + 0.5 * dot(g, h),
+            1.0 + h[3] + 0.5 * dot(h, h),
         ),
     )
-    # P+ is the product of root^-1 C' with itself.
-    p, q, r, s = _solved(root, a), _solved(root, b), _solved(root, c), _solved(root, d)
-    found = (
-        dot(p, p),
-        dot(p, q),
-        dot(p, r),
-        dot(p, s),
-        dot(q, q),
-        dot(r, r),
-        dot(s, s),
-        dot(q, r),
-        dot(r, s),
-        dot(s, q),
+    # P+ is C (L D L')^-1 C' of that series: products of L^-1 C', weighted by D^-1.
+    p, q, r, s = (
+        _solved(series, rows[0]),
+        _solved(series, rows[1]),
+        _solved(series, rows[2]),
+        _solved(series, rows[3]),
     )
-    _, is_still_body = _factor(
+    by_weight = each(_inverse, weights)
+    e, f, g, h = (
+        each(_times, p, by_weight),
+        each(_times, q, by_weight),
+        each(_times, r, by_weight),
+        each(_times, s, by_weight),
+    )
+    found = (
+        dot(p, e),
+        dot(p, f),
+        dot(p, g),
+        dot(p, h),
+        dot(q, f),
+        dot(r, g),
+        dot(s, h),
+        dot(q, g),
+        dot(r, h),
+        dot(s, f),
+    )
+    _, _, is_still_body = _factor(
         (found[0], 0.0, 0.0, 0.0),
         (found[1], found[4], 0.0, 0.0),
         (found[2], found[7], found[5], 0.0),
@@ -193,31 +215,48 @@ def _gradient_rows(of: Moments) -> Rows:
 
 
 @formula
-def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[Rows, bool]:
-    """Return Cholesky's factor of a matrix, of which rows to the diagonal, and if it is one."""
+def _root(value: float) -> float:
+    return math.sqrt(value)
+
+
+@formula
+def _inverse(value: float) -> float:
+    return 1.0 / value
+
+
+@formula
+def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, bool]:
+    """
+    Return L and D of a matrix L D L', of which rows to the diagonal, and whether D is positive.
+
+    Of L, the rows below the first, whose entry on the diagonal is 1.
+    """
     a0, a_is_right = _pivot(a[0], a[0])
-    b0, c0, d0 = b[0] / a0, c[0] / a0, d[0] / a0
-    b1, b_is_right = _pivot(b[1] - b0 * b0, b[1])
-    c1, d1 = (c[1] - c0 * b0) / b1, (d[1] - d0 * b0) / b1
-    c2, c_is_right = _pivot(c[2] - c0 * c0 - c1 * c1, c[2])
-    d2 = (d[2] - d0 * c0 - d1 * c1) / c2
-    d3, d_is_right = _pivot(d[3] - d0 * d0 - d1 * d1 - d2 * d2, d[3])
-    rows = ((a0, 0.0, 0.0, 0.0), (b0, b1, 0.0, 0.0), (c0, c1, c2, 0.0), (d0, d1, d2, d3))
-    return rows, a_is_right & b_is_right & c_is_right & d_is_right
+    by = 1.0 / a0
+    b0, c0, d0 = b[0] * by, c[0] * by, d[0] * by
+    b1, b_is_right = _pivot(b[1] - b0 * b[0], b[1])
+    by = 1.0 / b1
+    c_left, d_left = c[1] - c0 * b[0], d[1] - d0 * b[0]
+    c1, d1 = c_left * by, d_left * by
+    c2, c_is_right = _pivot(c[2] - c0 * c[0] - c1 * c_left, c[2])
+    left = d[2] - d0 * c[0] - d1 * c_left
+    d2 = left / c2
+    d3, d_is_right = _pivot(d[3] - d0 * d[0] - d1 * d_left - d2 * left, d[3])
+    rows = ((b0, 1.0, 0.0, 0.0), (c0, c1, 1.0, 0.0), (d0, d1, d2, 1.0))
+    return rows, (a0, b1, c2, d3), a_is_right & b_is_right & c_is_right & d_is_right
 
 
 @formula
 def _pivot(left: float, of: float) -> tuple[float, bool]:
-    """Return the root of what is left of a diagonal entry, and whether it is a pivot."""
+    """Return what is left of a diagonal entry, 1 in place of what is no pivot, and if it is."""
     is_right = (left > _LEAST * of) & (left < math.inf)
-    return math.sqrt(left if is_right else 1.0), is_right
+    return left if is_right else 1.0, is_right
 
 
 @formula
-def _solved(factor: Rows, x: Row) -> Row:
-    """Return factor^-1 x."""
-    a, b, c, d = factor
-    first = x[0] / a[0]
-    second = (x[1] - b[0] * first) / b[1]
-    third = (x[2] - c[0] * first - c[1] * second) / c[2]
-    return first, second, third, (x[3] - d[0] * first - d[1] * second - d[2] * third) / d[3]
+def _solved(factor: tuple[Row, Row, Row], x: Row) -> Row:
+    """Return L^-1 x."""
+    b, c, d = factor
+    second = x[1] - b[0] * x[0]
+    third = x[2] - c[0] * x[0] - c[1] * second
+    return x[0], second, third, x[3] - d[0] * x[0] - d[1] * second - d[2] * third

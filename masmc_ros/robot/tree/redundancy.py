@@ -31,14 +31,15 @@ from typing import Any
 
 from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.numerics.tuples import tabulate
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.dynamics import (
     factor,
-    inertia,
     joint_position,
     Posture,
     solve,
+    write_inertia,
 )
 from masmc_ros.robot.tree.model import (
     base_of,
@@ -50,7 +51,7 @@ from masmc_ros.robot.tree.model import (
     rest_of,
     TreeModel,
 )
-from masmc_ros.robot.tree.task import task_jacobian, task_jacobian_rate
+from masmc_ros.robot.tree.task import write_task_jacobian, write_task_jacobian_rate
 import numpy as np
 
 
@@ -74,17 +75,19 @@ def _mobility(model: TreeModel, posture: Posture, k: int, rate: float) -> tuple[
 
 
 @kernel
-def _factored(model: TreeModel, posture: Posture, columns: Any) -> tuple[Any, bool]:
-    """Return the factors of J W^-1 J' + lambda^2, and whether the task is singular."""
+def _write_mobilities(
+    model: TreeModel, posture: Posture, rates: Any, weights: Any, growths: Any
+) -> None:
+    """Write W^-1 and its derivative at rates nu, both (n)."""
+    for k in range(len(weights)):
+        weights[k], growths[k] = _mobility(model, posture, k, rates[k])
+
+
+@kernel
+def _factored(model: TreeModel, columns: Any, weights: Any, found: Any) -> bool:
+    """Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular."""
     m, bound = len(model.axes), least_pivot_of(model)
-    matrix = np.zeros((m, m))
-    for k in range(len(columns)):
-        mobility, _ = _mobility(model, posture, k, 0.0)
-        for i in range(m):
-            part = mobility * columns[k, i]
-            for j in range(m):
-                matrix[i, j] += part * columns[k, j]
-    found = matrix.copy()
+    _write_compliance(model, columns, weights, found)
     factor(found)
     least = found[0, 0]
     for i in range(m):
@@ -93,11 +96,23 @@ def _factored(model: TreeModel, posture: Posture, columns: Any) -> tuple[Any, bo
     if is_singular:
         # lambda^2 grows from zero to the pivot's bound as the pivot goes to zero.
         short = 1.0 - max(least, 0.0) / bound
+        _write_compliance(model, columns, weights, found)
         for i in range(m):
-            matrix[i, i] += bound * short * short
-        factor(matrix)
-        found = matrix
-    return found, is_singular
+            found[i, i] += bound * short * short
+        factor(found)
+    return is_singular
+
+
+@formula
+def _write_compliance(model: TreeModel, columns: Any, weights: Any, found: Any) -> None:
+    """Write J W^-1 J'."""
+    m = len(model.axes)
+    clear(found)
+    for k in range(len(columns)):
+        for i in range(m):
+            part = weights[k] * columns[k, i]
+            for j in range(m):
+                found[i, j] += part * columns[k, j]
 
 
 @formula
@@ -110,13 +125,6 @@ def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
 
 
 @kernel
-def is_singular(model: TreeModel, posture: Posture) -> bool:
-    """Tell whether the least pivot of J W^-1 J' is too small."""
-    _, found = _factored(model, posture, task_jacobian(model, posture))
-    return found
-
-
-@kernel
 def reference_motion(
     model: TreeModel,
     posture: Posture,
@@ -124,39 +132,43 @@ def reference_motion(
     motion: Numbers,
     velocity: Numbers,
     acceleration: Numbers,
-) -> tuple[Numbers, Numbers]:
-    """Return nu_r and a_r - kappa (nu - nu_r)."""
-    base, gain = base_of(model), posture_gain_of(model)
+) -> tuple[Numbers, Numbers, bool]:
+    """Return nu_r, a_r - kappa (nu - nu_r), and whether the task is close to singular."""
+    base, gain, damping = base_of(model), posture_gain_of(model), damping_of(model)
     nu, at = array_of(motion), array_of(position)
     y, y_dot = array_of(velocity), array_of(acceleration)
-    size, pose = len(nu), len(at) - len(nu)
-    columns = task_jacobian(model, posture)
-    changes = task_jacobian_rate(model, posture, nu)
-    factors, _ = _factored(model, posture, columns)
+    size, pose, m = len(nu), len(at) - len(nu), len(model.axes)
+    columns, changes, factors = scratch(size, m), scratch(size, m), scratch(m, m)
+    weights, growths = scratch(size), scratch(size)
+    write_task_jacobian(model, posture, columns)
+    write_task_jacobian_rate(model, posture, nu, changes)
+    _write_mobilities(model, posture, nu, weights, growths)
+    singular = _factored(model, columns, weights, factors)
     # z and its derivative: the joints tend to their posture, the base to nothing.
-    z, z_dot = np.zeros(size), np.zeros(size)
+    z, z_dot = scratch(size), scratch(size)
+    clear(z)
+    clear(z_dot)
     for k in range(base, size):
         z[k] = -gain * (at[pose + k] - rest_of(model, k))
         z_dot[k] = -gain * nu[k]
-    v_r, a_r = np.empty(size), np.empty(size)
+    v_r, a_r = scratch(size), scratch(size)
     for k in range(size):
         for i in range(len(model.axes)):
             y[i] -= columns[k, i] * z[k]
     solve(factors, y)
     # The derivative of the equation for y: A ydot = d(xdot_r - J z)/dt - Adot y.
     for k in range(size):
-        weight, growth = _mobility(model, posture, k, nu[k])
         along = _along(model, columns, k, y)
-        v_r[k] = z[k] + weight * along
-        change = z_dot[k] + weight * _along(model, changes, k, y) + growth * along
+        v_r[k] = z[k] + weights[k] * along
+        change = z_dot[k] + weights[k] * _along(model, changes, k, y) + growths[k] * along
         a_r[k] = change
         for i in range(len(model.axes)):
             y_dot[i] -= changes[k, i] * v_r[k] + columns[k, i] * change
     solve(factors, y_dot)
     for k in range(size):
-        weight, _ = _mobility(model, posture, k, 0.0)
-        a_r[k] += weight * _along(model, columns, k, y_dot) - damping_of(model) * (nu[k] - v_r[k])
-    return taken(v_r, motion), taken(a_r, motion)
+        damped = damping * (nu[k] - v_r[k])
+        a_r[k] += weights[k] * _along(model, columns, k, y_dot) - damped
+    return taken(v_r, motion), taken(a_r, motion), singular
 
 
 @kernel
@@ -164,42 +176,57 @@ def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    columns, y = task_jacobian(model, posture), array_of(rates)
-    factors, _ = _factored(model, posture, columns)
+    size, m = len(posture.screws), len(model.axes)
+    columns, weights, factors = scratch(size, m), scratch(size), scratch(m, m)
+    y, still, growths = array_of(rates), scratch(size), scratch(size)
+    clear(still)
+    write_task_jacobian(model, posture, columns)
+    _write_mobilities(model, posture, still, weights, growths)
+    _factored(model, columns, weights, factors)
     solve(factors, y)
-    out = np.empty(len(columns))
-    for k in range(len(out)):
-        mobility, _ = _mobility(model, posture, k, 0.0)
-        out[k] = mobility * _along(model, columns, k, y)
+    out = scratch(size)
+    for k in range(size):
+        out[k] = weights[k] * _along(model, columns, k, y)
     return taken(out, like)
 
 
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
-    m = len(model.axes)
-    columns, h = task_jacobian(model, posture), inertia(model, posture, theta)
+    m, size = len(model.axes), len(posture.screws)
+    columns, h = scratch(size, m), scratch(size, size)
+    write_task_jacobian(model, posture, columns)
+    write_inertia(model, posture, array_of(theta), h)
     factor(h)
-    # L^-1 J', in place of J'.
-    for row in range(len(columns)):
-        for k in range(row):
-            part = h[row, k]
+    # L^-1 J', in place of J', D^-1, and J H^-1 J' of both.
+    inverses, compliance, out = scratch(size), scratch(m, m), np.zeros((m, m))
+    for k in range(size):
+        for row in range(k):
+            part = h[k, row]
             for i in range(m):
-                columns[row, i] -= part * columns[k, i]
-    compliance, out = np.zeros((m, m)), np.zeros((m, m))
-    for k in range(len(columns)):
-        inverse = 1.0 / h[k, k]
-        for i in range(m):
-            part = columns[k, i] * inverse
-            for j in range(m):
-                compliance[i, j] += part * columns[k, j]
+                columns[k, i] -= part * columns[row, i]
+        inverses[k] = 1.0 / h[k, k]
+    _write_compliance(model, columns, inverses, compliance)
     least = least_pivot_of(model) * compliance[0, 0]
     for i in range(m):
         compliance[i, i] += 1.0e-3 * least
     factor(compliance)
-    for j in range(m):
-        out[j, j] = 1.0
-        solve(compliance, out[j])
+    # Rows of L^-T, and the inverse of all.
+    rows = scratch(m, m)
+    clear(rows)
+    for i in range(m):
+        rows[i, i] = 1.0
+        for row in range(i + 1, m):
+            entry = 0.0
+            for k in range(i, row):
+                entry -= compliance[row, k] * rows[i, k]
+            rows[i, row] = entry
+    for k in range(m):
+        inverse = 1.0 / compliance[k, k]
+        for i in range(k + 1):
+            part = rows[i, k] * inverse
+            for j in range(m):
+                out[i, j] += part * rows[j, k]
     return out
 
 

@@ -39,6 +39,9 @@ ROTATION: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 MOMENTS: Moments = (0.0,) * 10
 """No mass."""
 
+PER_BODY = len(MOMENTS)
+"""Numbers that a body has in theta."""
+
 
 @formula
 def add(a: Vector, b: Vector) -> Vector:

@@ -28,16 +28,17 @@ from typing import Any
 from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.numerics.tuples import each, tabulate
 from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree.dynamics import (
+    add_point_forces,
     joint_position,
-    point_forces,
-    point_jacobian,
-    point_jacobian_rate,
     point_velocity,
     Posture,
     to_world,
+    write_jacobian,
+    write_jacobian_rate,
 )
 from masmc_ros.robot.tree.model import (
     axis_of,
@@ -55,7 +56,6 @@ from masmc_ros.robot.tree.rotation_vector import (
     vector_of,
 )
 from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
-import numpy as np
 
 POSE = 6
 """Coordinates of a frame."""
@@ -110,7 +110,7 @@ def frame_pose(model: TreeModel, posture: Posture, frame: int) -> tuple[Rotation
 @kernel
 def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numbers:
     """Return origins and rotation vectors of frames, and positions of joints."""
-    found = np.empty((1, _coordinates(model)))
+    found = scratch(1, _coordinates(model))
     for frame in range(frames_of(model)):
         r, p = frame_pose(model, posture, frame)
         write_part(found, 0, POSE * frame, p)
@@ -131,7 +131,8 @@ def task_error(
     Of a frame's rotation, the axis from R_d to R times the angle's sine.
     """
     # What is desired, and in its place what is off by then.
-    off = np.zeros((1, _coordinates(model)))
+    off = scratch(1, _coordinates(model))
+    clear(off)
     _put(model, desired, 0, off)
     for frame in range(frames_of(model)):
         at, turned = POSE * frame, POSE * frame + _ROTATED
@@ -148,7 +149,7 @@ def task_error(
 @kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return velocities of origins, angular velocities, and the rates of joints."""
-    found, nu = np.empty((1, _coordinates(model))), array_of(motion)
+    found, nu = scratch(1, _coordinates(model)), array_of(motion)
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         v, w = point_velocity(model, posture, nu, body, offset)
@@ -165,21 +166,19 @@ def forces_from_task(
     model: TreeModel, posture: Posture, force: Numbers, like: Numbers
 ) -> Numbers:
     """Return J' F."""
-    pull = np.zeros((1, _coordinates(model)))
+    pull = scratch(1, _coordinates(model))
+    clear(pull)
     _put(model, force, 0, pull)
     base, size = base_of(model), base_of(model) + bodies_of(model) - 1
-    found = np.zeros(size)
+    found = scratch(size)
+    clear(found)
     for k in range(base, size):
         found[k] = pull[0, POSE * frames_of(model) + k - base]
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         at = POSE * frame
-        part = point_forces(
-            model, posture, body, offset,
-            read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR),
-        )  # fmt: skip
-        for k in range(size):
-            found[k] += part[k]
+        pushed, turned = read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR)
+        add_point_forces(model, posture, body, offset, pushed, turned, found)
     return taken(found, like)
 
 
@@ -194,29 +193,31 @@ def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
 
 
 @kernel
-def task_jacobian(model: TreeModel, posture: Posture) -> Any:
-    """Return the columns (n, m) of J."""
-    base = base_of(model)
-    columns = np.zeros((base + bodies_of(model) - 1, len(model.axes)))
+def write_task_jacobian(model: TreeModel, posture: Posture, columns: Any) -> None:
+    """Write the columns (n, m) of J."""
+    base, own = base_of(model), scratch(len(columns), POSE)
+    clear(columns)
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
-        _take(model, frame, point_jacobian(model, posture, body, offset), columns)
+        write_jacobian(model, posture, body, offset, own)
+        _take(model, frame, own, columns)
     for i in range(len(model.axes)):
         joint = axis_of(model, i) - POSE * frames_of(model)
         if joint >= 0:
             columns[base + joint, i] = 1.0
-    return columns
 
 
 @kernel
-def task_jacobian_rate(model: TreeModel, posture: Posture, velocity: Any) -> Any:
-    """Return the derivative by time of `task_jacobian` at velocities nu (n)."""
-    columns = np.zeros((len(velocity), len(model.axes)))
+def write_task_jacobian_rate(
+    model: TreeModel, posture: Posture, velocity: Any, columns: Any
+) -> None:
+    """Write the derivative by time of J at velocities nu (n)."""
+    own = scratch(len(columns), POSE)
+    clear(columns)
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
-        changes = point_jacobian_rate(model, posture, velocity, body, offset)
-        _take(model, frame, changes, columns)
-    return columns
+        write_jacobian_rate(model, posture, velocity, body, offset, own)
+        _take(model, frame, own, columns)
 
 
 @kernel
@@ -229,7 +230,8 @@ def tracking(
 ) -> Tracking:
     """Return how all follow; of a frame's rotation are desired a vector and its derivatives."""
     size, nu = _coordinates(model), array_of(motion)
-    wanted, found = np.zeros((3, size)), np.empty((3, size))
+    wanted, found = scratch(3, size), scratch(3, size)
+    clear(wanted)
     _put(model, desired[0], 0, wanted)
     _put(model, desired[1], 1, wanted)
     _put(model, desired[2], 2, wanted)

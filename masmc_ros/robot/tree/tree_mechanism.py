@@ -54,7 +54,7 @@ from masmc_ros.robot.tree.frames import (
 from masmc_ros.robot.tree.model import packed
 from masmc_ros.robot.tree.outputs import Robot, Task, task_of
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
-from masmc_ros.robot.tree.urdf import Description, read_urdf, read_urdf_file
+from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
 

@@ -42,7 +42,7 @@ from masmc_ros.robot.tree.model import (
     wheel_rates_begin,
 )
 from masmc_ros.robot.tree.spatial import Vector
-from masmc_ros.robot.tree.urdf import Joint
+from masmc_ros.robot.urdf import Joint
 import numpy as np
 from numpy.typing import NDArray
 

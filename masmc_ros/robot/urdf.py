@@ -317,7 +317,8 @@ class _Reader:
         axis: Numbers = (1.0, 0.0, 0.0)
         if kind != 'fixed' and (found := element.child('axis')) is not None:
             axis = self._vector(found, 'xyz', about)
-            length = math.sqrt(sum(each * each for each in axis))
+            # Not by `sum`, which Python 3.12 rounds in another way.
+            length = math.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
             if not 1.0e-6 < length < math.inf:
                 self._refuse(found, about, f'axis {axis}, expected a vector of length 1')
             # As it stands where it is of length 1, rounded decimals included.

@@ -1,0 +1,120 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Arrays to work in, which end with the function that asks for them.
+
+They lie on the stack, where making one costs nothing; one from the heap costs as much as a
+hundred products. Whoever makes one hands it to others, but never returns it nor keeps it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.generated import Compiler, generated
+from masmc_ros.numerics.tuples import FLOAT
+from numba import types
+from numba.core import cgutils
+import numpy as np
+
+MOST = {1: 200, 2: 840}
+"""
+Numbers that fit, by dimensions; a larger array comes from the heap.
+
+No multiples of 4 KiB: a processor takes addresses that are so far apart for the same at first.
+"""
+
+
+CACHE_LINE = 64
+
+
+def scratch(*shape: int) -> Any:
+    """
+    Return an array of one or two dimensions, not yet written.
+
+    In compiled code it ends with the function: an inlined formula ends where its result is used.
+    """
+    return np.empty(shape)
+
+
+@formula
+def clear(array: Any) -> None:
+    """Write zeros into an array, from which a compiler makes much more of `array[:] = 0.0`."""
+    flat = array.reshape(array.size)
+    for i in range(len(flat)):
+        flat[i] = 0.0
+
+
+@formula
+def copy_into(array: Any, values: Any) -> None:
+    """Write one array into another of its shape, both in the order of rows."""
+    flat, given = array.reshape(array.size), values.reshape(values.size)
+    for i in range(len(flat)):
+        flat[i] = given[i]
+
+
+def _empty(shape: Any) -> Any:
+    return np.empty(shape)
+
+
+def _type_of_scratch(context: Any, *shape: Any) -> types.Type:
+    return types.Array(FLOAT, len(shape), 'C')
+
+
+@generated(scratch, _type_of_scratch)
+def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    context, build = compiler.context, compiler.builder
+    lengths = [
+        compiler.cast(value, kind, types.intp) for value, kind in zip(values, kinds, strict=True)
+    ]
+    count = lengths[0]
+    for length in lengths[1:]:
+        count = build.mul(count, length)
+    number = context.get_data_type(FLOAT)
+    most = context.get_constant(types.intp, MOST[len(kinds)])
+    room = cgutils.alloca_once(build, number, most)
+    # Else it is chance, for each process anew, which numbers lie across two cache lines.
+    room.align = CACHE_LINE
+    found = cgutils.alloca_once(build, context.get_value_type(compiler.result))
+    fits = build.icmp_signed('<=', count, most)
+    with build.if_else(fits, likely=True) as (then, otherwise):
+        with then:
+            build.store(array_over(compiler, compiler.result, room, lengths), found)
+        with otherwise:
+            pair = types.UniTuple(types.intp, len(lengths))
+            shape = context.make_tuple(build, pair, lengths)
+            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), found)
+    return build.load(found)
+
+
+def array_over(
+    compiler: Compiler, kind: types.Array, room: Any, lengths: list[Any], owner: Any = None
+) -> Any:
+    """Return an array of numbers that lie somewhere, which belong to somebody or to nobody."""
+    context, build = compiler.context, compiler.builder
+    own = context.make_array(kind)(context, build)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(room.type.pointee))
+    strides, count = [size], lengths[0]
+    for length in lengths[:0:-1]:
+        strides.insert(0, build.mul(strides[0], length))
+        count = build.mul(count, length)
+    # Without an owner, what counts references passes it by.
+    own.meminfo = cgutils.get_null_value(own.meminfo.type) if owner is None else owner
+    own.parent = cgutils.get_null_value(own.parent.type)
+    own.data, own.nitems, own.itemsize = room, count, size
+    own.shape = cgutils.pack_array(build, lengths)
+    own.strides = cgutils.pack_array(build, strides)
+    return own._getvalue()

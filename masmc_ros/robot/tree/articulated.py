@@ -1,0 +1,264 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Forward dynamics of a tree by articulated bodies, O(n) (Featherstone, RBDA 2008, chapter 7).
+
+A body with all that hangs on it, its joints free, answers a motion's acceleration a with a wrench
+I_A a + p_A: what is left of the inertia is that which the joint's own force does not give way to.
+Conventions are those of `dynamics`; in one frame for all bodies nothing is transformed on the way.
+An articulated inertia [A B; B' M] has 21 numbers: A and M, symmetric, by rows of their upper
+triangles, and B between them by rows. It takes (omega, v) to (moment, force).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.arrays import read_part, write_part
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.scalars import minus, plus
+from masmc_ros.numerics.scratch import scratch
+from masmc_ros.numerics.tuples import each
+from masmc_ros.robot.tree.dynamics import (
+    crossed,
+    factor,
+    moments_about_base,
+    Posture,
+    power,
+    solve,
+    write_velocity,
+)
+from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
+from masmc_ros.robot.tree.spatial import (
+    add,
+    cross,
+    inner,
+    Moments,
+    momentum,
+    scale,
+    VECTOR,
+    Vector,
+)
+import numpy as np
+
+Inertia = tuple[float, ...]
+INERTIA: Inertia = (0.0,) * 21
+"""No inertia."""
+
+_WRENCH, _ENTRIES = 21, 27
+"""Where p_A begins in the row of a body, which has inertia and wrench."""
+
+_FORCE, _GIVES, _LEFT, _OWN = 3, 6, 7, 8
+"""Of a joint: wrench U = I_A s by moment and force, 1 / s' U, and what is left of its force."""
+
+
+@kernel
+def forward_dynamics(
+    model: TreeModel, posture: Posture, theta: Any, velocity: Any, forces: Any, gravity: float
+) -> Any:
+    """Return the acceleration (n) under forces (n), H^-1 (forces - C nu - g)."""
+    acceleration = np.empty(len(velocity))
+    write_accelerations(model, posture, theta, velocity, forces, gravity, acceleration)
+    return acceleration
+
+
+@kernel
+def write_accelerations(
+    model: TreeModel,
+    posture: Posture,
+    theta: Any,
+    velocity: Any,
+    forces: Any,
+    gravity: float,
+    acceleration: Any,
+) -> None:
+    """
+    Write the acceleration (n) under forces (n), H^-1 (forces - C nu - g).
+
+    Parameters
+    ----------
+    model
+        the robot, the inertia of whose rotors couples rates of the base alone.
+    posture
+        of its bodies.
+    theta
+        (10 B) moments of its bodies, one after the other.
+    velocity
+        (n) nu.
+    forces
+        (n) conjugate to nu.
+    gravity
+        m/s^2, downwards.
+    acceleration
+        (n) what is written.
+
+    """
+    screws = posture.screws
+    bodies, base = bodies_of(model), base_of(model)
+    motion, inertias, joints = scratch(bodies, 6), scratch(bodies, _ENTRIES), scratch(bodies, _OWN)
+    for body in range(bodies):
+        own = moments_about_base(posture, theta, body)
+        w, v = write_velocity(model, screws, velocity, motion, 0, body)
+        moment, force = momentum(own, w, v)
+        write_part(inertias, body, 0, _inertia_of(own))
+        write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
+        write_part(inertias, body, _WRENCH + 3, cross(w, force))
+    for body in range(bodies - 1, 0, -1):
+        _give_way(model, screws, motion, velocity, forces, inertias, joints, body)
+    _move_base(model, screws, inertias, forces, gravity, motion, acceleration)
+    for body in range(1, bodies):
+        k, parent = base + body - 1, parent_of(model, body)
+        # What the joint's rate adds by itself stands in `motion` by now.
+        alpha = add(read_part(motion, parent, 0, VECTOR), read_part(motion, body, 0, VECTOR))
+        a = add(read_part(motion, parent, 3, VECTOR), read_part(motion, body, 3, VECTOR))
+        taken = inner(read_part(joints, body, 0, VECTOR), alpha)
+        taken += inner(read_part(joints, body, _FORCE, VECTOR), a)
+        found = (joints[body, _LEFT] - taken) * joints[body, _GIVES]
+        acceleration[k] = found
+        along, across = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
+        write_part(motion, body, 0, add(alpha, scale(along, found)))
+        write_part(motion, body, 3, add(a, scale(across, found)))
+
+
+@formula
+def _inertia_of(of: Moments) -> Inertia:
+    """Return the inertia of a rigid body."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    return (
+        yy + zz, -xy, -zx, zz + xx, -yz, xx + yy,
+        0.0, -z, y, z, 0.0, -x, -y, x, 0.0,
+        mass, 0.0, 0.0, mass, 0.0, mass,
+    )  # fmt: skip
+
+
+@formula
+def _answer(to: Inertia, w: Vector, v: Vector) -> tuple[Vector, Vector]:
+    """Return the wrench of an inertia times a motion."""
+    moment = (
+        to[0] * w[0] + to[1] * w[1] + to[2] * w[2]
+        + (to[6] * v[0] + to[7] * v[1] + to[8] * v[2]),
+        to[1] * w[0] + to[3] * w[1] + to[4] * w[2]
+        + (to[9] * v[0] + to[10] * v[1] + to[11] * v[2]),
+        to[2] * w[0] + to[4] * w[1] + to[5] * w[2]
+        + (to[12] * v[0] + to[13] * v[1] + to[14] * v[2]),
+    )
+    force = (
+        to[6] * w[0] + to[9] * w[1] + to[12] * w[2]
+        + (to[15] * v[0] + to[16] * v[1] + to[17] * v[2]),
+        to[7] * w[0] + to[10] * w[1] + to[13] * w[2]
+        + (to[16] * v[0] + to[18] * v[1] + to[19] * v[2]),
+        to[8] * w[0] + to[11] * w[1] + to[14] * w[2]
+        + (to[17] * v[0] + to[19] * v[1] + to[20] * v[2]),
+    )
+    return moment, force
+
+
+@formula
+def _outer(n: Vector, f: Vector, part: float) -> Inertia:
+    """Return the wrench (n, f) times itself times a number, as an inertia."""
+    p, g = scale(n, part), scale(f, part)
+    return (
+        p[0] * n[0], p[0] * n[1], p[0] * n[2], p[1] * n[1], p[1] * n[2], p[2] * n[2],
+        p[0] * f[0], p[0] * f[1], p[0] * f[2],
+        p[1] * f[0], p[1] * f[1], p[1] * f[2],
+        p[2] * f[0], p[2] * f[1], p[2] * f[2],
+        g[0] * f[0], g[0] * f[1], g[0] * f[2], g[1] * f[1], g[1] * f[2], g[2] * f[2],
+    )  # fmt: skip
+
+
+@kernel
+def _give_way(
+    model: TreeModel,
+    screws: Any,
+    motion: Any,
+    velocity: Any,
+    forces: Any,
+    inertias: Any,
+    joints: Any,
+    body: int,
+) -> None:
+    """
+    Add to its parent what a body with all that hangs on it does not give way to.
+
+    In `motion`, its joint's own part of the acceleration, v x s qdot, takes the velocity's place.
+    """
+    k, parent = base_of(model) + body - 1, parent_of(model, body)
+    rotor = rotors_begin(model) + k * (len(screws) + 1)
+    to = read_part(inertias, body, 0, INERTIA)
+    w, v = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
+    n, f = _answer(to, w, v)
+    pivot = inner(w, n) + inner(v, f) + model.numbers[rotor, model.lane]
+    p_n = read_part(inertias, body, _WRENCH, VECTOR)
+    p_f = read_part(inertias, body, _WRENCH + 3, VECTOR)
+    left = forces[k] - (inner(w, p_n) + inner(v, p_f))
+    rate = velocity[k]
+    turned, moved = crossed(
+        read_part(motion, body, 0, VECTOR),
+        read_part(motion, body, 3, VECTOR),
+        scale(w, rate),
+        scale(v, rate),
+    )
+    write_part(motion, body, 0, turned)
+    write_part(motion, body, 3, moved)
+    write_part(joints, body, 0, n)
+    write_part(joints, body, _FORCE, f)
+    gives = 1.0 / pivot
+    joints[body, _GIVES], joints[body, _LEFT] = gives, left
+    away = _outer(n, f, gives)
+    kept = each(minus, to, away)
+    write_part(inertias, parent, 0, each(plus, read_part(inertias, parent, 0, INERTIA), kept))
+    c_n, c_f = _answer(to, turned, moved)
+    part = (left - (inner(n, turned) + inner(f, moved))) * gives
+    moment = add(add(p_n, c_n), scale(n, part))
+    force = add(add(p_f, c_f), scale(f, part))
+    moment = add(read_part(inertias, parent, _WRENCH, VECTOR), moment)
+    force = add(read_part(inertias, parent, _WRENCH + 3, VECTOR), force)
+    write_part(inertias, parent, _WRENCH, moment)
+    write_part(inertias, parent, _WRENCH + 3, force)
+
+
+@formula
+def _move_base(
+    model: TreeModel,
+    screws: Any,
+    inertias: Any,
+    forces: Any,
+    gravity: float,
+    motion: Any,
+    acceleration: Any,
+) -> None:
+    """Write the base's part of the acceleration, and its motion's in place of the velocity."""
+    base, size, rotors = base_of(model), len(screws), rotors_begin(model)
+    to = read_part(inertias, 0, 0, INERTIA)
+    matrix, x = scratch(base, base), scratch(base)
+    # What stands still on the ground is accelerated upwards, for all that moves with it.
+    n, f = _answer(to, VECTOR, (0.0, 0.0, gravity))
+    n = add(n, read_part(inertias, 0, _WRENCH, VECTOR))
+    f = add(f, read_part(inertias, 0, _WRENCH + 3, VECTOR))
+    for i in range(base):
+        x[i] = forces[i] - power(screws, i, n, f)
+        along, across = read_part(screws, i, 0, VECTOR), read_part(screws, i, 3, VECTOR)
+        moment, force = _answer(to, along, across)
+        for j in range(base):
+            rotor = model.numbers[rotors + i * size + j, model.lane]
+            matrix[i, j] = power(screws, j, moment, force) + rotor
+    factor(matrix)
+    solve(matrix, x)
+    for i in range(6):
+        motion[0, i] = gravity if i == 5 else 0.0
+    for k in range(base):
+        acceleration[k] = x[k]
+        for i in range(6):
+            motion[0, i] += screws[k, i] * x[k]

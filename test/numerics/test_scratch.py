@@ -1,0 +1,147 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arrays that end with the function that asks for them, and parts that share a vector."""
+
+from __future__ import annotations
+
+import resource
+from typing import Any
+
+from masmc_ros.numerics.arrays import array_of, parted, read_along, taken, write_along
+from masmc_ros.numerics.compiled import formula, inlined, kernel
+from masmc_ros.numerics.scratch import clear, copy_into, MOST, scratch
+import numpy as np
+import pytest
+
+
+@kernel
+def _filled(array: Any, first: float) -> float:
+    total = 0.0
+    for i in range(len(array)):
+        array[i] = first + i
+    for value in array:
+        total += value
+    return total
+
+
+@kernel
+def _vector(size: int) -> float:
+    return _filled(scratch(size), 1.0)
+
+
+@kernel
+def _matrix(rows: int, columns: int) -> Any:
+    work, other = scratch(rows, columns), scratch(rows, columns)
+    for i in range(rows):
+        for j in range(columns):
+            other[i, j] = 10.0 * i + j
+    copy_into(work, other)
+    clear(other)
+    kept = np.empty((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            kept[i, j] = work[i, j] + other[i, j]
+    return kept
+
+
+@kernel
+def _two_at_once(size: int) -> float:
+    """Return what is wrong where two of them, in a loop, were the same."""
+    off = 0.0
+    for i in range(3):
+        one, other = scratch(size), scratch(size)
+        _filled(one, i)
+        _filled(other, 100.0)
+        for j in range(size):
+            off += abs(one[j] - (i + j)) + abs(other[j] - (100.0 + j))
+    return off
+
+
+@pytest.mark.parametrize('size', [1, MOST[1] - 1, MOST[1], MOST[1] + 1, 10 * MOST[1]])
+def test_a_vector_of_any_size(size: int) -> None:
+    assert _vector(size) == size * (size + 1) / 2
+    assert _two_at_once(size) == 0.0
+
+
+@pytest.mark.parametrize(('rows', 'columns'), [(1, 1), (3, 5), (28, 30), (29, 29), (100, 40)])
+def test_a_matrix_of_any_shape(rows: int, columns: int) -> None:
+    expected = 10.0 * np.arange(rows)[:, None] + np.arange(columns)
+    assert np.array_equal(_matrix(rows, columns), expected)
+
+
+@kernel
+def _parts(size: int) -> Any:
+    frames, screws = parted(np.empty(4 * size), size, 3, size, 1)
+    for i in range(size):
+        for j in range(3):
+            frames[i, j] = 3.0 * i + j
+        screws[i, 0] = 3.0 * size + i
+    return frames, screws
+
+
+def test_parts_share_a_vector_that_lives_as_long_as_one_of_them() -> None:
+    frames, screws = _parts(4)
+    assert np.array_equal(frames.ravel(), np.arange(12.0))
+    del frames
+    assert np.array_equal(screws.ravel(), np.arange(12.0, 16.0))
+
+
+def test_nothing_is_left_of_them() -> None:
+    size = 10 * MOST[1]
+    _vector(size), _parts(size)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # What would be 640 MB.
+    for _ in range(8000):
+        _vector(size // 5 + 1)
+        _parts(size)
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert kilobytes < 100_000
+
+
+@kernel
+def _of_tuple(values: Any) -> Any:
+    array = array_of(values)
+    write_along(array, 1, read_along(array, 0, (0.0, 0.0)))
+    return taken(array, values), values
+
+
+def test_a_tuple_as_an_array_is_a_copy() -> None:
+    moved, before = _of_tuple((1.0, 2.0, 3.0))
+    assert (moved, before) == ((1.0, 1.0, 2.0), (1.0, 2.0, 3.0))
+
+
+@formula
+def _squared(value: float) -> float:
+    return value * value
+
+
+@inlined
+def _added(of: Any, value: float) -> None:
+    total = _squared(value)
+    of[0] += total
+
+
+@kernel
+def _sum(of: Any, count: int) -> float:
+    total = 5.0
+    for i in range(count):
+        _added(of, i)
+    return total
+
+
+def test_inlined_statements_have_names_of_their_own() -> None:
+    of = np.zeros(1)
+    assert _sum(of, 4) == 5.0
+    assert of[0] == 14.0
