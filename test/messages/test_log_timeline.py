@@ -16,7 +16,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.log.read.timeline import last_pass, sample_reference
+from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 import pytest
@@ -149,3 +149,29 @@ def test_remaining_stamps_ascend_and_the_last_is_kept(stamps: list[int]) -> None
     assert list(kept[-1:]) == list(range(len(stamps)))[-1:]
     for index in set(range(len(stamps))) - set(kept.tolist()):
         assert min(stamps[index + 1:]) <= stamps[index]
+
+
+@given(st.integers(20, 60), st.integers(1, 60), st.lists(st.integers(0, 120)), st.integers(0, 6))
+def test_answers_are_of_the_pass_of_their_state_whenever_they_come(
+    before: int, after: int, answered: list[int], late: int
+) -> None:
+    """Answers overtake their states, or lag behind them, by a few messages."""
+    ticks = [*range(before), *range(after)]
+    chosen = sorted({k for k in answered if k < len(ticks)})
+    for shift in (-late, late):
+        # A message, as its place in the log, whether it is an answer, and which state it is of.
+        messages = [(k + 0.5, False, k) for k in range(len(ticks))]
+        messages += [(k + 0.5 + shift + 0.25, True, k) for k in chosen]
+        messages.sort()
+        orders = [place for place, (_, is_answer, _) in enumerate(messages) if not is_answer]
+        begun = Beginning(orders, np.array(ticks, np.int64) * MS)
+        for place, (_, is_answer, k) in enumerate(messages):
+            if is_answer:
+                assert begun.is_over(place, ticks[k] * MS) == (k >= before)
+
+
+def test_without_a_state_s_stamp_the_place_counts() -> None:
+    begun = Beginning([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
+    assert [begun.is_over(place) for place in (0, 3, 5, 7, 9)] == [False, False, False, True, True]
+    assert Beginning().is_over(0, 5 * MS)
+    assert Beginning([2, 4], np.array([0, 5]) * MS).is_over(0)

@@ -23,6 +23,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Records
+from masmc_ros.log.read.timeline import Beginning
 from masmc_ros.log.write.provenance import CHANGES, PARAMETERS
 from masmc_ros.messages.parameter_record import parameter_values, ParameterRecord, record_of
 from masmc_ros.messages.topics import PARAMETER_NODES, parameters_topic
@@ -49,7 +50,7 @@ class ParameterHistory:
     restarted: tuple[str, ...]
 
 
-def parameter_history(records: Records, namespace: str, begun: int) -> ParameterHistory:
+def parameter_history(records: Records, namespace: str, begun: Beginning) -> ParameterHistory:
     """
     Return the parameters of a robot's run.
 
@@ -63,8 +64,7 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
     namespace
         of the robot, what stands before the names of its topics.
     begun
-        position in the log at which the run began; what was changed before is part of
-        its beginning.
+        where in the log the run began; what was changed before is part of its beginning.
 
     Records that cannot be read are left out, as every node refuses them.
 
@@ -86,7 +86,8 @@ def parameter_history(records: Records, namespace: str, begun: int) -> Parameter
                 record = record_of(raw)
             except InputError:
                 continue
-            if node not in start or order < begun:
+            stamp = None if record.is_start else record.stamp
+            if node not in start or not begun.is_over(order, stamp):
                 start[node] = record.parameters
             elif record.is_start:
                 restarted.append(node)

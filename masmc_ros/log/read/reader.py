@@ -37,7 +37,7 @@ from masmc_ros.log.read.decode import (
 )
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
-from masmc_ros.log.read.timeline import last_pass, sample_reference
+from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
 from masmc_ros.loop.signals import CONTACT, Signal, TOLD
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
@@ -234,7 +234,9 @@ def _run(path: Path, records: Records) -> Run:
     states = _last_pass(every_state, 3 * len(names))
     if odometry is not None:
         states = with_platform_pose(states, odometry)
-    history = parameter_history(records, namespace, _begun(states_topic, every_state))
+    history = parameter_history(
+        records, namespace, Beginning(states_topic.orders, every_state.stamps)
+    )
     _describe(history.start, records, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
@@ -297,7 +299,7 @@ def _contact(topic: Topic | None) -> Series | None:
 
 def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]]:
     """Return the kind of robot and its joints, as the plant or else the controller was told."""
-    start = parameter_history(records, namespace, 0).start
+    start = parameter_history(records, namespace, Beginning()).start
     _describe(start, records, namespace)
     told = [start.get(node, {}) for node in ('plant', 'controller')]
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
@@ -404,9 +406,3 @@ def _last_pass(series: Series | None, width: int) -> Series:
         return Series(np.zeros(0, np.int64), np.zeros((0, width)))
     kept = last_pass(series.stamps)
     return Series(series.stamps[kept], series.values[kept])
-
-
-def _begun(topic: Topic, states: Series) -> int:
-    """Return the position in the log at which the last pass began; 0 for the only one."""
-    back = np.flatnonzero(np.diff(states.stamps) < 0)
-    return topic.orders[back[-1] + 1] if len(back) else 0

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from masmc_ros.messages.layout import NANOSECONDS
@@ -45,6 +45,37 @@ def last_pass(stamps: Stamps) -> NDArray[np.intp]:
         return np.zeros(0, np.intp)
     earliest_later = np.append(np.minimum.accumulate(stamps[::-1])[::-1][1:], _END_OF_TIME)
     return np.flatnonzero(stamps < earliest_later)
+
+
+class Beginning:
+    """
+    Where the last pass of a run began.
+
+    Between topics of several nodes the order in a log is that in which a recorder took them: what
+    the controller tells with its answer to a state may stand before that state, and what it told
+    with its last answer before a reset behind the first state after it.
+    """
+
+    def __init__(self, orders: Sequence[int] = (), stamps: Stamps | None = None) -> None:
+        """Take the positions of all states in a log and their stamps in ns; nothing: one pass."""
+        self._orders = np.array(orders, np.int64)
+        self._stamps = np.zeros(0, np.int64) if stamps is None else stamps
+        back = np.flatnonzero(np.diff(self._stamps) < 0)
+        self._first = int(back[-1]) + 1 if len(back) else 0
+
+    def is_over(self, order: int, stamp: int | None = None) -> bool:
+        """Tell whether what is at a position, with the stamp of a state if any, came after it."""
+        if not self._first:
+            return True
+        if stamp is None:
+            return order > int(self._orders[self._first])
+        before, since = slice(self._first), slice(self._first, None)
+        return self._distance(since, order, stamp) < self._distance(before, order, stamp)
+
+    def _distance(self, states: slice, order: int, stamp: int) -> int:
+        """Return how far a position is from that of the state whose stamp is closest."""
+        off = np.abs(self._stamps[states] - stamp)
+        return int(np.abs(self._orders[states][off == off.min()] - order).min())
 
 
 class _Stretch(NamedTuple):
