@@ -158,9 +158,14 @@ def is_finite(now: Any) -> bool:
             get(now, 'true_position', lane),
             get(now, 'true_velocity', lane),
         ):
-            # Zero for finite numbers, not-a-number for any other.
-            total += dot(each(_nothing, values), values)
+            total += _rest(values)
     return total == 0.0
+
+
+@formula
+def _rest(values: Any) -> float:
+    """Return zero for numbers that all are finite, not-a-number for any other."""
+    return dot(each(_nothing, values), values)
 
 
 @formula
@@ -180,9 +185,11 @@ def closed_loop(
     final: bool,
     reference: Any,
     signals: Any,
-) -> None:
+) -> bool:
     """
     Run ticks first ... first + n - 1, in all lanes, and keep their signals (n).
+
+    Of a single lane, returns whether its commands and true positions all were finite.
 
     Records as in `control_tick` and `plant_tick`; `now` holds the state at the first tick and
     is left with that of the tick after the last. `reference` (n, 3 axes) is that of every
@@ -190,11 +197,16 @@ def closed_loop(
     """
     plant_of_all, state = copied(plant[0]), copied(plant_memory[0])
     gains, learned, signal = copied(settings[0]), copied(memory[0]), copied(now[0])
-    n = len(reference)
+    n, rest = len(reference), 0.0
     for k in range(n):
         write_reference(signal, reference[k])
         control(gains, learned, signal)
         copy_to(signal, signals[k])
+        # Not of many lanes, which would have to wait for one another's sums.
+        if lane_count(signal) == 1:
+            rest += _rest(get(signal, 'torque', 0))
+            rest += _rest(get(signal, 'rates', 0))
+            rest += _rest(get(signal, 'true_position', 0))
         if final and k == n - 1:
             break
         advance(plant_of_all, state, first + k, signal, False)
@@ -202,6 +214,7 @@ def closed_loop(
     copy_to(state, plant_memory[0])
     copy_to(learned, memory[0])
     copy_to(signal, now[0])
+    return rest == 0.0
 
 
 @formula

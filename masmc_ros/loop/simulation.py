@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-import math
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -83,17 +82,16 @@ class Simulation:
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
             reference = self.trajectory.sample(first, count)
-            stretch = self._stretch(first, reference, final=first + count == ticks)
-            self._check_finite(stretch)
-            yield stretch
+            yield self._stretch(first, reference, final=first + count == ticks)
 
     def _stretch(self, first: int, reference: Array, *, final: bool) -> Stretch:
         """Run ticks, with the changes among them."""
         end = first + len(reference)
         changes = tuple(change for change in self._changes if first <= change.tick < end)
         edges = sorted({first, end, *(change.tick for change in changes)})
-        signals = np.zeros(len(reference), self.plant.now.dtype)
-        active = np.zeros(len(reference), bool)
+        # All is written: an array of zeros is had from the system page by page, which takes long.
+        signals = np.empty(len(reference), self.plant.now.dtype)
+        active, is_finite = np.zeros(len(reference), bool), True
         contact = np.zeros((len(reference), len(self.plant.contact)))
         for start, stop in pairwise(edges):
             for change in changes:
@@ -102,14 +100,19 @@ class Simulation:
             rows = slice(start - first, stop - first)
             compiles = self.plant.is_compiled and self.controller.is_compiled
             advance = self._compiled if compiles and self._is_active else self._interpreted
-            followed = self._followed(start, reference[rows])
-            advance(
+            given = reference[rows]
+            followed = self._followed(start, given)
+            is_finite &= advance(
                 start, followed, signals[rows], contact[rows], final=final and stop == end
             )
+            if followed is not given or not self._is_active:
+                signals['reference'][rows, :, 0] = given
             active[rows] = self._is_active
-        signals['reference'][:, :, 0] = reference
         rates = self.controller.commands_rates
-        return Stretch(first, signals, active, rates, contact, changes)
+        stretch = Stretch(first, signals, active, rates, contact, changes)
+        if not is_finite:
+            self._check_finite(stretch)
+        return stretch
 
     def _make(self, change: Change) -> None:
         if change.values:
@@ -148,10 +151,6 @@ class Simulation:
 
     def _check_finite(self, stretch: Stretch) -> None:
         found = (stretch.torque, stretch.rates, stretch.true_position)
-        # A sum is not finite where an entry is not, and quick.
-        with np.errstate(over='ignore', invalid='ignore'):
-            if all(math.isfinite(each.sum()) for each in found):
-                return
         finite = np.isfinite(np.hstack(found)).all(axis=1)
         if not finite.all():
             tick = stretch.first + int(np.argmin(finite))
@@ -159,9 +158,10 @@ class Simulation:
 
     def _compiled(
         self, first: int, followed: Array, signals: Any, _: Array, *, final: bool
-    ) -> None:
+    ) -> bool:
+        """Run ticks in one call; return whether commands and positions all were finite."""
         plant, controller = self.plant, self.controller
-        closed_loop(
+        is_finite: bool = closed_loop(
             plant.settings,
             plant.memory,
             plant.delayed,
@@ -174,17 +174,19 @@ class Simulation:
             signals,
         )
         plant.tick = first + len(followed)
+        return is_finite
 
     def _interpreted(
         self, first: int, followed: Array, signals: Any, contact: Array, *, final: bool
-    ) -> None:
-        """Run tick by tick, as the nodes do; for what is in plain Python, and at rest."""
+    ) -> bool:
+        """Run tick by tick, as the nodes do, in plain Python, or at rest; False: look at them."""
         plant, controller, is_active = self.plant, self.controller, self._is_active
         for k, row in enumerate(signals):
             if is_active:
                 controller.tick(plant.position, plant.velocity, followed[k])
                 signals[k] = controller.now[0]
             else:
+                signals[k] = np.zeros((), signals.dtype)
                 row['estimate'][:, 0] = controller.estimate
                 row['error'], row['surface'] = np.nan, np.nan
             for name in OF_PLANT:
@@ -192,3 +194,4 @@ class Simulation:
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
                 plant.advance(row['torque'][:, 0] if is_active else None)
+        return False

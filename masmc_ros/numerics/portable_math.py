@@ -25,6 +25,8 @@ lanes.
 
 from __future__ import annotations
 
+from typing import Any
+
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
 
@@ -40,6 +42,9 @@ _HALF_PI_REST = 8.47842766036889956997e-32
 # older releases of Numba do not compile float('nan').
 _LARGEST_ANGLE = 1.0e9
 _NAN = float('nan')
+
+# Numbers in the longest vectors that processors have.
+_AT_ONCE = 8
 
 _LOG2_E = 1.44269504088896338700e00
 _LN2_HIGH = 6.93145751953125e-01
@@ -100,6 +105,31 @@ def sin_cos(angle: float) -> tuple[float, float]:
 def sin(angle: float) -> float:
     """Return the sine of an angle in rad; see `sin_cos`."""
     return sin_cos(angle)[0]
+
+
+@formula
+def padded(count: int) -> int:
+    """Return the length of arrays that have room for so many numbers, in whole vectors."""
+    return (count + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE
+
+
+@formula
+def write_sines(angles: Any, count: int) -> None:
+    """
+    Write the sines of the first angles in rad in place of them, several at once.
+
+    The array is `padded`, and what is after them there is of no use to anybody: a processor
+    takes all in whole vectors, none by itself.
+    """
+    for k in range(padded(count)):
+        angles[k] = sin_cos(angles[k] if k < count else 0.0)[0]
+
+
+@formula
+def write_sines_and_cosines(angles: Any, count: int, cosines: Any) -> None:
+    """Write the sines of the first angles in place of them, and their cosines, as above."""
+    for k in range(padded(count)):
+        angles[k], cosines[k] = sin_cos(angles[k] if k < count else 0.0)
 
 
 @formula

@@ -53,6 +53,10 @@ def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )
 
 
+_AT_ONCE = 128
+"""Times of which a path is sampled at once."""
+
+
 class LineSine:
     """x_d(t) = offset + slope t + amplitude sin(frequency t + phase), axis by axis."""
 
@@ -71,22 +75,24 @@ class LineSine:
 @kernel
 def _sample_line_sine(table: Any, times: Any) -> NDArray[np.float64]:
     axes, count = table.shape[1], len(times)
-    # An axis after the other, with which a processor computes several times at once.
-    columns = np.empty((3 * axes, count))
-    for i in range(axes):
-        offset, slope = table[0, i], table[1, i]
-        amplitude, frequency, phase = table[2, i], table[3, i], table[4, i]
-        for k in range(count):
-            position, velocity, acceleration = line_sine(
-                times[k], offset, slope, amplitude, frequency, phase
-            )
-            columns[i, k] = position
-            columns[axes + i, k] = velocity
-            columns[2 * axes + i, k] = acceleration
     out = np.empty((count, 3 * axes))
-    for k in range(count):
-        for j in range(3 * axes):
-            out[k, j] = columns[j, k]
+    # An axis after the other, of times that a cache holds: a processor takes several at once.
+    columns = np.empty((3 * axes, _AT_ONCE))
+    for first in range(0, count, _AT_ONCE):
+        some = min(_AT_ONCE, count - first)
+        for i in range(axes):
+            offset, slope = table[0, i], table[1, i]
+            amplitude, frequency, phase = table[2, i], table[3, i], table[4, i]
+            for k in range(some):
+                position, velocity, acceleration = line_sine(
+                    times[first + k], offset, slope, amplitude, frequency, phase
+                )
+                columns[i, k] = position
+                columns[axes + i, k] = velocity
+                columns[2 * axes + i, k] = acceleration
+        for k in range(some):
+            for j in range(3 * axes):
+                out[first + k, j] = columns[j, k]
     return out
 
 

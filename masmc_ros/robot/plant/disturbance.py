@@ -16,11 +16,71 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.portable_math import sin
+from masmc_ros.numerics.portable_math import padded, sin, write_sines
+from masmc_ros.numerics.record import get, lane_count, put
+from masmc_ros.numerics.tuples import each
 
 
 @formula
-def sinusoid(time: float, amplitude: float, frequency: float, phase: float) -> float:
-    """Return amplitude sin(frequency t + phase) in N m: time in s, rad/s, rad."""
-    return amplitude * sin(frequency * time + phase)
+def _angle(time: float, frequency: float, phase: float) -> float:
+    return frequency * time + phase
+
+
+@formula
+def _sinusoid(amplitude: float, frequency: float, phase: float, time: float) -> float:
+    return amplitude * sin(_angle(time, frequency, phase))
+
+
+@formula
+def moment(time: float, step: int, halves: int, h: float) -> float:
+    """Return the time in s at halves of a step of h seconds, the first step being at a time."""
+    return time + (step + 0.5 * halves) * h
+
+
+@formula
+def write_push(plant: Any, memory: Any, time: float) -> None:
+    """Write amplitude sin(frequency t + phase) in N m at a time in s as `push`, in all lanes."""
+    for lane in range(lane_count(plant)):
+        push = each(
+            _sinusoid,
+            get(plant, 'amplitude', lane),
+            get(plant, 'frequency', lane),
+            get(plant, 'phase', lane),
+            time,
+        )
+        put(memory, 'push', lane, push)
+
+
+@formula
+def waves_of_step(plant: Any) -> int:
+    """Return how many numbers `write_waves` writes at most."""
+    return padded(3 * len(plant['phase']))
+
+
+@formula
+def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> None:
+    """
+    Write the sines of a robot alone: of the middle of a step, its end, and the first start.
+
+    Those of many robots at one time fill a processor's vectors. One robot has too few joints, and
+    a vector takes no longer than a number does; all later starts are the ends of steps before.
+    """
+    frequency, phase = plant['frequency'], plant['phase']
+    joints, count = len(phase), 3 if step == 0 else 2
+    for k in range(count):
+        at = moment(time, step, (k + 1) % 3, h)
+        for j in range(joints):
+            waves[k * joints + j] = _angle(at, frequency[j, 0], phase[j, 0])
+    write_sines(waves, count * joints)
+
+
+@formula
+def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
+    """Write `push` at halves of the step, of what `write_waves` has written."""
+    amplitude, push = plant['amplitude'], memory['push']
+    first = (halves + 2) % 3 * len(push)
+    for j in range(len(push)):
+        push[j, 0] = amplitude[j, 0] * waves[first + j]

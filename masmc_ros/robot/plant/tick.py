@@ -23,9 +23,16 @@ from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus, zero
+from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import column, each
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.plant.disturbance import sinusoid
+from masmc_ros.robot.plant.disturbance import (
+    moment,
+    push_by_waves,
+    waves_of_step,
+    write_push,
+    write_waves,
+)
 from masmc_ros.robot.plant.drives import drive
 from masmc_ros.robot.plant.measurement import measure
 from masmc_ros.robot.plant.motion import runge_kutta_stage
@@ -73,23 +80,6 @@ MEMORY = (
 @formula
 def _share(total: float, value: float, steps: float) -> float:
     return total + value / steps
-
-
-@formula
-def _sinusoid(amplitude: float, frequency: float, phase: float, time: float) -> float:
-    return sinusoid(time, amplitude, frequency, phase)
-
-
-@formula
-def disturbance(plant: Any, lane: int, time: float) -> Numbers:
-    """Return the disturbance torques at a time, N m."""
-    return each(
-        _sinusoid,
-        get(plant, 'amplitude', lane),
-        get(plant, 'frequency', lane),
-        get(plant, 'phase', lane),
-        time,
-    )
 
 
 @formula
@@ -167,7 +157,7 @@ def drive_step(
     for lane in range(lane_count(plant)):
         if (plant['takes_rates'][0] != 0) | holds:
             _hold_rates(plant, memory, now, lane, h, steps)
-        put(memory, 'push', lane, disturbance(plant, lane, tick * period + (step + 0.5) * h))
+    write_push(plant, memory, moment(tick * period, step, 1, h))
 
 
 @inlined
@@ -184,6 +174,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     takes_rates = (plant['takes_rates'][0] != 0) | holds
     time = tick * period
     h = period / steps
+    waves = scratch(waves_of_step(plant))
     take_command(plant, memory, now, holds)
     for lane in range(lanes):
         put(memory, 'reached', lane, get(memory, 'position', lane))
@@ -192,12 +183,16 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
         if takes_rates:
             for lane in range(lanes):
                 _hold_rates(plant, memory, now, lane, h, steps)
+        if lanes == 1:
+            write_waves(plant, time, step, h, waves)
         for stage in range(4):
             # At the start of a later step it is what it was at the end of the one before.
             if (stage == 1) | (stage == 3) | (step + stage == 0):
-                moment = time + (step + 0.5 * ((stage + 1) // 2)) * h
-                for lane in range(lanes):
-                    put(memory, 'push', lane, disturbance(plant, lane, moment))
+                halves = (stage + 1) // 2
+                if lanes == 1:
+                    push_by_waves(plant, memory, halves, waves)
+                else:
+                    write_push(plant, memory, moment(time, step, halves, h))
             for lane in range(lanes):
                 runge_kutta_stage(plant, memory, lane, stage, h)
         for lane in range(lanes):

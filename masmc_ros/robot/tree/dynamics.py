@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import parted, read_along, read_part, write_along, write_part
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
 from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.robot.tree.model import (
     base_of,
@@ -140,6 +140,11 @@ def place(
         screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
             screws[1, 4] = 1.0
+    sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
+    for body in range(1, bodies):
+        turns, _, _ = joint_of(model, body)
+        sines[body - 1] = position[first + body - 1] if turns else 0.0
+    write_sines_and_cosines(sines, bodies - 1, cosines)
     for body in range(1, bodies):
         turns, axis, offset = joint_of(model, body)
         parent, value = parent_of(model, body), position[first + body - 1]
@@ -147,7 +152,7 @@ def place(
         origin = add(read_part(frames, parent, _ORIGIN, VECTOR), rotate(above, offset))
         along = rotate(above, axis)
         screw = base + body - 1
-        s, c = sin_cos(value) if turns else (0.0, 1.0)
+        s, c = sines[body - 1], cosines[body - 1]
         if turns:
             write_part(screws, screw, 0, along)
             write_part(screws, screw, 3, cross(origin, along))

@@ -67,7 +67,9 @@ def out_of_reach(
 ) -> tuple[int, str] | None:
     """Return the first row (x_E, y_E, x_F, y_F) whose E the arm cannot reach, and a line on it."""
     robot = Geometry(*lengths)
-    distance = np.hypot(task[:, 0] - task[:, 2], task[:, 1] - task[:, 3])
+    x, y = task[:, 0] - task[:, 2], task[:, 1] - task[:, 3]
+    # Not by hypot, which takes six times as long.
+    distance = np.sqrt(x * x + y * y)
     least, most = abs(robot.link_1 - robot.link_2), robot.link_1 + robot.link_2
     outside = (distance < least) | (distance > most)
     if not outside.any():
