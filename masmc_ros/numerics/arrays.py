@@ -75,6 +75,12 @@ def write_along(array: Any, first: int, values: Numbers) -> None:
         array[first + i] = values[i]
 
 
+def write_down(array: Any, first: int, column: int, values: Numbers) -> None:
+    """Write a tuple into the entries (first ..., column) of an array."""
+    for i in range(len(values)):
+        array[first + i, column] = values[i]
+
+
 def array_of(values: Numbers) -> Any:
     """
     Return a vector as an array, which ends with the function that asks for it.
@@ -149,6 +155,7 @@ generated(read_down, _tuple_of)(_read(0, 2))
 generated(read_along, _tuple_of)(_read(0, 1))
 generated(write_row, lambda context, *kinds: types.none)(_written(1, 3))
 generated(write_part, lambda context, *kinds: types.none)(_written(1, 2))
+generated(write_down, lambda context, *kinds: types.none)(_written(0, 2))
 generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 

@@ -43,8 +43,8 @@ _HALF_PI_REST = 8.47842766036889956997e-32
 _LARGEST_ANGLE = 1.0e9
 _NAN = float('nan')
 
-# Numbers in the longest vectors that processors have.
-_AT_ONCE = 8
+AT_ONCE = 8
+"""Numbers in the longest vectors that processors have."""
 
 _LOG2_E = 1.44269504088896338700e00
 _LN2_HIGH = 6.93145751953125e-01
@@ -110,7 +110,7 @@ def sin(angle: float) -> float:
 @formula
 def padded(count: int) -> int:
     """Return the length of arrays that have room for so many numbers, in whole vectors."""
-    return (count + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE
+    return (count + AT_ONCE - 1) // AT_ONCE * AT_ONCE
 
 
 @formula

@@ -29,9 +29,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_along, taken, write_along
+from masmc_ros.numerics.arrays import array_of, read_down, taken, write_down
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.scratch import copy_into, scratch
+from masmc_ros.numerics.portable_math import AT_ONCE
+from masmc_ros.numerics.scratch import clear, copy_into, scratch
 from masmc_ros.numerics.tuples import dot, each, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
@@ -45,6 +46,10 @@ _LONGEST = 1.0
 
 _LEAST = 1.0e-13
 """Part of a diagonal entry above which a pivot is more than what rounding makes."""
+
+
+_GRADIENT, _NOMINAL, _STEP = PER_BODY, 2 * PER_BODY, 3 * PER_BODY
+"""Rows of what is beside the moments of bodies: their gradients, nominal moments, and steps."""
 
 
 @kernel
@@ -65,16 +70,31 @@ def adapted(
     """
     before, gains = array_of(theta), array_of(gamma)
     rest, gradients = array_of(nominal), array_of(gradient)
-    out = scratch(len(before))
+    bodies = bodies_of(model)
+    out, columns = scratch(len(before)), scratch(_STEP + 1, AT_ONCE)
     copy_into(out, before)
-    for body in range(bodies_of(model)):
-        at = PER_BODY * body
-        moved = natural_step(
-            read_along(before, at, MOMENTS),
-            read_along(gradients, at, MOMENTS),
-            period / gains[at],
-        )
-        write_along(out, at, bounded(moved, read_along(rest, at, MOMENTS), upper))
+    clear(columns)
+    for first in range(0, bodies, AT_ONCE):
+        some = min(AT_ONCE, bodies - first)
+        for k in range(some):
+            at = PER_BODY * (first + k)
+            for i in range(PER_BODY):
+                columns[i, k] = before[at + i]
+                columns[_GRADIENT + i, k] = gradients[at + i]
+                columns[_NOMINAL + i, k] = rest[at + i]
+            columns[_STEP, k] = period / gains[at]
+        # All of them, whoever is there: a processor takes all at once, as it would take one.
+        for k in range(AT_ONCE):
+            moved = natural_step(
+                read_down(columns, 0, k, MOMENTS),
+                read_down(columns, _GRADIENT, k, MOMENTS),
+                columns[_STEP, k],
+            )
+            moved = bounded(moved, read_down(columns, _NOMINAL, k, MOMENTS), upper)
+            write_down(columns, 0, k, moved)
+        for k in range(some):
+            for i in range(PER_BODY):
+                out[PER_BODY * (first + k) + i] = columns[i, k]
     adapt_friction(model, out, gradients, gains, period)
     return taken(out, theta)
 
