@@ -62,6 +62,8 @@ class Beginning:
         self._stamps = np.zeros(0, np.int64) if stamps is None else stamps
         back = np.flatnonzero(np.diff(self._stamps) < 0)
         self._first = int(back[-1]) + 1 if len(back) else 0
+        steps = np.diff(self._stamps)
+        self._period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
     def is_over(self, order: int, stamp: int | None = None) -> bool:
         """Tell whether what is at a position, with the stamp of a state if any, came after it."""
@@ -72,10 +74,10 @@ class Beginning:
         before, since = slice(self._first), slice(self._first, None)
         return self._distance(since, order, stamp) < self._distance(before, order, stamp)
 
-    def _distance(self, states: slice, order: int, stamp: int) -> int:
-        """Return how far a position is from that of the state whose stamp is closest."""
-        off = np.abs(self._stamps[states] - stamp)
-        return int(np.abs(self._orders[states][off == off.min()] - order).min())
+    def _distance(self, states: slice, order: int, stamp: int) -> float:
+        """Return how far a position and a stamp are from the next state, in messages and ticks."""
+        ticks = np.abs(self._stamps[states] - stamp) / self._period
+        return float((ticks + np.abs(self._orders[states] - order)).min())
 
 
 class _Stretch(NamedTuple):
