@@ -80,6 +80,7 @@ def test_four_wheels_carry_it() -> None:
     assert np.abs(robot.true_position[:2] - (0.5, -0.2)).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('force', FORCES)
 def test_without_slip_it_goes_the_way_of_the_rigid_robot(force: tuple[float, ...]) -> None:
     contact, rigid = plant(), plant('rigid')
@@ -98,6 +99,7 @@ def test_without_slip_it_goes_the_way_of_the_rigid_robot(force: tuple[float, ...
     )
 
 
+@pytest.mark.slow
 def test_a_disturbance_pushes_the_base_past_its_wheels() -> None:
     push = (0.0, 40.0, 0.0, *[0.0] * (len(START) - 2))
     phase = np.full(len(push), 0.5 * np.pi)
@@ -110,6 +112,7 @@ def test_a_disturbance_pushes_the_base_past_its_wheels() -> None:
     assert abs(velocity[:2] @ (np.cos(YAW), np.sin(YAW))) < 0.01
 
 
+@pytest.mark.slow
 def test_wheels_push_no_more_than_friction_lets_them() -> None:
     friction = 0.05
     robot = plant(friction=friction)
