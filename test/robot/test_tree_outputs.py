@@ -67,8 +67,8 @@ def test_the_task_is_where_frames_and_joints_are() -> None:
         values = {p.name: p.default for p in mechanism.parameters} | parameters()
         return robot_of(values | {'robot.task': outputs}).task_positions(position)[0]
 
-    together = at('joints fore_joint', 'planar upper', 'heading', 'planar', 'joints turret_joint')
-    alone = [at('joints fore_joint'), at('planar upper'), at('heading'), at('planar')]
+    together = at('joints fore_joint', 'pose upper', 'heading', 'position', 'joints turret_joint')
+    alone = [at('joints fore_joint'), at('pose upper'), at('heading'), at('position')]
     np.testing.assert_array_equal(together, np.concatenate([*alone, at('joints turret_joint')]))
     assert at('heading') == pytest.approx([0.5], abs=1e-12)
     assert at('joints') == pytest.approx(START[2:])
@@ -84,17 +84,15 @@ def test_reports_tell_of_every_output_in_its_unit() -> None:
     assert tip == ('T', 'tip', 'tip', 'the tip', 0, 2, 'm', True)
     (joints,) = robot('joints upper_joint fore_joint').points
     assert joints == ('q', 'joints', 'joints', 'the joints', 0, 2, 'rad', False)
-    points = robot('joints', 'planar turret').points
+    points = robot('joints', 'planar turret', 'heading').points
     told = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
     assert told == [
         ('A', 'turret_joint', slice(0, 1), 'mrad'),
         ('B', 'lift_joint', slice(1, 2), 'mm'),
         ('C', 'upper_joint to hand_joint', slice(2, 5), 'mrad'),
         ('D', 'turret', slice(5, 7), 'mm'),
+        ('E', 'heading of base_link', slice(7, 8), 'mrad'),
     ]
-    heading = robot('planar turret', 'heading').points[1]
-    assert heading[:2] == ('B', 'heading_of_base_link')
-    assert (heading.name, heading.small_unit) == ('heading of base_link', 'mrad')
     assert [point.key for point in points][2] == 'upper_joint_to_hand_joint'
     assert [place.name for place in robot('joints', 'planar turret').places] == ['turret']
 
@@ -110,11 +108,6 @@ def test_reports_tell_of_every_output_in_its_unit() -> None:
         (('joints', 'joints lift_joint'), 'has an axis that one before it has'),
         ((), r'robot\.task: 0 axes; expected 1 to 48'),
         (('heading', 'base'), r'expected robot\.base omnidirectional or fixed'),
-        (
-            ('planar', 'pose upper'),
-            '6 axes of upper, which the base and the joints on the way to it move at 5 rates;',
-        ),
-        (('joints', 'planar', 'heading'), '8 axes, which the base and the joints move at 7 rates'),
     ],
 )
 def test_what_is_no_task_is_refused(outputs: tuple[str, ...], text: str) -> None:

@@ -168,6 +168,11 @@ def decode(topic: Topic, how: Topical) -> Series:
         where no message at all can be used: why the first cannot.
 
     """
+    return decode_placed(topic, how)[0]
+
+
+def decode_placed(topic: Topic, how: Topical) -> tuple[Series, NDArray[np.int64]]:
+    """Read a topic as `decode` does, and return where in the log each message is as well."""
     count = len(topic.messages)
     stamps = np.zeros(count, np.int64)
     values = np.zeros((count, how.width))
@@ -186,7 +191,7 @@ def decode(topic: Topic, how: Topical) -> Series:
     refusal = _decode_singly(topic, how, others, stamps, values, usable)
     if refusal is not None and not usable.any():
         raise refusal
-    return Series(stamps[usable], values[usable])
+    return Series(stamps[usable], values[usable]), np.array(topic.orders, np.int64)[usable]
 
 
 def _decode_singly(

@@ -29,6 +29,7 @@ from masmc_ros.log.read.contents import Records, Topic
 from masmc_ros.log.read.decode import (
     commands,
     decode,
+    decode_placed,
     decode_references,
     joint_states,
     Series,
@@ -37,7 +38,7 @@ from masmc_ros.log.read.decode import (
 )
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
-from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
+from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference, Stamps
 from masmc_ros.loop.signals import CONTACT, Signal, TOLD
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
@@ -230,13 +231,11 @@ def _run(path: Path, records: Records) -> Run:
     mechanism, names = _robot(records, namespace)
     base = len(mechanism.base)
     rated = names[base + len(mechanism.twist):]
-    every_state, odometry = _states(records, namespace, states_topic, mechanism, names)
+    every_state, orders, odometry = _states(records, namespace, states_topic, mechanism, names)
     states = _last_pass(every_state, 3 * len(names))
     if odometry is not None:
         states = with_platform_pose(states, odometry)
-    history = parameter_history(
-        records, namespace, Beginning(states_topic.orders, every_state.stamps)
-    )
+    history = parameter_history(records, namespace, Beginning(orders, every_state.stamps))
     _describe(history.start, records, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
@@ -374,10 +373,14 @@ def _states(
     topic: Topic,
     mechanism: Mechanism,
     names: tuple[str, ...],
-) -> tuple[Series, Topic | None]:
-    """Read the states, and return odometry too where the base's joints are not among theirs."""
+) -> tuple[Series, Stamps, Topic | None]:
+    """
+    Return the states, and where in the log they are.
+
+    And odometry, where the base's joints are not among theirs.
+    """
     try:
-        return decode(topic, joint_states(names)), None
+        return *decode_placed(topic, joint_states(names)), None
     except InputError as error:
         if not mechanism.is_planar:
             raise
@@ -386,7 +389,7 @@ def _states(
             hint = _hint(_elsewhere(records, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
         driven = names[len(mechanism.base):]
-        return decode(topic, joint_states(names, driven)), odometry
+        return *decode_placed(topic, joint_states(names, driven)), odometry
 
 
 def _topic(records: Records, name: str, *type_names: str) -> Topic | None:

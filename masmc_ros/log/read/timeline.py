@@ -16,14 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Stamps = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -56,10 +56,9 @@ class Beginning:
     with its last answer before a reset behind the first state after it.
     """
 
-    def __init__(self, orders: Sequence[int] = (), stamps: Stamps | None = None) -> None:
+    def __init__(self, orders: ArrayLike = (), stamps: ArrayLike = ()) -> None:
         """Take the positions of all states in a log and their stamps in ns; nothing: one pass."""
-        self._orders = np.array(orders, np.int64)
-        self._stamps = np.zeros(0, np.int64) if stamps is None else stamps
+        self._orders, self._stamps = np.array(orders, np.int64), np.array(stamps, np.int64)
         back = np.flatnonzero(np.diff(self._stamps) < 0)
         self._first = int(back[-1]) + 1 if len(back) else 0
         steps = np.diff(self._stamps)

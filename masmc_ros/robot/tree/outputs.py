@@ -74,15 +74,6 @@ class Task(NamedTuple):
     points: tuple[Point, ...]
     """What of the axes reports look at together."""
 
-    def axes_of(self, frame: int) -> int:
-        """Return how many axes are of one of the frames."""
-        return len([at for at in self.places if at // len(_AXES) == frame])
-
-    def joints(self) -> list[int]:
-        """Return which joints are axes."""
-        first = len(_AXES) * len(self.frames)
-        return [at - first for at in self.places if at >= first]
-
     def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
         """Return for each axis the position in a posture of its joint; 0 for one of a frame."""
         first = len(_AXES) * len(self.frames)

@@ -403,7 +403,6 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         values['robot.task'],
         Robot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
     )
-    _check_mobile(robot, task)
     bodies = [root, *(j.child for j in robot.joints)]
     model = _model(robot, task, values)
     joints = len(drives) + len(arm)
@@ -462,28 +461,6 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     )
     register(mechanism)
     return mechanism
-
-
-def _check_mobile(robot: TreeRobot, task: Task) -> None:
-    """Raise InputError for a task of more axes than velocities could move in any posture."""
-    base = robot.tree.base
-    moving = {base + joint for joint in task.joints()}
-    for i, link in enumerate(task.frames):
-        body, way = robot.frames[link].body, set(range(base))
-        while body > 0:
-            way.add(base + body - 1)
-            body = int(robot.tree.parent[body])
-        if task.axes_of(i) > len(way):
-            raise InputError(
-                f'robot.task: {task.axes_of(i)} axes of {link}, which the base and the joints on'
-                f' the way to it move at {len(way)} rates; expected no more axes than rates'
-            )
-        moving |= way
-    if len(task.axes) > len(moving):
-        raise InputError(
-            f'robot.task: {len(task.axes)} axes, which the base and the joints move at'
-            f' {len(moving)} rates; expected no more axes than rates'
-        )
 
 
 def _rest(robot: TreeRobot, values: Mapping[str, Any]) -> Array:
