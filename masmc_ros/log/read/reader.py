@@ -374,11 +374,7 @@ def _states(
     mechanism: Mechanism,
     names: tuple[str, ...],
 ) -> tuple[Series, Stamps, Topic | None]:
-    """
-    Return the states, and where in the log they are.
-
-    And odometry, where the base's joints are not among theirs.
-    """
+    """Return states, their places in the log, and odometry where they lack the base's joints."""
     try:
         return *decode_placed(topic, joint_states(names)), None
     except InputError as error:

@@ -59,9 +59,9 @@ class Beginning:
     def __init__(self, orders: ArrayLike = (), stamps: ArrayLike = ()) -> None:
         """Take the positions of all states in a log and their stamps in ns; nothing: one pass."""
         self._orders, self._stamps = np.array(orders, np.int64), np.array(stamps, np.int64)
-        back = np.flatnonzero(np.diff(self._stamps) < 0)
-        self._first = int(back[-1]) + 1 if len(back) else 0
         steps = np.diff(self._stamps)
+        back = np.flatnonzero(steps < 0)
+        self._first = int(back[-1]) + 1 if len(back) else 0
         self._period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
     def is_over(self, order: int, stamp: int | None = None) -> bool:
