@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+import os
 from pathlib import Path
 import sys
 from threading import Thread
@@ -85,6 +86,14 @@ _SOON = 0.02
 
 _QUEUE = 10 * DEEP
 """Messages of a topic that wait for a recorder that is held up; memory only while they do."""
+
+_NICENESS = 5
+"""
+How much a recorder in a process of its own gives way, as nice(1) says it.
+
+At the same priority it preempts whoever sends, message by message, and lock-step waits for it.
+With more, processors that others keep busy would not leave it what a run at 1 kHz takes.
+"""
 
 _CORE = (
     ((STATE_TOPIC,),),
@@ -326,7 +335,10 @@ def _core_text() -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the recorder node."""
+    """Run the recorder node, at a lower priority than those it listens to."""
+    # First of all: threads have the priority of those that start them.
+    if hasattr(os, 'nice'):
+        os.nice(_NICENESS)
     return run([RecorderNode], arguments)
 
 

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 import signal
 from typing import Any
@@ -243,6 +244,17 @@ def test_a_node_that_waits_for_others_ends_on_a_signal(
         recorder.signal(number)
         assert started.wait() == {'recorder': 0}, started.output()
     assert read_log(log).messages['joint_states'] == []
+
+
+def test_all_its_threads_give_way_to_those_it_listens_to(tmp_path: Path) -> None:
+    arguments = ros_arguments(recorder__output=tmp_path / 'run.mcap')
+    with processes(tmp_path) as started:
+        recorder = started.start('recorder', *arguments)
+        with peer(started.domain) as tester:
+            tester.until(lambda: recorder.logged('INFO', 'recording into'), 'the recorder')
+        threads = Path(f'/proc/{recorder.process.pid}/task').iterdir()
+        found = {os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in threads}
+    assert found == {os.getpriority(os.PRIO_PROCESS, 0) + 5}
 
 
 def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
