@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+import gc
 from pathlib import Path
 import re
 import signal
@@ -29,6 +30,9 @@ settings.register_profile(
     'any machine', deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile('any machine')
+
+# What is imported stays: nobody need look through it for garbage, neither now nor later.
+gc.disable()
 
 # What runs in the background, or under nohup, ignores these, and so would all that it starts.
 for number, usual in (
@@ -74,6 +78,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     place = {folder / name: number for number, name in enumerate(LONG)}
     items.sort(key=lambda item: place.get(item.path, len(LONG)))
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage from here on, in what is made from here on."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(wrapper=True)
