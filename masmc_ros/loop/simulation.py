@@ -181,12 +181,13 @@ class Simulation:
     ) -> bool:
         """Run tick by tick, as the nodes do, in plain Python, or at rest; False: look at them."""
         plant, controller, is_active = self.plant, self.controller, self._is_active
+        nothing = np.zeros((), signals.dtype)
         for k, row in enumerate(signals):
             if is_active:
                 controller.tick(plant.position, plant.velocity, followed[k])
                 signals[k] = controller.now[0]
             else:
-                signals[k] = np.zeros((), signals.dtype)
+                signals[k] = nothing
                 row['estimate'][:, 0] = controller.estimate
                 row['error'], row['surface'] = np.nan, np.nan
             for name in OF_PLANT:
