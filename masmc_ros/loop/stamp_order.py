@@ -16,10 +16,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 _CONFIRMED = 3
 """States in a row that must be older before time is taken to have been set back."""
+
+_FEWEST_PERIODS = 5
+"""Control periods that the state timeout is at least."""
+
+
+def state_timeout(values: Mapping[str, Any]) -> float:
+    """Return that of a controller's parameters, in s; five periods, lest every state is late."""
+    least: float = _FEWEST_PERIODS * values['control_period']
+    return max(values['state_timeout'], least)
+
+
+def in_time(stamps: NDArray[np.int64], gap_ns: int | None) -> NDArray[np.intp]:
+    """Return which of the states of stamps (n) in ns, in order of arrival, are not late."""
+    order = StampOrder()
+    order.gap_ns = gap_ns
+    if gap_ns is None or not (np.diff(stamps) < 0).any():
+        return np.arange(len(stamps))
+    judged = map(order.judge, stamps.tolist())
+    return np.flatnonzero([each is not Order.LATE for each in judged])
 
 
 class Order(Enum):

@@ -29,8 +29,10 @@ from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
+from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.platform_motion import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.messages.text import string_message
 from masmc_ros.messages.topics import ODOMETRY
 from mcap.writer import Writer
 import numpy as np
@@ -197,6 +199,33 @@ def test_last_pass_after_a_reset(tmp_path: Path) -> None:
     assert run.torque.times.tolist() == [0.0, 1.0, 2.0]
     assert run.torque.values[:, 0].tolist() == [10.0, 11.0, 12.0]
     assert run.topics['/joint_states'] == 9
+
+
+@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+def test_in_real_time_a_late_state_is_no_reset(tmp_path: Path, pacing: str) -> None:
+    path = tmp_path / 'run.mcap'
+    values = {'pacing': pacing, 'state_timeout': 0.1, 'control_period': 0.01, 'k_s1': 1.0}
+    began = ParameterRecord('/controller', 0, 0, values, ())
+    changed = ParameterRecord('/controller', 2, 20_000_000, {**values, 'k_s1': 2.0}, ('k_s1',))
+    state = JointStateCdr()
+    with LogWriter(path) as log:
+        states = log.channel('/joint_states', STATE)
+        parameters = log.channel('/controller/parameters', 'std_msgs/msg/String')
+        log.write(parameters, 0, 0, string_message(began.to_text()))
+        for place, tick in enumerate([0, 1, 2, 3, 6, 4, 7, 8]):
+            state.set_stamp(tick * 10_000_000)
+            log.write(states, place, place, state.to_bytes())
+            if place == 2:
+                log.write(parameters, place, place, string_message(changed.to_text()))
+    run = read_run(path)
+    if pacing == 'realtime':
+        assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, 0.06, 0.07, 0.08]
+        assert run.parameters['controller']['k_s1'] == 1.0
+        assert run.changes == (changed,)
+    else:
+        assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, 0.04, 0.07, 0.08]
+        assert run.parameters['controller']['k_s1'] == 2.0
+        assert run.changes == ()
 
 
 def test_several_records_of_one_name(tmp_path: Path) -> None:

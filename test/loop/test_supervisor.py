@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.loop.stamp_order import Order, StampOrder
+from masmc_ros.loop.stamp_order import in_time, Order, StampOrder, state_timeout
 from masmc_ros.loop.supervisor import (
     ACTIVE,
     FAULT,
@@ -27,6 +27,7 @@ from masmc_ros.loop.supervisor import (
     Supervisor,
     would_follow,
 )
+import numpy as np
 import pytest
 
 MS = 1_000_000
@@ -119,6 +120,17 @@ N, R, L, A, B = Order.NEXT, Order.REPEATED, Order.LATE, Order.AHEAD, Order.BACK
 )
 def test_stamps_in_real_time(stamps: list[int], expected: list[Order]) -> None:
     assert judged(stamps) == expected
+
+
+def test_states_of_a_log_in_time() -> None:
+    stamps = np.array([5, 7, 6, 8, 500, 20, 21]) * MS
+    assert in_time(stamps, 100 * MS).tolist() == [0, 1, 3, 4, 5, 6]
+    assert in_time(stamps, None).tolist() == list(range(7))
+
+
+@pytest.mark.parametrize(('seconds', 'expected'), [(0.1, 0.1), (0.01, 0.05), (0.0, 0.05)])
+def test_the_state_timeout_is_some_periods(seconds: float, expected: float) -> None:
+    assert state_timeout({'state_timeout': seconds, 'control_period': 0.01}) == expected
 
 
 def test_stamps_in_lockstep() -> None:

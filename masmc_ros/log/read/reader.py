@@ -40,6 +40,7 @@ from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference, Stamps
 from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.loop.stamp_order import in_time, state_timeout
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
@@ -67,6 +68,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+_REAL_TIME = 'realtime'
+"""Pacing by the wall clock, in which states may come late."""
+
 _STATE_TYPE = 'sensor_msgs/msg/JointState'
 
 _TYPES = _STATE_TYPE, ODOMETRY, FLOAT_ARRAY, TWIST, TWIST_STAMPED
@@ -78,7 +82,8 @@ class Run:
     """
     One robot's run, N states long. Times are in s and ascend strictly.
 
-    After a reset, only what the last pass wrote is kept.
+    After a reset, only what the last pass wrote is kept. In real time a state that comes after
+    newer ones is no reset: the controller leaves it out, and so does this.
 
     Attributes
     ----------
@@ -228,14 +233,18 @@ def _run(path: Path, records: Records) -> Run:
             return None if topic is None else decode(topic, how)
         return None
 
-    mechanism, names = _robot(records, namespace)
+    given = parameter_history(records, namespace, Beginning()).start
+    mechanism, names = _robot(records, namespace, given)
     base = len(mechanism.base)
     rated = names[base + len(mechanism.twist):]
     every_state, orders, odometry = _states(records, namespace, states_topic, mechanism, names)
-    states = _last_pass(every_state, 3 * len(names))
+    taken = in_time(every_state.stamps, _gap_ns(given))
+    begun = Beginning(orders[taken], every_state.stamps[taken])
+    kept = taken[last_pass(every_state.stamps[taken])]
+    states = Series(every_state.stamps[kept], every_state.values[kept])
     if odometry is not None:
         states = with_platform_pose(states, odometry)
-    history = parameter_history(records, namespace, Beginning(orders, every_state.stamps))
+    history = parameter_history(records, namespace, begun)
     _describe(history.start, records, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
     efforts = series(COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
@@ -296,9 +305,21 @@ def _contact(topic: Topic | None) -> Series | None:
     return None
 
 
-def _robot(records: Records, namespace: str) -> tuple[Mechanism, tuple[str, ...]]:
+def _gap_ns(start: Mapping[str, dict[str, Any]]) -> int | None:
+    """Return how far states may be apart in real time, in ns; None: an older one is a reset."""
+    controller = start.get('controller', {})
+    if _REAL_TIME not in (each.get('pacing') for each in start.values()):
+        return None
+    try:
+        return round(1e9 * state_timeout(controller))
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def _robot(
+    records: Records, namespace: str, start: dict[str, dict[str, Any]]
+) -> tuple[Mechanism, tuple[str, ...]]:
     """Return the kind of robot and its joints, as the plant or else the controller was told."""
-    start = parameter_history(records, namespace, Beginning()).start
     _describe(start, records, namespace)
     told = [start.get(node, {}) for node in ('plant', 'controller')]
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))

@@ -18,14 +18,11 @@ from __future__ import annotations
 
 import time
 
-from masmc_ros.loop.stamp_order import Order
+from masmc_ros.loop.stamp_order import Order, state_timeout
 from masmc_ros.loop.supervisor import NO_REFERENCE
 from masmc_ros.nodes.controller.pacing import Control, LAW, REFERENCE, STATES
 import numpy as np
 from numpy.typing import NDArray
-
-_FEWEST_PERIODS = 5
-"""Control periods that the state timeout is at least."""
 
 
 class WallClock:
@@ -42,19 +39,14 @@ class WallClock:
     @property
     def gap_ns(self) -> int | None:
         """Longest ordinary distance in ns between two states."""
-        return round(1e9 * self._state_timeout())
-
-    def _state_timeout(self) -> float:
-        """Return the timeout in s; five periods at least, lest every state is late."""
-        period = self._control.controller.period
-        return max(self._control.values['state_timeout'], _FEWEST_PERIODS * period)
+        return round(1e9 * state_timeout(self._control.values))
 
     def watch(self) -> None:
         """Note when states have been away for too long."""
         control = self._control
         if not control.supervisor.is_active:
             return
-        timeout = self._state_timeout()
+        timeout = state_timeout(control.values)
         is_silent = control.health.silence() > timeout
         # To a controller that was held up itself, states have come that it takes before its
         # next look.
