@@ -36,17 +36,29 @@ from masmc_ros.robot.plant.tick import (
 )
 import numpy as np
 
+SINGULAR, NOT_FINITE = 1, 2
+"""What may be said of a tick: the task is close to singular; there is nothing to command."""
+
 
 @kernel
-def control_tick(settings: Any, memory: Any, now: Any) -> None:
+def control_tick(
+    settings: Any, memory: Any, now: Any, position: Any, velocity: Any, reference: Any
+) -> int:
     """
-    Compute one tick of the law.
+    Compute one tick of the law; return SINGULAR and NOT_FINITE, as far as they are so.
 
-    Each argument is an array of one record: of the law's settings, of its memory, which the
-    next tick takes up, and of the signals, whose state and reference are read and whose
-    torque, rates, error, surface and estimate are written.
+    The first three arguments are arrays of one record: of the law's settings, of its memory,
+    which the next tick takes up, and of the signals, where the state (positions) and the
+    reference (3 axes) are written beside torque, rates, error, surface and estimate.
     """
-    control(settings[0], memory[0], now[0])
+    signal = now[0]
+    put(signal, 'position', 0, taken(position, get(signal, 'position', 0)))
+    put(signal, 'velocity', 0, taken(velocity, get(signal, 'velocity', 0)))
+    put(signal, 'reference', 0, taken(reference, get(signal, 'reference', 0)))
+    control(settings[0], memory[0], signal)
+    found = SINGULAR if get(signal, 'singular', 0) != 0 else 0
+    rest = _rest(get(signal, 'torque', 0)) + _rest(get(signal, 'rates', 0))
+    return found if rest == 0.0 else found | NOT_FINITE
 
 
 @kernel

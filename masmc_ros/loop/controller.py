@@ -27,9 +27,15 @@ from masmc_ros.law.parts import velocity_estimator
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.law.plug_in import PlugInLaw
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
+from masmc_ros.loop.closed_loop import (
+    control_tick,
+    estimate_velocity,
+    limit_torque,
+    settle,
+    SINGULAR,
+)
 from masmc_ros.loop.dense import tick_input
-from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.loop.signals import inputs, SIGNALS
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import take_over
 from masmc_ros.robot.robot import Robot
@@ -62,8 +68,7 @@ class Controller:
         self.robot, self.mechanism = robot, robot.mechanism
         self.now = records.signals(self.mechanism)
         signals = {field.name: self.now[field.name][0] for field in SIGNALS}
-        self._position, self._velocity = signals['position'][:, 0], signals['velocity'][:, 0]
-        self._reference, self._singular = signals['reference'][:, 0], signals['singular']
+        self._inputs = inputs(self.now)
         self.torque, self.raw_torque = signals['torque'][:, 0], signals['raw_torque'][:, 0]
         self.error, self.surface = signals['error'][:, 0], signals['surface'][:, 0]
         self.used_estimate = signals['estimate'][:, 0]
@@ -183,15 +188,29 @@ class Controller:
 
         `position` and `velocity` in the order of joint_states, `reference` x_d, xdot_d, xddot_d.
         """
-        self._position[:] = position
-        self._velocity[:] = velocity
-        self._reference[:] = reference
+        self._write(position, velocity, reference)
+        return bool(self.answer(*self._inputs) & SINGULAR)
+
+    def answer(self, position: Array, velocity: Array, reference: Array) -> int:
+        """
+        Compute one tick as `tick` does; return what `control_tick` says of it.
+
+        Other than there, nobody looks whether the arrays are what they have to be: contiguous
+        float64 of the sizes of this robot.
+        """
         if self._plug_in is not None:
-            return self._tick_plug_in(self._plug_in)
+            self._write(position, velocity, reference)
+            return SINGULAR * self._tick_plug_in(self._plug_in)
         if self._kernel is None:
-            self._kernel = bound(control_tick, self.settings, self.memory, self.now)
-        self._kernel(self.settings, self.memory, self.now)
-        return bool(self._singular[0])
+            self._kernel = bound(control_tick, self.settings, self.memory, self.now, *self._inputs)
+        found: int = self._kernel(
+            self.settings, self.memory, self.now, position, velocity, reference
+        )
+        return found
+
+    def _write(self, *given: Array) -> None:
+        for place, numbers in zip(self._inputs, given, strict=True):
+            place[:] = numbers
 
     def _void(self) -> None:
         """Forget what memory has of the tick before this one: it was another one than computed."""

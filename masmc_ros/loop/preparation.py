@@ -38,6 +38,7 @@ from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick, settle
+from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
@@ -67,7 +68,7 @@ def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
         memory = records.law_memory(mechanism, law)
         for switching in registry.SWITCHING if law.uses_switching else ('',):
             settings = records.law_settings(mechanism, law, switching)
-            bound(control_tick, settings, memory, now)
+            bound(control_tick, settings, memory, now, *inputs(now))
             bound(settle, settings, memory)
 
 

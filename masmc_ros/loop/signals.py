@@ -74,6 +74,9 @@ SIGNALS = (
 OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
 """Names of those that the plant makes."""
 
+INPUTS = ('position', 'velocity', 'reference')
+"""Names of those that the controller goes by."""
+
 TOLD = tuple(signal for signal in SIGNALS if signal.label)
 """What the controller tells of its ticks, a topic each."""
 
@@ -84,6 +87,11 @@ CONTACT = (
     Signal('friction', description='friction', unit='N'),
 )
 """What a plant whose wheels touch the ground tells of each of them."""
+
+
+def inputs(now: NDArray[np.void]) -> tuple[NDArray[np.float64], ...]:
+    """Return what the controller goes by in the signals (1) of one robot, as views."""
+    return tuple(now[name][0, :, 0] for name in INPUTS)
 
 
 def largest_slip(contact: NDArray[np.float64]) -> float:

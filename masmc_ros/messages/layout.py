@@ -265,6 +265,12 @@ class Message:
 
     The bytes lie so that the doubles fall on multiples of 8: reading and writing them
     copies nothing and serialises nothing.
+
+    Attributes
+    ----------
+    words
+        all of the message as float64, of which the first ends with the encapsulation header.
+
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -279,10 +285,10 @@ class Message:
         """
         self._layout = layout
         self._lead = -len(ENCAPSULATION) % 8
-        self._memory = np.zeros((self._lead + layout.size + 7) // 8)
-        self._wire = memoryview(self._memory.data).cast('B')[self._lead:self._lead + layout.size]
+        self.words = np.zeros((self._lead + layout.size + 7) // 8)
+        self._wire = memoryview(self.words.data).cast('B')[self._lead:self._lead + layout.size]
         self._wire[:] = layout.template
-        self._record = np.ndarray((), layout.dtype, self._memory, self._lead)
+        self._record = np.ndarray((), layout.dtype, self.words, self._lead)
 
     def to_bytes(self) -> bytes:
         """Return the message as it is sent."""

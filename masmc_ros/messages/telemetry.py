@@ -71,6 +71,8 @@ class TelemetryCdr(Message):
     ----------
     values
         (count) the vector.
+    numbers
+        (2 + count) the same after its stamp, in seconds and nanoseconds.
     size
         of the message in bytes.
     head
@@ -86,6 +88,7 @@ class TelemetryCdr(Message):
         self._stamp_offset = layout.places['head'].start
         self._head = self._record['head']
         self.values = self._record['data']
+        self.numbers = self.words[-STAMP_NUMBERS - count:]
         self.size = layout.size
         self.head = layout.template[:self._stamp_offset]
 

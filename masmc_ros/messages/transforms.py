@@ -107,7 +107,7 @@ class TransformsCdr(Message):
         stamp = STAMP.pack(*divmod(stamp_ns, NANOSECONDS))
         for place in self._stamps:
             self._wire[place] = stamp
-        self._memory[self._numbers] = transforms
+        self.words[self._numbers] = transforms
         return self.to_bytes()
 
 

@@ -117,7 +117,9 @@ class ReferenceWindows:
         self._recent = None
         period_ns = period * 1e9
         end = start + round((len(samples) - 1) * period_ns)
-        self._windows.append(Window(start, end, period_ns, np.ascontiguousarray(samples)))
+        # As compiled code reads them, which does not look whether they are.
+        samples = np.require(samples, np.float64, ('C', 'A'))
+        self._windows.append(Window(start, end, period_ns, samples))
         if len(self._windows) > _MOST:
             del self._windows[0]
 

@@ -23,6 +23,7 @@ from typing import Any
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, control_tick, plant_start, plant_tick
+from masmc_ros.loop.signals import inputs
 from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
@@ -199,7 +200,7 @@ class Loop:
     def tick(self, k: int) -> None:
         """Compute one tick as the nodes do: the controller's, then the plant's."""
         self._now['reference'][0, :, 0] = self._reference[k]
-        control_tick(self._settings, self._memory, self._now)
+        control_tick(self._settings, self._memory, self._now, *inputs(self._now))
         self.signals[k] = self._now[0]
         if k + 1 == self.scenario.ticks:
             return

@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reaching, solution
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
+from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
@@ -259,7 +260,7 @@ def test_the_torque_is_finite_at_a_singular_arm(bend: float, k_s1: float, k_s2: 
     fill(now, 'position', [0.0, 0.0, 0.4, 0.0, 0.0, 0.7, bend])
     fill(now, 'velocity', [0.1, 0.0, 0.2, 1.0, 2.0, 0.5, -0.4])
     fill(now, 'reference', [0.8, 0.6, 0.1, 0.0, 0.2, 0.1, 0.2, 0.0, 0.0, 0.1, 0.0, 0.0])
-    control_tick(settings, memory, now)
+    control_tick(settings, memory, now, *inputs(now))
     assert now['singular'].all()
     assert np.isfinite(now['torque']).all()
     assert np.isfinite(memory['predicted']).all()

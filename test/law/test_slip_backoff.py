@@ -20,6 +20,7 @@ from lagrangian import matrices
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, MEASURED
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
+from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
@@ -45,7 +46,7 @@ def estimate(slip: Array, backoff: float, source: int = MEASURED) -> Array:
     fill(now, 'velocity', velocity)
     fill(now, 'reference', REFERENCE)
     for _ in range(2):
-        control_tick(settings, memory, now)
+        control_tick(settings, memory, now, *inputs(now))
     found: Array = memory['disturbance'][0, :, 0].copy()
     return found
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, RESUMED
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.stamp_order import Order
@@ -188,12 +189,13 @@ class Answers:
             rates = controller.rates(state.velocity)
             reference = approach.follow(stamp, state.position, rates, reference)
         try:
-            singular = controller.tick(state.position, state.velocity, reference)
-            if not self._output.is_finite():
+            found = controller.answer(state.position, state.velocity, reference)
+            if found & NOT_FINITE:
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             pacing.failed(error)
             return
+        singular = found & SINGULAR != 0
         if singular != self._was_singular:
             self._was_singular = singular
             self._say_singular(stamp, singular)

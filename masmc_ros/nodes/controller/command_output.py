@@ -22,7 +22,7 @@ from typing import Any, Protocol
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
-from masmc_ros.messages.layout import all_finite
+from masmc_ros.messages.hot_path import CommandWriter
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.robot.names import check_frame_prefix
@@ -50,9 +50,6 @@ class CommandOutput(Protocol):
     def connect(self, advertise: Advertise) -> None:
         """Create the publishers."""
 
-    def is_finite(self) -> bool:
-        """Tell whether what the controller has computed can be sent."""
-
     def send(self, stamp: int) -> None:
         """Send what the controller has computed, as the answer to the state of a stamp in ns."""
 
@@ -73,26 +70,23 @@ class TorqueOutput:
         """Take the controller, whose torque is sent, and the joints' names."""
         self.publishers: list[Publisher] = []
         self._torque = controller.torque
-        self._effort, self._none = EffortCdr(joints), EffortCdr(joints)
+        self._none = EffortCdr(joints)
         self._none.is_void = True
+        self._effort = CommandWriter(self._none.kind, self._torque)
         self._answered = b''
 
     def connect(self, advertise: Advertise) -> None:
         """Create the publisher."""
         self.publishers = [advertise(Float64MultiArray, COMMAND_TOPIC)]
 
-    def is_finite(self) -> bool:
-        """Tell whether every torque is a finite number."""
-        return all_finite(self._torque.tolist())
-
     def send(self, stamp: int) -> None:
         """Send the torques as the answer to the state of a stamp in ns."""
-        self._effort.data[:] = self._torque
-        self._send(self._effort, stamp)
+        self._send(self._effort.to_bytes(stamp))
 
     def send_none(self, stamp: int) -> None:
         """Send no torque as the answer to a state: drives that can hold do so."""
-        self._send(self._none, stamp)
+        self._none.set_stamp(stamp)
+        self._send(self._none.to_bytes())
 
     def repeat(self) -> None:
         """Send once more what was sent last."""
@@ -102,9 +96,8 @@ class TorqueOutput:
         """Return the largest torque."""
         return {'largest torque (N m)': f'{float(np.abs(self._torque).max()):.6g}'}
 
-    def _send(self, message: EffortCdr, stamp: int) -> None:
-        message.set_stamp(stamp)
-        self._answered = message.to_bytes()
+    def _send(self, raw: bytes) -> None:
+        self._answered = raw
         self.repeat()
 
 
@@ -133,10 +126,6 @@ class RateOutput:
             advertise(self._type, CMD_VEL_TOPIC),
             advertise(Float64MultiArray, ARM_VELOCITY_TOPIC),
         ]
-
-    def is_finite(self) -> bool:
-        """Tell whether every rate is a finite number."""
-        return all_finite(self._command.tolist())
 
     def send(self, stamp: int) -> None:
         """Send the rates as the answer to the state of a stamp in ns."""

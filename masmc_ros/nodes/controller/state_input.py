@@ -21,6 +21,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.messages.hot_path import StateReader, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.platform_motion import odometry_numbers
@@ -59,6 +60,7 @@ class StateInput:
         self._values = values
         names = joint_names(values)
         self.state, self._spare = JointStateCdr(names), JointStateCdr(names)
+        self._reader = StateReader(self.state)
         self._refusals = refusals
         self._accepts = accepts
         self._on_state = on_state
@@ -76,25 +78,29 @@ class StateInput:
             self._lacking = None
         # What is refused must not touch the state in force: it is read into the spare one.
         state = self._spare
-        try:
-            is_ours = state.load(raw)
-            if not (is_ours and state.is_finite()):
-                unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
-                if is_ours:
-                    state.check(self._joints, unknown_velocity=unknown)
-                else:
-                    message = deserialized(raw, JointState)
-                    state.load_message(message, self._joints, unknown_velocity=unknown)
-            stamp = checked_stamp(state.stamp_ns)
-        except InputError as error:
-            self._is_waiting = False
-            self._refusals.add('joint_states', error)
-            return
+        stamp = self._reader.read(raw, state)
+        if stamp == UNREAD:
+            try:
+                stamp = self._read_any(raw, state)
+            except InputError as error:
+                self._is_waiting = False
+                self._refusals.add('joint_states', error)
+                return
         if self._base is not None:
             self._add_pose(self._base, stamp)
         elif self._accepts(stamp):
             self._spare, self.state = self.state, state
             self._on_state(stamp)
+
+    def _read_any(self, raw: bytes, state: JointStateCdr) -> int:
+        """Read a message of any sender into a state; return its stamp in ns, or InputError."""
+        unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
+        if state.load(raw):
+            state.check(self._joints, unknown_velocity=unknown)
+        else:
+            message = deserialized(raw, JointState)
+            state.load_message(message, self._joints, unknown_velocity=unknown)
+        return checked_stamp(state.stamp_ns)
 
     def _add_pose(self, base: BasePose, stamp: int) -> None:
         """

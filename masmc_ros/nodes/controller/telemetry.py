@@ -21,6 +21,7 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import TOLD
+from masmc_ros.messages.hot_path import TelemetryWriter
 from masmc_ros.messages.names import telemetry_topic
 from masmc_ros.messages.telemetry import TelemetryCdr
 from rclpy.publisher import Publisher
@@ -43,8 +44,7 @@ class ControllerTelemetry:
         self._topics = [
             (
                 advertise(Float64MultiArray, telemetry_topic(label)),
-                TelemetryCdr(label, len(values)),
-                values,
+                TelemetryWriter(TelemetryCdr(label, len(values)), values),
             )
             for label, values in told
             if decimation
@@ -54,7 +54,5 @@ class ControllerTelemetry:
         """Publish what the controller has computed at a tick with a stamp in ns."""
         if not self._topics or tick % self._decimation:
             return
-        for publisher, message, values in self._topics:
-            message.set_stamp(stamp)
-            message.values[:] = values
-            publisher.publish(message.to_bytes())
+        for publisher, message in self._topics:
+            publisher.publish(message.to_bytes(stamp))

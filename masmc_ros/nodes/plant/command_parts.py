@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
+from masmc_ros.messages.hot_path import CommandReader, UNREAD
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
@@ -129,7 +130,12 @@ def rate_parts(
 
 
 def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
+    reader = CommandReader(command)
+
     def read(raw: bytes) -> Taken:
+        stamp = reader.read(raw)
+        if stamp != UNREAD:
+            return Taken(command.data, stamp)
         if not command.load(raw):
             command.load_message(deserialized(raw, Float64MultiArray))
         elif not command.is_finite():

@@ -22,6 +22,7 @@ from geometry_msgs.msg import Twist
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.hot_path import StateWriter
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_LABEL, CONTACT_TOPIC
 from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
@@ -53,14 +54,15 @@ class StateOutput:
         self._odom_decimation: int = values['odom_decimation']
         self._clock_decimation: int = values['clock_decimation']
         self._display = RobotDisplay(values)
-        self._state = JointStateCdr(joint_names(values))
+        state = JointStateCdr(joint_names(values))
+        self._state = StateWriter(state, robot.position, robot.velocity, robot.applied)
+        self._sent = b''
         self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
         self._slip = 0.0
         self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))
         self._time = TimeCdr()
         self.stamp = -1
-        self._base = len(robot.mechanism.base)
         self._base_motion = robot.mechanism.formulas.base_motion
         # Compiled before it counts.
         self._base_motion(robot.position[None], robot.velocity[None])
@@ -84,25 +86,22 @@ class StateOutput:
 
     def publish(self) -> None:
         """Publish what the robot's tick asks for."""
-        robot, state = self._robot, self._state
-        tick = robot.tick
+        tick = self._robot.tick
         self.stamp = stamp = self._timing.stamp(tick)
-        state.set_stamp(stamp)
-        state.position[:], state.velocity[:] = robot.position, robot.velocity
-        state.effort[self._base:] = robot.applied
         # First of all the state: the controller computes while the rest is sent.
-        self._states.publish(state.to_bytes())
+        self._sent = self._state.to_bytes(stamp)
+        self._states.publish(self._sent)
         last = tick == self._timing.last
         if last or tick % self._odom_decimation == 0:
             self._publish_motion(stamp)
         if self._clock_decimation and (last or tick % self._clock_decimation == 0):
             self._time.set_stamp(stamp)
             self._clock.publish(self._time.to_bytes())
-        self._display.show(tick, robot.position)
+        self._display.show(tick, self._robot.position)
 
     def send_again(self) -> None:
         """Publish the state at hand once more."""
-        self._states.publish(self._state.to_bytes())
+        self._states.publish(self._sent)
 
     def slip_since(self) -> float | None:
         """Return the fastest slip in m/s told since this was asked, None where wheels cannot."""

@@ -1,0 +1,229 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a tick reads and writes in compiled code is what the classes of the messages do."""
+
+from typing import Any
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
+from masmc_ros.messages.hot_path import (
+    CommandReader,
+    CommandWriter,
+    StateReader,
+    StateWriter,
+    TelemetryWriter,
+    UNREAD,
+)
+from masmc_ros.messages.joint_state import joint_state_layout, JointStateCdr
+from masmc_ros.messages.layout import checked_stamp, END_OF_TIME, NANOSECONDS
+from masmc_ros.messages.telemetry import TelemetryCdr
+import numpy as np
+import pytest
+
+ROBOTS = (
+    ('base_x', 'base_y', 'base_yaw', 'left', 'right', 'shoulder', 'elbow'),
+    ('slide', 'swing'),
+    ('x', 'y', 'yaw', *(f'joint_{k}' for k in range(1, 12))),
+)
+
+STAMPS = st.integers(0, END_OF_TIME - 1) | st.builds(
+    lambda digits, less: 10**digits * NANOSECONDS - less, st.integers(0, 9), st.integers(0, 1)
+)
+NUMBERS = st.floats(width=64)
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def drawn(data: st.DataObject, count: int, numbers: st.SearchStrategy[float]) -> Any:
+    return np.array(data.draw(st.lists(numbers, min_size=count, max_size=count)))
+
+
+def same(first: Any, second: Any) -> bool:
+    """Tell whether numbers are the same bits."""
+    return bool(first.tobytes() == second.tobytes())
+
+
+def damaged(data: st.DataObject, raw: bytes) -> bytes:
+    """Return a message with some bytes changed, more of them, or fewer."""
+    found = bytearray(raw)
+    for _ in range(data.draw(st.integers(0, 3))):
+        place = data.draw(st.integers(0, len(found) - 1))
+        found[place] = data.draw(st.integers(0, 255))
+    cut = data.draw(st.sampled_from([0, 0, 0, 1, 8]))
+    return bytes(found[:-cut] if cut else found) + data.draw(st.sampled_from([b'', b'', b'\0']))
+
+
+# Joint states.
+
+
+@pytest.mark.parametrize('names', ROBOTS)
+@given(data=st.data(), stamp=STAMPS)
+def test_states_are_written_as_the_class_does(
+    names: tuple[str, ...], data: st.DataObject, stamp: int
+) -> None:
+    joints = len(names)
+    position, velocity = drawn(data, joints, NUMBERS), drawn(data, joints, NUMBERS)
+    effort = drawn(data, data.draw(st.integers(1, joints)), NUMBERS)
+    slow = JointStateCdr(names)
+    slow.position[:], slow.velocity[:], slow.effort[-len(effort):] = position, velocity, effort
+    slow.set_stamp(stamp)
+    writer = StateWriter(JointStateCdr(names), position, velocity, effort)
+    assert writer.to_bytes(stamp) == slow.to_bytes()
+
+
+def state_of(raw: bytes, names: tuple[str, ...]) -> tuple[int, JointStateCdr] | None:
+    """Read a state as nodes did before there was compiled code for it; None to refuse it."""
+    state = JointStateCdr(names)
+    if not (state.load(raw) and state.is_finite()):
+        return None
+    try:
+        return checked_stamp(state.stamp_ns), state
+    except InputError:
+        return None
+
+
+@pytest.mark.parametrize('names', ROBOTS)
+@given(data=st.data(), stamp=st.integers(0, 2**32 - 1).map(lambda s: s * NANOSECONDS) | STAMPS)
+def test_states_are_read_as_the_class_does(
+    names: tuple[str, ...], data: st.DataObject, stamp: int
+) -> None:
+    message = JointStateCdr(names)
+    numbers = data.draw(st.sampled_from([FINITE, NUMBERS]))
+    for row in (message.position, message.velocity, message.effort):
+        row[:] = drawn(data, len(names), numbers)
+    raw = bytearray(message.to_bytes())
+    raw[4:12] = np.array(divmod(stamp, NANOSECONDS), np.uint32).tobytes()
+    received = damaged(data, bytes(raw))
+    state = JointStateCdr(names)
+    found = StateReader(state).read(received, state)
+    expected = state_of(received, names)
+    if expected is None:
+        assert found == UNREAD
+    else:
+        assert found == expected[0]
+        assert state.to_bytes() == expected[1].to_bytes()
+
+
+def test_what_a_foreign_sender_aligns_with_is_not_sent_on() -> None:
+    names = ROBOTS[0]
+    message, state = JointStateCdr(names), JointStateCdr(names)
+    message.position[:] = range(7)
+    message.set_stamp(5)
+    layout = joint_state_layout(names)
+    raw, varies = message.to_bytes(), np.zeros(layout.size, bool)
+    for place in layout.places.values():
+        varies[place] = True
+    aligns = ~varies & (np.frombuffer(layout.mask, np.uint8) == 0)
+    assert aligns.any()
+    foreign = np.where(aligns, np.uint8(0xA5), np.frombuffer(raw, np.uint8)).tobytes()
+    assert foreign != raw
+    assert StateReader(state).read(foreign, state) == 5
+    assert state.to_bytes() == raw
+
+
+# Commands.
+
+
+@pytest.mark.parametrize('kind', [EffortCdr, ArmVelocityCdr])
+@given(data=st.data(), stamps=st.lists(STAMPS, min_size=1, max_size=4))
+def test_commands_are_written_as_the_class_does(
+    kind: type[LabelledCdr], data: st.DataObject, stamps: list[int]
+) -> None:
+    slow = kind()
+    numbers = np.zeros(len(slow.data))
+    writer = CommandWriter(slow.kind, numbers)
+    for stamp in stamps:
+        numbers[:] = drawn(data, len(numbers), NUMBERS)
+        slow.data[:] = numbers
+        slow.set_stamp(stamp)
+        assert writer.to_bytes(stamp) == slow.to_bytes()
+
+
+def command_of(raw: bytes, kind: type[LabelledCdr]) -> LabelledCdr | None:
+    """Read a command as nodes did before; None to refuse it, or where it commands nothing."""
+    command = kind()
+    try:
+        is_ours = command.load(raw)
+    except InputError:
+        return None
+    return command if is_ours and command.is_finite() and not command.is_void else None
+
+
+@pytest.mark.parametrize('kind', [EffortCdr, ArmVelocityCdr])
+@given(data=st.data(), stamps=st.lists(STAMPS, min_size=1, max_size=4))
+def test_commands_are_read_as_the_class_does(
+    kind: type[LabelledCdr], data: st.DataObject, stamps: list[int]
+) -> None:
+    message, received = kind(), kind()
+    reader = CommandReader(received)
+    for stamp in stamps:
+        some = data.draw(st.sampled_from([FINITE, FINITE, NUMBERS]))
+        message.data[:] = drawn(data, len(message.data), some)
+        message.is_void = data.draw(st.sampled_from([False, False, True]))
+        message.set_stamp(stamp)
+        raw = damaged(data, message.to_bytes())
+        found, expected = reader.read(raw), command_of(raw, kind)
+        if found == UNREAD:
+            # Seconds of ten digits, and such of a fraction, are left to the class.
+            is_usual = len(str(stamp // NANOSECONDS)) < 10 and raw == message.to_bytes()
+            assert expected is None or not is_usual
+        else:
+            assert expected is not None
+            assert found == expected.stamp_ns
+            assert same(received.data, expected.data)
+
+
+@pytest.mark.parametrize('number', [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_left_to_the_class(number: float) -> None:
+    state = JointStateCdr(ROBOTS[0])
+    reader = StateReader(state)
+    for row in (state.position, state.velocity):
+        row[3] = number
+        assert reader.read(state.to_bytes(), JointStateCdr(ROBOTS[0])) == UNREAD
+        row[3] = 0.0
+    state.effort[3] = number
+    assert reader.read(state.to_bytes(), JointStateCdr(ROBOTS[0])) == 0
+    command = EffortCdr()
+    command.data[2] = number
+    assert CommandReader(EffortCdr()).read(command.to_bytes()) == UNREAD
+
+
+@pytest.mark.parametrize(
+    'digits', [b'12.00000000x', b'1x.000000034', b'12,000000034', b'12.0000000 4', b'-2.000000034']
+)
+def test_labels_without_a_stamp_are_left_to_the_class(digits: bytes) -> None:
+    command = EffortCdr()
+    command.set_stamp(12_000_000_034)
+    raw = command.to_bytes()
+    reader = CommandReader(EffortCdr())
+    assert reader.read(raw) == 12_000_000_034
+    assert reader.read(raw.replace(b'12.000000034', digits)) == UNREAD
+
+
+# Telemetry.
+
+
+@given(data=st.data(), stamp=STAMPS, count=st.integers(1, 30))
+@example(data=None, stamp=END_OF_TIME - 1, count=1)
+def test_telemetry_is_written_as_the_class_does(
+    data: st.DataObject | None, stamp: int, count: int
+) -> None:
+    values = np.ones(count) if data is None else drawn(data, count, NUMBERS)
+    slow = TelemetryCdr('sliding_surface', count)
+    slow.values[:] = values
+    slow.set_stamp(stamp)
+    writer = TelemetryWriter(TelemetryCdr('sliding_surface', count), values)
+    assert writer.to_bytes(stamp) == slow.to_bytes()
