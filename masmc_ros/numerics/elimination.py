@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.compiled import formula, kernel
 
 _NO_PIVOT = 1.0e300
 
@@ -69,3 +69,38 @@ def solve_band(band: Any, right: Any) -> None:
             for d in range(1, min(width, n - i)):
                 value -= band[i, d] * right[i + d, j]
             right[i, j] = value / band[i, 0]
+
+
+@kernel
+def factor(matrix: Any) -> None:
+    """Factor a symmetric matrix (n, n) into L D L', in place, L below the diagonal D."""
+    for row in range(len(matrix)):
+        for column in range(row):
+            entry = matrix[row, column]
+            for k in range(column):
+                entry -= matrix[row, k] * matrix[column, k]
+            matrix[row, column] = entry
+        pivot = matrix[row, row]
+        for column in range(row):
+            scaled = matrix[row, column]
+            part = scaled / matrix[column, column]
+            pivot -= part * scaled
+            matrix[row, column] = part
+        matrix[row, row] = pivot
+
+
+@kernel
+def solve(factored: Any, x: Any) -> None:
+    """Solve L D L' x = b in place, of x (n) that holds b."""
+    size = len(factored)
+    for row in range(size):
+        value = x[row]
+        for k in range(row):
+            value -= factored[row, k] * x[k]
+        x[row] = value
+    for row in range(size):
+        x[row] /= factored[row, row]
+    for row in range(size - 1, -1, -1):
+        value = x[row]
+        for k in range(row):
+            x[k] -= factored[row, k] * value

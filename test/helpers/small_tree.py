@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.tree.outputs import OUTPUTS
+from masmc_ros.robot.tree.task.outputs import OUTPUTS
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import hashlib
 
-from masmc_ros.robot.tree import articulated, dynamics
+from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.model import packed, Tree, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import natural_step
@@ -73,7 +73,7 @@ def digest() -> str:
     ):
         position, velocity, reference, acceleration = state
         theta = scale * robot.moments.ravel()
-        posture = dynamics.place(model, *position[:3].tolist(), position, 3)
+        posture = kinematics.place(model, *position[:3].tolist(), position, 3)
         of = model, posture, theta
         moved = velocity, reference, acceleration, 9.81
         found += [
@@ -83,8 +83,8 @@ def digest() -> str:
             dynamics.inertia(*of),
             articulated.forward_dynamics(*of, velocity, reference, 9.81),
             dynamics.moment_gradients(model, posture, *moved, velocity),
-            dynamics.point_jacobian(model, posture, 3, point),
-            dynamics.point_jacobian_rate(model, posture, velocity, 3, point),
+            kinematics.point_jacobian(model, posture, 3, point),
+            kinematics.point_jacobian_rate(model, posture, velocity, 3, point),
         ]
     return hashlib.sha256(b''.join(map(np.ndarray.tobytes, found))).hexdigest()
 

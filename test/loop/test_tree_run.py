@@ -26,7 +26,7 @@ from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.assembly import pseudo_inertia
 from masmc_ros.robot.tree.frames import world_of
-from masmc_ros.robot.tree.outputs import OUTPUTS
+from masmc_ros.robot.tree.task.outputs import OUTPUTS
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -21,7 +21,7 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.robot.tree.rotation_vector import (
+from masmc_ros.robot.tree.task.rotation_vector import (
     angular_motion,
     orientation_error,
     orientation_error_rate,

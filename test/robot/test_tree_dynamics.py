@@ -25,11 +25,12 @@ from typing import Any
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.robot.robot import robot_description
-from masmc_ros.robot.tree import articulated, dynamics
+from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import pseudo_inertia, tree_robot
-from masmc_ros.robot.tree.dynamics import GRAVITY, Posture
+from masmc_ros.robot.tree.dynamics import GRAVITY
+from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.model import DIFFERENTIAL, FIXED, OMNIDIRECTIONAL, Tree, TreeModel
-from masmc_ros.robot.tree.task import frame_pose
+from masmc_ros.robot.tree.task.task import frame_pose
 from masmc_ros.robot.two_link import two_link
 from masmc_ros.robot.urdf import read_urdf
 import numpy as np
@@ -88,7 +89,7 @@ class Drawn:
         columns = (self.position if position is None else position).T
         first = 3 if self.tree.base else 0
         return [
-            dynamics.place(
+            kinematics.place(
                 self.model, *(at[:3].tolist() if first else (0.0, 0.0, 0.0)), at.copy(), first
             )
             for at in columns
@@ -257,8 +258,8 @@ def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: 
         """Return pose, Jacobian and derivative in the first state, in the world's frame."""
         posture, nu = robot.postures(position)[0], robot.velocity[:, 0].copy()
         rotation, origin = frame_pose(model, posture, 0)
-        jacobian = dynamics.point_jacobian(model, posture, body, point)
-        derivative = dynamics.point_jacobian_rate(model, posture, nu, body, point)
+        jacobian = kinematics.point_jacobian(model, posture, body, point)
+        derivative = kinematics.point_jacobian_rate(model, posture, nu, body, point)
         return np.array([*origin, *rotation]), jacobian.T, derivative.T
 
     rates = robot.position_rates(robot.position, robot.velocity)
@@ -333,7 +334,7 @@ def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: i
     )
 
     model = model_of(robot)
-    place = dynamics.place(model, 0.0, 0.0, angles[0], angles[1:], 0)
+    place = kinematics.place(model, 0.0, 0.0, angles[0], angles[1:], 0)
     velocity, along, gained = (to_tree @ each for each in (rates, wanted, pushed))
     forces = dynamics.inverse_dynamics(
         model, place, robot.moments.ravel(), velocity, along, gained, GRAVITY

@@ -28,11 +28,11 @@ import sys
 from typing import Any
 
 from masmc_ros.robot.packages import resource_path
-from masmc_ros.robot.tree import articulated, dynamics
+from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.model import DIFFERENTIAL
-from masmc_ros.robot.tree.task import frame_pose
+from masmc_ros.robot.tree.task.task import frame_pose
 from masmc_ros.robot.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
@@ -219,7 +219,7 @@ def _compare(
 
     frame = robot.frames[tip]
     tree_model = model_of(robot, frame.body, frame.offset)
-    place = dynamics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
+    place = kinematics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
     of = tree_model, place, robot.moments.ravel()
     _near(dynamics.inertia(*of), inertia)
     taken = dynamics.inverse_dynamics(*of, velocity, reference, acceleration, GRAVITY)
@@ -228,8 +228,8 @@ def _compare(
     _near(gained, np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
 
     point = frame.body, frame.offset
-    jacobian = dynamics.point_jacobian(tree_model, place, *point)
-    derivative = dynamics.point_jacobian_rate(tree_model, place, velocity, *point)
+    jacobian = kinematics.point_jacobian(tree_model, place, *point)
+    derivative = kinematics.point_jacobian_rate(tree_model, place, velocity, *point)
     number, world = model.getFrameId(tip), pin.LOCAL_WORLD_ALIGNED
     pin.computeJointJacobiansTimeVariation(model, data, q, v)
     pin.updateFramePlacements(model, data)

@@ -28,18 +28,12 @@ from typing import Any
 
 from masmc_ros.numerics.arrays import read_part, write_part
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.numerics.scratch import scratch
 from masmc_ros.numerics.tuples import each
-from masmc_ros.robot.tree.dynamics import (
-    crossed,
-    factor,
-    moments_about_base,
-    Posture,
-    power,
-    solve,
-    write_velocity,
-)
+from masmc_ros.robot.tree.dynamics import moments_about_base
+from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
 from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 from masmc_ros.robot.tree.spatial import (
     add,

@@ -15,43 +15,31 @@
 """
 Dynamics of a tree of bodies on a base, with + - x and / only besides sines and cosines.
 
-Velocities nu are the base's rates in its own frame (none; u, omega; or u, v, omega), then the
-joints' rates in the tree's order; forces are conjugate to them. Everything is expressed in the
-base's frame, about its origin: motions as angular velocity and velocity of what is at that origin,
-wrenches as moment about it and force. Nothing has to be transformed from body to body then, and
-the base, whose motion subspace is constant in its own frame, needs no constraint forces where it
-cannot slip sideways.
-
-Body 0 is the base, every body comes after its parent. SI units, radians; z of the base is up.
-
+Motions, wrenches and velocities as in `kinematics.py`: in the base's frame, about its origin.
 `inverse_dynamics` is the form of Slotine and Li (Echeandia and Wensing, arXiv 2010.01033): H a_r +
 C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the bodies' moments.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
-from masmc_ros.numerics.arrays import parted, read_along, read_part, write_along, write_part
+from masmc_ros.numerics.arrays import read_along, read_part, write_along, write_part
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
-from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.robot.tree.model import (
-    base_of,
-    bodies_of,
-    DIFFERENTIAL,
-    FIXED,
-    joint_of,
-    OMNIDIRECTIONAL,
-    parent_of,
-    rotation_of_joint,
-    rotors_begin,
-    TreeModel,
+from masmc_ros.numerics.scratch import scratch
+from masmc_ros.robot.tree.kinematics import (
+    base_motion,
+    crossed,
+    ORIGIN,
+    Posture,
+    power,
+    sum_of,
+    velocities,
 )
+from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
 from masmc_ros.robot.tree.spatial import (
     add,
     cross,
-    inner,
     MOMENTS,
     Moments,
     moments_in_parent,
@@ -65,7 +53,6 @@ from masmc_ros.robot.tree.spatial import (
     Rotation,
     scale,
     transpose,
-    turn,
     VECTOR,
     Vector,
     velocity_map,
@@ -76,147 +63,10 @@ import numpy as np
 GRAVITY = 9.81
 """m/s^2, downwards."""
 
-_ORIGIN = 9
-_POSITION = 12
 _REFERENCE, _ACCELERATION = 6, 12
 
 MOTION = 18
 """What a body's motion has: angular velocity and velocity of each of the three."""
-
-
-class Posture(NamedTuple):
-    """
-    Where bodies are in the base's frame, and the base in the world's.
-
-    Loops take its arrays out first: to take one is to count a reference, which costs time.
-    """
-
-    frames: Any
-    """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
-    screws: Any
-    """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
-    sine: float
-    """Of the base's yaw."""
-    cosine: float
-    x: float
-    """Of the base's origin in the world, in m."""
-    y: float
-
-
-@formula
-def joint_position(posture: Posture, body: int) -> float:
-    """Return the position of a body's joint, in rad or m."""
-    return posture.frames[body, _POSITION]
-
-
-@kernel
-def place(
-    model: TreeModel, x: float, y: float, yaw: float, position: Any, first: int
-) -> Posture:
-    """
-    Place all bodies.
-
-    Parameters
-    ----------
-    model
-        the robot.
-    x, y, yaw
-        pose of the base in the world, in m and rad.
-    position
-        vector that has the joints' positions from `first` on.
-    first
-        place of the first of them.
-
-    """
-    bodies, base = bodies_of(model), base_of(model)
-    size, wide = base + bodies - 1, _POSITION + 1
-    frames, screws = parted(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
-    write_part(frames, 0, 0, ROTATION)
-    write_part(frames, 0, _ORIGIN, VECTOR)
-    for k in range(base):
-        write_part(screws, k, 0, VECTOR)
-        write_part(screws, k, 3, VECTOR)
-    if base != FIXED:
-        screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
-        if base == OMNIDIRECTIONAL:
-            screws[1, 4] = 1.0
-    sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
-    for body in range(1, bodies):
-        turns, _, _ = joint_of(model, body)
-        sines[body - 1] = position[first + body - 1] if turns else 0.0
-    write_sines_and_cosines(sines, bodies - 1, cosines)
-    for body in range(1, bodies):
-        turns, axis, offset = joint_of(model, body)
-        parent, value = parent_of(model, body), position[first + body - 1]
-        above = read_part(frames, parent, 0, ROTATION)
-        origin = add(read_part(frames, parent, _ORIGIN, VECTOR), rotate(above, offset))
-        along = rotate(above, axis)
-        screw = base + body - 1
-        s, c = sines[body - 1], cosines[body - 1]
-        if turns:
-            write_part(screws, screw, 0, along)
-            write_part(screws, screw, 3, cross(origin, along))
-        else:
-            origin = add(origin, scale(along, value))
-            write_part(screws, screw, 0, VECTOR)
-            write_part(screws, screw, 3, along)
-        own = product(above, rotation_of_joint(model, body, s, c))
-        write_part(frames, body, 0, own)
-        write_part(frames, body, _ORIGIN, origin)
-        frames[body, _POSITION] = value
-    s, c = sin_cos(yaw)
-    return Posture(frames, screws, s, c, x, y)
-
-
-@formula
-def base_motion(base: int, rates: Any) -> tuple[Vector, Vector]:
-    """Return angular velocity and velocity of the base, in its own frame."""
-    if base == DIFFERENTIAL:
-        return (0.0, 0.0, rates[1]), (rates[0], 0.0, 0.0)
-    if base == OMNIDIRECTIONAL:
-        return (0.0, 0.0, rates[2]), (rates[0], rates[1], 0.0)
-    return VECTOR, VECTOR
-
-
-@formula
-def crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vector]:
-    """Return the spatial cross product of two motions (w, v) x (sw, sv)."""
-    return cross(w, sw), add(cross(w, sv), cross(v, sw))
-
-
-@formula
-def _sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the sum of the motion in a row and of another."""
-    return (
-        add(read_part(motion, body, first, VECTOR), w),
-        add(read_part(motion, body, first + 3, VECTOR), v),
-    )
-
-
-@formula
-def write_velocity(
-    model: TreeModel, screws: Any, rates: Any, motion: Any, first: int, body: int
-) -> tuple[Vector, Vector]:
-    """Write the motion of a body as `velocities` does, its parent's being there, and return it."""
-    base = base_of(model)
-    if body == 0:
-        w, v = base_motion(base, rates)
-    else:
-        k = base + body - 1
-        sw = scale(read_part(screws, k, 0, VECTOR), rates[k])
-        sv = scale(read_part(screws, k, 3, VECTOR), rates[k])
-        w, v = _sum_of(motion, parent_of(model, body), first, sw, sv)
-    write_part(motion, body, first, w)
-    write_part(motion, body, first + 3, v)
-    return w, v
-
-
-@kernel
-def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
-    """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
-    screws = posture.screws
-    for body in range(bodies_of(model)):
-        write_velocity(model, screws, rates, motion, first, body)
 
 
 @kernel
@@ -254,7 +104,7 @@ def write_motions(
             scale(along, reference[k]),
             scale(across, reference[k]),
         )
-        alpha, a = _sum_of(
+        alpha, a = sum_of(
             motion,
             parent_of(model, body),
             _ACCELERATION,
@@ -284,15 +134,7 @@ def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
         return own
     frames = posture.frames
     return moments_in_parent(
-        read_part(frames, body, 0, ROTATION), read_part(frames, body, _ORIGIN, VECTOR), own
-    )
-
-
-@formula
-def power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
-    """Return the power of a wrench per velocity k."""
-    return inner(read_part(screws, k, 0, VECTOR), moment) + inner(
-        read_part(screws, k, 3, VECTOR), force
+        read_part(frames, body, 0, ROTATION), read_part(frames, body, ORIGIN, VECTOR), own
     )
 
 
@@ -398,7 +240,7 @@ def write_gradients(
     velocities(model, posture, error, moved, 0)
     for body in range(bodies):
         r = read_part(frames, body, 0, ROTATION)
-        p = read_part(frames, body, _ORIGIN, VECTOR)
+        p = read_part(frames, body, ORIGIN, VECTOR)
         a, c = _reference_field(motion, body)
         w = read_part(moved, body, 0, VECTOR)
         v = read_part(moved, body, 3, VECTOR)
@@ -457,174 +299,3 @@ def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     matrix = np.empty((size, size))
     write_inertia(model, posture, theta, matrix)
     return matrix
-
-
-@kernel
-def factor(matrix: Any) -> None:
-    """Factor a symmetric matrix (n, n) into L D L', in place, L below the diagonal D."""
-    for row in range(len(matrix)):
-        for column in range(row):
-            entry = matrix[row, column]
-            for k in range(column):
-                entry -= matrix[row, k] * matrix[column, k]
-            matrix[row, column] = entry
-        pivot = matrix[row, row]
-        for column in range(row):
-            scaled = matrix[row, column]
-            part = scaled / matrix[column, column]
-            pivot -= part * scaled
-            matrix[row, column] = part
-        matrix[row, row] = pivot
-
-
-@kernel
-def solve(factored: Any, x: Any) -> None:
-    """Solve L D L' x = b in place, of x (n) that holds b."""
-    size = len(factored)
-    for row in range(size):
-        value = x[row]
-        for k in range(row):
-            value -= factored[row, k] * x[k]
-        x[row] = value
-    for row in range(size):
-        x[row] /= factored[row, row]
-    for row in range(size - 1, -1, -1):
-        value = x[row]
-        for k in range(row):
-            x[k] -= factored[row, k] * value
-
-
-@formula
-def _tip(posture: Posture, body: int, point: Vector) -> Vector:
-    """Return where a body's point is in the base's frame."""
-    r = read_part(posture.frames, body, 0, ROTATION)
-    return add(read_part(posture.frames, body, _ORIGIN, VECTOR), rotate(r, point))
-
-
-@formula
-def to_world(posture: Posture) -> Rotation:
-    """Return the base's rotation in the world."""
-    return turn((0.0, 0.0, 1.0), posture.sine, posture.cosine)
-
-
-@formula
-def towards_base(model: TreeModel, base: int, k: int) -> int:
-    """Return the next velocity on the way from velocity k to the world; -1 for none."""
-    if k < base:
-        return k - 1
-    at = parent_of(model, k - base + 1)
-    return base + at - 1
-
-
-@kernel
-def point_velocity(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
-) -> tuple[Vector, Vector]:
-    """Return a point's velocity and its body's angular velocity, arguments as below."""
-    moved = scratch(bodies_of(model), 6)
-    velocities(model, posture, velocity, moved, 0)
-    w, world = read_part(moved, body, 0, VECTOR), to_world(posture)
-    v = add(read_part(moved, body, 3, VECTOR), cross(w, _tip(posture, body, point)))
-    return rotate(world, v), rotate(world, w)
-
-
-@kernel
-def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector) -> Any:
-    """
-    Return the Jacobian of a body's point, in the world's frame.
-
-    Parameters
-    ----------
-    model
-        the robot.
-    posture
-        of its bodies.
-    body
-        number of the body.
-    point
-        in the body's frame, in m.
-
-    Returns
-    -------
-        its columns (n, 6): per velocity, that of the point and the body's angular velocity.
-
-    """
-    columns = np.empty((len(posture.screws), 6))
-    write_jacobian(model, posture, body, point, columns)
-    return columns
-
-
-@kernel
-def write_jacobian(
-    model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
-) -> None:
-    """Write what `point_jacobian` returns."""
-    screws = posture.screws
-    base, world = base_of(model), to_world(posture)
-    clear(columns)
-    tip, k = _tip(posture, body, point), base + body - 1
-    while k >= 0:
-        w = read_part(screws, k, 0, VECTOR)
-        v = add(read_part(screws, k, 3, VECTOR), cross(w, tip))
-        write_part(columns, k, 0, rotate(world, v))
-        write_part(columns, k, 3, rotate(world, w))
-        k = towards_base(model, base, k)
-
-
-@kernel
-def point_jacobian_rate(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
-) -> Any:
-    """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
-    columns = np.empty((len(posture.screws), 6))
-    write_jacobian_rate(model, posture, velocity, body, point, columns)
-    return columns
-
-
-@kernel
-def write_jacobian_rate(
-    model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
-) -> None:
-    """Write what `point_jacobian_rate` returns."""
-    screws = posture.screws
-    base, world = base_of(model), to_world(posture)
-    clear(columns)
-    moved = scratch(bodies_of(model), 6)
-    velocities(model, posture, velocity, moved, 0)
-    tip, k = _tip(posture, body, point), base + body - 1
-    w, v = read_part(moved, body, 0, VECTOR), read_part(moved, body, 3, VECTOR)
-    speed = add(v, cross(w, tip))
-    while k >= 0:
-        at = max(k - base + 1, 0)
-        screw = read_part(screws, k, 0, VECTOR)
-        turned, carried = crossed(
-            read_part(moved, at, 0, VECTOR),
-            read_part(moved, at, 3, VECTOR),
-            screw,
-            read_part(screws, k, 3, VECTOR),
-        )
-        change = add(add(carried, cross(turned, tip)), cross(screw, speed))
-        write_part(columns, k, 0, rotate(world, change))
-        write_part(columns, k, 3, rotate(world, turned))
-        k = towards_base(model, base, k)
-
-
-@kernel
-def add_point_forces(
-    model: TreeModel,
-    posture: Posture,
-    body: int,
-    point: Vector,
-    force: Vector,
-    moment: Vector,
-    found: Any,
-) -> None:
-    """Add to forces (n) those that do the work of force and moment on a point, in the world."""
-    screws = posture.screws
-    base, world = base_of(model), to_world(posture)
-    f = rotate_back(world, force)
-    about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
-    k = base + body - 1
-    while k >= 0:
-        found[k] += power(screws, k, about, f)
-        k = towards_base(model, base, k)

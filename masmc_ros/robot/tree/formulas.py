@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, zero
@@ -37,16 +38,17 @@ from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
-from masmc_ros.robot.tree.dynamics import base_motion, GRAVITY, place, Posture
+from masmc_ros.robot.tree.dynamics import GRAVITY
 from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
+from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
 from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
-from masmc_ros.robot.tree.redundancy import (
+from masmc_ros.robot.tree.task.redundancy import (
     motion_from_task,
     reference_motion,
     task_inertia,
 )
-from masmc_ros.robot.tree.task import (
+from masmc_ros.robot.tree.task.task import (
     forces_from_task,
     task_error,
     task_position,
@@ -274,8 +276,8 @@ def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
     """Return H^-1 f."""
     factors, x = scratch(len(inertia), len(inertia)), array_of(forces)
     copy_into(factors, inertia)
-    dynamics.factor(factors)
-    dynamics.solve(factors, x)
+    factor(factors)
+    solve(factors, x)
     return taken(x, forces)
 
 

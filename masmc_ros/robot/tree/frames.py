@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.rotation_vector import vector_of
 from masmc_ros.robot.tree.spatial import inner, Rotation, Vector
+from masmc_ros.robot.tree.task.rotation_vector import vector_of
 import numpy as np
 from numpy.typing import NDArray
 

@@ -52,8 +52,8 @@ from masmc_ros.robot.tree.frames import (
     world_of,
 )
 from masmc_ros.robot.tree.model import packed
-from masmc_ros.robot.tree.outputs import Robot, Task, task_of
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
+from masmc_ros.robot.tree.task.outputs import Robot, Task, task_of
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
 from numpy.typing import NDArray

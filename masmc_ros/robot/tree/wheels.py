@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
-from masmc_ros.robot.tree.dynamics import factor, solve
 from masmc_ros.robot.tree.model import (
     base_of,
     base_rates_begin,

@@ -31,7 +31,7 @@ from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.numerics.tuples import each, tabulate
 from masmc_ros.robot.mechanism import Numbers, Tracking
-from masmc_ros.robot.tree.dynamics import (
+from masmc_ros.robot.tree.kinematics import (
     add_point_forces,
     joint_position,
     point_velocity,
@@ -48,14 +48,14 @@ from masmc_ros.robot.tree.model import (
     frames_of,
     TreeModel,
 )
-from masmc_ros.robot.tree.rotation_vector import (
+from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
+from masmc_ros.robot.tree.task.rotation_vector import (
     angular_motion,
     orientation_error,
     orientation_error_rate,
     rotation_of,
     vector_of,
 )
-from masmc_ros.robot.tree.spatial import add, product, rotate, ROTATION, Rotation, VECTOR, Vector
 
 POSE = 6
 """Coordinates of a frame."""

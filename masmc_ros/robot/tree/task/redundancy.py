@@ -31,16 +31,12 @@ from typing import Any
 
 from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.numerics.tuples import tabulate
 from masmc_ros.robot.mechanism import Numbers
-from masmc_ros.robot.tree.dynamics import (
-    factor,
-    joint_position,
-    Posture,
-    solve,
-    write_inertia,
-)
+from masmc_ros.robot.tree.dynamics import write_inertia
+from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.model import (
     base_of,
     damping_of,
@@ -51,7 +47,7 @@ from masmc_ros.robot.tree.model import (
     rest_of,
     TreeModel,
 )
-from masmc_ros.robot.tree.task import write_task_jacobian, write_task_jacobian_rate
+from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate
 import numpy as np
 
 
