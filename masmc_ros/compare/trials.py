@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -105,8 +104,3 @@ def drawn(scenario: dict[str, dict[str, Any]], mechanism: Mechanism, seed: int) 
     plant['disturbance.phase'] = tuple(rng.uniform(0.0, 2.0 * math.pi, count).tolist())
     plant['seed'] = seed
     return {**scenario, 'plant': plant}
-
-
-def names_of(trials: Sequence[Trial]) -> str:
-    """Return the names of trials, separated by commas."""
-    return ', '.join(trial.name for trial in trials)

@@ -98,11 +98,6 @@ def register(law: Law) -> Law:
     return law
 
 
-def law_named(name: str) -> Law:
-    """Return a law that was registered."""
-    return _KNOWN[name]
-
-
 _of_law = contract(by_tag('law', lambda name: _KNOWN[name.split(' ')[0]].formulas))
 
 

@@ -22,7 +22,6 @@ from masmc_ros.robot.registry import DEFAULT
 
 JOINTS = all_joints(DEFAULT)
 """Of a joint state, where nothing else is told."""
-BASE_JOINTS = JOINTS[:len(DEFAULT.base)]
 DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
 RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
 """Those that are commanded rates of their own where rates are."""

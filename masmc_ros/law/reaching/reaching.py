@@ -85,11 +85,6 @@ def register(term: Reaching) -> Reaching:
     return term
 
 
-def reaching_named(name: str) -> Reaching:
-    """Return a reaching term that was registered."""
-    return _KNOWN[name]
-
-
 def switchings() -> tuple[str, ...]:
     """Return the choices of `switching`."""
     return tuple(_KNOWN)
