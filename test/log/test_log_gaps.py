@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import random
 
+from hypothesis import given
+from hypothesis import strategies as st
 from masmc_ros.log.read.gaps import Gaps, gaps_in
 import numpy as np
 import pytest
@@ -66,6 +68,20 @@ def test_drivers_in_turns_jitter_and_a_reset_are_no_gaps() -> None:
     assert gaps_in(twice).count == 0
     slower = [*range(0, 2000 * MS, MS), *range(2000 * MS, 60_000 * MS, 20 * MS)]
     assert gaps_in(slower).missing <= 1000
+
+
+@given(st.sets(st.integers(1, 2900), max_size=30), st.integers(1, 4), st.booleans())
+def test_what_others_have_overtaken_is_not_missing(
+    late: set[int], by: int, is_set_back: bool
+) -> None:
+    # Apart, lest those that are late make a robot that is set back.
+    places = {n for n in late if not any(n < other <= n + 10 for other in late)}
+    key = [n + (by + 0.5) * (n in places) for n in range(3000)]
+    once = [stamp * MS for stamp in sorted(range(3000), key=key.__getitem__)]
+    stamps = once * 2 if is_set_back else once
+    assert gaps_in(stamps).count == 0
+    without = [stamp for stamp in stamps if stamp != 1500 * MS]
+    assert gaps_in(without).missing == 1 + is_set_back
 
 
 def test_next_to_nothing_tells_nothing() -> None:

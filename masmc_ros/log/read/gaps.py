@@ -20,6 +20,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from masmc_ros.loop.stamp_order import in_time
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
 from mcap.reader import make_reader
@@ -40,6 +41,9 @@ _USUAL = 0.9
 
 _GAP = 1.5
 """Times the usual interval from which on something is missing."""
+
+_LATE = 5
+"""Usual intervals by which a message may be late that others have overtaken."""
 
 
 class Gaps:
@@ -72,10 +76,9 @@ class Gaps:
         """Count in what has come, where it is enough to tell a rate."""
         stamps = self._waiting.copy()
         while len(stamps) >= _FEWEST:
-            block = stamps[: _BLOCK + 1]
-            self._count(np.array(block, np.int64))
+            taken = _cut(stamps, min(_BLOCK, len(stamps) - 1))
             # The last one is the first of the next block.
-            taken = len(block) - 1
+            self._count(np.array(stamps[: taken + 1], np.int64))
             del stamps[:taken], self._waiting[:taken]
 
     def _count(self, stamps: NDArray[np.int64]) -> None:
@@ -85,6 +88,9 @@ class Gaps:
         if not len(forward):
             return
         usual = np.quantile(forward, _USUAL, method='lower')
+        if (steps < 0).any():
+            stamps = _in_order(stamps, int(_LATE * usual))
+            steps = np.diff(stamps)
         found = np.flatnonzero(steps > _GAP * usual)
         if not len(found):
             return
@@ -101,6 +107,24 @@ class Gaps:
             f'{self.missing} missing in {gaps}, the longest of {self.longest / NANOSECONDS:.3f} s'
             f' from t = {self.at / NANOSECONDS:.3f} s'
         )
+
+
+def _cut(stamps: Sequence[int], end: int) -> int:
+    """Return a place up to the end, and close to it, that nobody who is late comes across."""
+    for place in range(end, max(end - _FEWEST, 0), -1):
+        before = stamps[max(place - _LATE, 0) : place]
+        if max(before) <= stamps[place] <= min(stamps[place : place + 1 + _LATE]):
+            return place
+    return end
+
+
+def _in_order(stamps: NDArray[np.int64], late: int) -> NDArray[np.int64]:
+    """Return stamps with those that came late, by so many ns at most, where they belong."""
+    kept = in_time(stamps, late)
+    begins = np.zeros(len(stamps), np.int64)
+    begins[kept[1:]] = np.diff(stamps[kept]) < 0
+    # One pass after the other, each by its stamps.
+    return stamps[np.lexsort((stamps, np.cumsum(begins)))]
 
 
 def gaps_in(stamps: Sequence[int] | NDArray[np.int64]) -> Gaps:
