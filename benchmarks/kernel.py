@@ -100,8 +100,14 @@ def c_seconds() -> float | None:
     return 1e-3 * float(output.split()[0])
 
 
-def lanes_seconds(settings: tuple[str, ...], lanes: int, repeats: int = 3) -> float:
-    """Return the best time of so many such runs side by side, divided by their number, in s."""
+def lanes_seconds(
+    settings: tuple[str, ...], lanes: int, repeats: int = 3, apart: float = 0.0
+) -> float:
+    """
+    Return the best time of so many such runs side by side, divided by their number, in s.
+
+    Phases of their disturbances are `apart` by so many rad, from each to the next.
+    """
     simulation = Simulation(load_scenario(str(shared_file('config', 'paper.yaml')), settings))
     simulation.plant.reset()
     plant, controller = simulation.plant, simulation.controller
@@ -125,6 +131,7 @@ def lanes_seconds(settings: tuple[str, ...], lanes: int, repeats: int = 3) -> fl
             (state, plant.memory),
         ):
             take_over(record, single)
+        robot['phase'] += apart * np.arange(lanes)
         delayed = delay_line(robot, mechanism)
         plant_start(robot, state, delayed, now)
         begin = time.perf_counter()
@@ -174,6 +181,8 @@ def measures() -> Iterator[Measure]:
     for name, settings in CASES.items():
         name = f'the same, each of {LANES} side by side: {name}'
         yield beside_c(name, partial(lanes_seconds, settings, LANES))
+    name = f'rasmc, tanh, each of {LANES} with a disturbance of its own'
+    yield beside_c(name, partial(lanes_seconds, (), LANES, apart=0.01))
     if find_spec('pinocchio') is not None:
         yield beside_c('20 s at 1 kHz: TIAGo, rasmc, implicit', tree_seconds)
     one, two = (runs_per_second(CASES['rasmc, tanh'], count) for count in (1, 2))

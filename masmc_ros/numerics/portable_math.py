@@ -29,6 +29,7 @@ from typing import Any
 
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.tuples import each
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0
@@ -56,17 +57,23 @@ _LARGEST_EXPONENT = 700.0
 
 
 @formula
-def sin_cos(angle: float) -> tuple[float, float]:
-    """
-    Return (sin, cos) of an angle in rad.
+def _bounded(angle: float) -> float:
+    return angle if abs(angle) < _LARGEST_ANGLE else _NAN
 
-    Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
-    worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
-    """
-    angle = angle if abs(angle) < _LARGEST_ANGLE else _NAN
-    shifted = angle * _TWO_OVER_PI + _ROUND
+
+@formula
+def _shifted(angle: float) -> float:
+    return angle * _TWO_OVER_PI + _ROUND
+
+
+@formula
+def _remainder(angle: float, shifted: float) -> float:
     n = shifted - _ROUND
-    r = (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
+    return (((angle - n * _HALF_PI_1) - n * _HALF_PI_2) - n * _HALF_PI_3) - n * _HALF_PI_REST
+
+
+@formula
+def _sine(r: float) -> float:
     z = r * r
     tail = 8.33333333332248946124e-03 + z * (
         -1.98412698298579493134e-04
@@ -75,7 +82,12 @@ def sin_cos(angle: float) -> tuple[float, float]:
             + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
         )
     )
-    sine = r + (z * r) * (-1.66666666666666324348e-01 + z * tail)
+    return r + (z * r) * (-1.66666666666666324348e-01 + z * tail)
+
+
+@formula
+def _cosine(r: float) -> float:
+    z = r * r
     tail = z * (
         4.16666666666666019037e-02
         + z * (
@@ -91,7 +103,11 @@ def sin_cos(angle: float) -> tuple[float, float]:
     )
     half = 0.5 * z
     rest = 1.0 - half
-    cosine = rest + (((1.0 - rest) - half) + z * tail)
+    return rest + (((1.0 - rest) - half) + z * tail)
+
+
+@formula
+def _turned(sine: float, cosine: float, shifted: float) -> tuple[float, float]:
     # The last bits of a number of this size are those of n: one tells whether sine and cosine
     # are exchanged, the next one is the sign.
     quadrant = bits_of(shifted)
@@ -102,9 +118,43 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 
 @formula
-def sin(angle: float) -> float:
-    """Return the sine of an angle in rad; see `sin_cos`."""
-    return sin_cos(angle)[0]
+def _turned_sine(sine: float, cosine: float, shifted: float) -> float:
+    return _turned(sine, cosine, shifted)[0]
+
+
+@formula
+def _before_turning(angles: Any) -> tuple[Any, Any, Any]:
+    # Step by step for all: long sums of products wait for their own results, and a processor
+    # looks only so far ahead for others that do not.
+    bounded = each(_bounded, angles)
+    shifted = each(_shifted, bounded)
+    r = each(_remainder, bounded, shifted)
+    return each(_sine, r), each(_cosine, r), shifted
+
+
+@formula
+def sines(angles: Any) -> Any:
+    """Return the sine of each angle in rad; see `sin_cos`."""
+    sine, cosine, shifted = _before_turning(angles)
+    return each(_turned_sine, sine, cosine, shifted)
+
+
+@formula
+def sines_and_cosines(angles: Any) -> Any:
+    """Return (sin, cos) of each angle of a tuple in rad; see `sin_cos`."""
+    sine, cosine, shifted = _before_turning(angles)
+    return each(_turned, sine, cosine, shifted)
+
+
+@formula
+def sin_cos(angle: float) -> tuple[float, float]:
+    """
+    Return (sin, cos) of an angle in rad.
+
+    Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
+    worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
+    """
+    return sines_and_cosines((angle,))[0]
 
 
 @formula

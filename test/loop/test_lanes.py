@@ -33,7 +33,7 @@ from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
-from robots import Machine, machines
+from robots import DEFAULT, Machine, machines
 from scenario import Scenario, whole, write_law, write_plant
 from surroundings import surroundings
 
@@ -153,6 +153,24 @@ def test_so_it_is_without_adaptation(
     assert_as_alone(
         [varied(seed, robot, law, switching, lane) for lane, robot in enumerate(robots)]
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('other', [None, ('frequency', 4.0), ('phase', 1.0)])
+def test_so_it_is_where_disturbances_have_the_same_waves(
+    other: tuple[str, float] | None
+) -> None:
+    robot, frequency, phase = Machine(DEFAULT), np.array([3.0, 0.0, -1.5, 9.0]), np.zeros(4)
+    scenarios = [
+        replace(varied(3, robot, 'rasmc', 'tanh', lane), frequency=frequency, phase=phase)
+        for lane in range(LANES)
+    ]
+    if other is not None:
+        name, value = other
+        changed = np.array(getattr(scenarios[-1], name))
+        changed[-1] = value
+        scenarios[-1] = replace(scenarios[-1], **{name: changed})
+    assert_as_alone(scenarios)
 
 
 def test_every_law_in_lanes_is_the_run_alone_interpreted() -> None:

@@ -22,7 +22,7 @@ import math
 
 from hypothesis import example, given
 from hypothesis import strategies as st
-from masmc_ros.numerics.portable_math import exp, sin, sin_cos, tanh
+from masmc_ros.numerics.portable_math import exp, sin_cos, sines, sines_and_cosines, tanh
 import mpmath
 import numpy as np
 import pytest
@@ -99,7 +99,15 @@ def test_sine_is_odd_and_cosine_even_to_the_bit(angle: float) -> None:
     s, c = sin_cos(angle)
     mirrored_s, mirrored_c = sin_cos(-angle)
     assert (mirrored_s, mirrored_c) == (-s, c)
-    assert sin(angle) == s
+
+
+@PROPERTY
+@given(st.tuples(*[st.floats(-LARGEST, LARGEST, exclude_min=True, exclude_max=True)] * 3))
+def test_several_at_once_have_the_bits_of_each(three: tuple[float, float, float]) -> None:
+    alone = tuple(sin_cos(angle) for angle in three)
+    assert sines_and_cosines(three) == alone
+    assert sines(three) == tuple(s for s, _ in alone)
+    np.testing.assert_array_equal(sines(np.array(three)), [s for s, _ in alone])
 
 
 @pytest.mark.parametrize('angle', [LARGEST, -LARGEST, math.inf, -math.inf, math.nan, 1e300])

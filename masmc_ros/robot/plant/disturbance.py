@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.portable_math import padded, sin, write_sines
+from masmc_ros.numerics.portable_math import padded, sines, write_sines
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.tuples import each
 
@@ -30,8 +31,8 @@ def _angle(time: float, frequency: float, phase: float) -> float:
 
 
 @formula
-def _sinusoid(amplitude: float, frequency: float, phase: float, time: float) -> float:
-    return amplitude * sin(_angle(time, frequency, phase))
+def _torque(amplitude: float, wave: float) -> float:
+    return amplitude * wave
 
 
 @formula
@@ -44,14 +45,8 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 def write_push(plant: Any, memory: Any, time: float) -> None:
     """Write amplitude sin(frequency t + phase) in N m at a time in s as `push`, in all lanes."""
     for lane in range(lane_count(plant)):
-        push = each(
-            _sinusoid,
-            get(plant, 'amplitude', lane),
-            get(plant, 'frequency', lane),
-            get(plant, 'phase', lane),
-            time,
-        )
-        put(memory, 'push', lane, push)
+        angles = each(_angle, time, get(plant, 'frequency', lane), get(plant, 'phase', lane))
+        put(memory, 'push', lane, each(_torque, get(plant, 'amplitude', lane), sines(angles)))
 
 
 @formula
@@ -61,12 +56,26 @@ def waves_of_step(plant: Any) -> int:
 
 
 @formula
+def shares_waves(plant: Any) -> bool:
+    """Tell whether disturbances of all lanes have the same frequencies and phases."""
+    frequency, phase = plant['frequency'], plant['phase']
+    others = 0
+    if lane_count(plant) > 1:
+        for j in range(len(phase)):
+            for lane in range(lane_count(plant)):
+                # Bit by bit, because zeros of either sign are equal.
+                others |= bits_of(frequency[j, lane]) ^ bits_of(frequency[j, 0])
+                others |= bits_of(phase[j, lane]) ^ bits_of(phase[j, 0])
+    return others == 0
+
+
+@formula
 def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> None:
     """
-    Write the sines of a robot alone: of the middle of a step, its end, and the first start.
+    Write the sines that all lanes share: of the middle of a step, its end, and the first start.
 
-    Those of many robots at one time fill a processor's vectors. One robot has too few joints, and
-    a vector takes no longer than a number does; all later starts are the ends of steps before.
+    All later starts are the ends of steps before. One robot has too few joints to fill a
+    processor's vectors at one time, and a vector takes no longer than a number does.
     """
     frequency, phase = plant['frequency'], plant['phase']
     joints, count = len(phase), 3 if step == 0 else 2
@@ -79,8 +88,10 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 @formula
 def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
-    """Write `push` at halves of the step, of what `write_waves` has written."""
+    """Write `push` of all lanes at halves of the step, of what `write_waves` has written."""
     amplitude, push = plant['amplitude'], memory['push']
     first = (halves + 2) % 3 * len(push)
     for j in range(len(push)):
-        push[j, 0] = amplitude[j, 0] * waves[first + j]
+        wave = waves[first + j]
+        for lane in range(lane_count(plant)):
+            push[j, lane] = amplitude[j, lane] * wave

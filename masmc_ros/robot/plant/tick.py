@@ -29,6 +29,7 @@ from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.disturbance import (
     moment,
     push_by_waves,
+    shares_waves,
     waves_of_step,
     write_push,
     write_waves,
@@ -175,6 +176,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     time = tick * period
     h = period / steps
     waves = scratch(waves_of_step(plant))
+    shares = shares_waves(plant)
     take_command(plant, memory, now, holds)
     for lane in range(lanes):
         put(memory, 'reached', lane, get(memory, 'position', lane))
@@ -183,13 +185,13 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
         if takes_rates:
             for lane in range(lanes):
                 _hold_rates(plant, memory, now, lane, h, steps)
-        if lanes == 1:
+        if shares:
             write_waves(plant, time, step, h, waves)
         for stage in range(4):
             # At the start of a later step it is what it was at the end of the one before.
             if (stage == 1) | (stage == 3) | (step + stage == 0):
                 halves = (stage + 1) // 2
-                if lanes == 1:
+                if shares:
                     push_by_waves(plant, memory, halves, waves)
                 else:
                     write_push(plant, memory, moment(time, step, halves, h))

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.portable_math import sines_and_cosines
 
 
 class Geometry(NamedTuple):
@@ -48,9 +48,7 @@ class Posture(NamedTuple):
 @formula
 def posture(yaw: float, theta_1: float, theta_2: float) -> Posture:
     """Return the sines and cosines of the platform's yaw and of the arm's joint angles (rad)."""
-    s0, c0 = sin_cos(yaw)
-    s1, c1 = sin_cos(theta_1)
-    s2, c2 = sin_cos(theta_2)
+    (s0, c0), (s1, c1), (s2, c2) = sines_and_cosines((yaw, theta_1, theta_2))
     return Posture(c0, s0, c1, s1, c2, s2, c1 * c2 - s1 * s2, s1 * c2 + c1 * s2)
 
 
