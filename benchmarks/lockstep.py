@@ -36,7 +36,7 @@ from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
-CLAIMS = {False: (1.4, 0.9), True: (3.9, 1.1)}
+CLAIMS = {False: (1.5, 0.77), True: (3.9, 1.0)}
 """What docs/real_time.md says, without and with everything, by whether it is one process."""
 
 _PACE = re.compile(r'(\d+) ticks/s')
