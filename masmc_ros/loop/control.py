@@ -53,14 +53,18 @@ MEMORY = (
 @inlined
 def control(settings: Any, memory: Any, now: Any) -> None:
     """Compute one tick of the law from the state and the reference in `now`."""
-    lanes = lane_count(settings)
+    lanes, estimated = lane_count(settings), 0
     for lane in range(lanes):
+        estimated += get(settings, 'velocity_source', lane) == ESTIMATED
+    # Vectors of lanes do for all what one of them needs.
+    estimators = lanes if estimated > 0 else 0
+    for lane in range(estimators):
         if get(settings, 'velocity_source', lane) == ESTIMATED:
             knows = get(settings, 'takes_rates', lane) == 0
             estimate_rates(settings, memory, get(now, 'position', lane), lane, knows)
     for lane in range(lanes):
         _control(settings, memory, now, lane)
-    for lane in range(lanes):
+    for lane in range(estimators):
         if get(settings, 'velocity_source', lane) == ESTIMATED:
             model = mechanism.model_of(settings, lane)
             posture = mechanism.posture(model, get(now, 'position', lane))
