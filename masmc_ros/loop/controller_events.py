@@ -23,9 +23,12 @@ RESUMED = 'resumed'
 """It goes on with what it had learned before it was deactivated."""
 
 DEACTIVATED = 'deactivated'
-"""No torque is computed, and nothing commanded: the drives hold."""
+"""The law is not computed; the safe stop commands, as `fault_action` says."""
+
+GUIDED = 'hand guiding'
+"""The law is not computed; gravity is compensated, and a hand moves the arm."""
 
 ADAPTATION_RESET = 'adaptation reset'
 """What was learned is forgotten; what was commanded is not."""
 
-EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, ADAPTATION_RESET)
+EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, ADAPTATION_RESET)

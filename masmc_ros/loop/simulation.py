@@ -24,7 +24,14 @@ from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import check_agreement
 from masmc_ros.loop.closed_loop import closed_loop
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    GUIDED,
+    RESUMED,
+)
+from masmc_ros.loop.safe_stop import GUIDE, SafeStop, VOID
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.stretch import Change, Stretch
@@ -55,12 +62,13 @@ class Simulation:
         plant, control = values['plant'], values['controller']
         self._start = control
         self._changes = tuple(changes)
-        self._is_active = True
+        self._is_active = self._has_moved = True
         self._approach: Approach | None = None
         check_agreement(plant, control)
         self.timing = Timing.from_values(plant)
         self.plant = plant_of(plant, self.timing.period)
         self.controller = Controller(robot_of(control), self.timing.period, control)
+        self._stop = SafeStop(self.controller)
         self.trajectory = Trajectory(
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
         )
@@ -76,7 +84,8 @@ class Simulation:
         self.plant.reset()
         self.controller.change(self._start)
         self.controller.reset()
-        self._is_active = self._start['active_on_start']
+        self._stop.release()
+        self._is_active, self._has_moved = self._start['active_on_start'], False
         self._approach = None
         ticks = self.timing.last + 1
         for first in range(0, ticks, block):
@@ -91,13 +100,15 @@ class Simulation:
         edges = sorted({first, end, *(change.tick for change in changes)})
         # All is written: an array of zeros is had from the system page by page, which takes long.
         signals = np.empty(len(reference), self.plant.now.dtype)
-        active, is_finite = np.zeros(len(reference), bool), True
+        active, is_void = np.zeros((2, len(reference)), bool)
+        is_finite = True
         contact = np.zeros((len(reference), len(self.plant.contact)))
         for start, stop in pairwise(edges):
             for change in changes:
                 if change.tick == start:
                     self._make(change)
             rows = slice(start - first, stop - first)
+            self._has_moved |= self._is_active
             compiles = self.plant.is_compiled and self.controller.is_compiled
             advance = self._compiled if compiles and self._is_active else self._interpreted
             given = reference[rows]
@@ -108,8 +119,9 @@ class Simulation:
             if followed is not given or not self._is_active:
                 signals['reference'][rows, :, 0] = given
             active[rows] = self._is_active
+            is_void[rows] = not (self._is_active or self._stop.commands)
         rates = self.controller.commands_rates
-        stretch = Stretch(first, signals, active, rates, contact, changes)
+        stretch = Stretch(first, signals, active, is_void, rates, contact, changes)
         if not is_finite:
             self._check_finite(stretch)
         return stretch
@@ -122,13 +134,20 @@ class Simulation:
                 speed = self._start['approach_speed']
                 self._approach = Approach(self.controller.robot, speed)
                 self._approach.begin()
-            self.controller.reset()
+            self._stop.hand_over()
         elif change.event == ADAPTATION_RESET:
             self.controller.forget()
-        elif change.event == DEACTIVATED:
-            self.controller.rest()
-        if change.event in (ACTIVATED, RESUMED, DEACTIVATED):
-            self._is_active = change.event != DEACTIVATED
+        elif change.event == RESUMED:
+            self._stop.end()
+        elif change.event in (DEACTIVATED, GUIDED):
+            action = GUIDE
+            if change.event == DEACTIVATED:
+                action = self.controller.values['fault_action'] if self._has_moved else VOID
+            plant, stamp = self.plant, self.timing.stamp(change.tick)
+            self._stop.start(action, stamp, plant.position, plant.velocity)
+            self._has_moved |= change.event == GUIDED
+        if change.event in (ACTIVATED, RESUMED, DEACTIVATED, GUIDED):
+            self._is_active = change.event in (ACTIVATED, RESUMED)
 
     def _followed(self, first: int, reference: Array) -> Array:
         """
@@ -188,11 +207,15 @@ class Simulation:
                 signals[k] = controller.now[0]
             else:
                 signals[k] = nothing
+                stamp = self.timing.stamp(first + k)
+                if self._stop.update(stamp, plant.position, plant.velocity):
+                    row['torque'][:, 0] = controller.torque
                 row['estimate'][:, 0] = controller.estimate
                 row['error'], row['surface'] = np.nan, np.nan
             for name in OF_PLANT:
                 row[name] = plant.now[0][name]
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
-                plant.advance(row['torque'][:, 0] if is_active else None)
+                is_commanded = is_active or self._stop.commands
+                plant.advance(row['torque'][:, 0] if is_commanded else None)
         return False

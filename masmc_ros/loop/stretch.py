@@ -47,8 +47,8 @@ class Stretch:
     Consecutive ticks of a run; rows are ticks.
 
     Each of SIGNALS is an attribute (n, components) by its name; `reference` is the trajectory's.
-    Where the controller is not active, nothing is commanded, error and surface are not-a-number,
-    and the estimate is that of the next activation.
+    Where the controller is not active, the torque is that of the safe stop, error and surface are
+    NaN, and the estimate is that of the next activation.
     """
 
     first: int
@@ -56,7 +56,9 @@ class Stretch:
     signals: NDArray[np.void]
     """(n) records of SIGNALS, of one lane."""
     active: NDArray[np.bool_]
-    """(n) whether a command was computed."""
+    """(n) whether the law computed a command."""
+    is_void: NDArray[np.bool_]
+    """(n) whether nothing was commanded."""
     commands_rates: bool
     """Whether `rates` are commanded, and not `torque`; what is not is 0."""
     contact: Array

@@ -25,6 +25,7 @@ lanes.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
@@ -33,6 +34,10 @@ from masmc_ros.numerics.tuples import each
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0
+
+_ANGLE_STEPS = 4
+"""Steps of Newton's iteration for an angle, whose start is right to 5e-3."""
+
 _TWO_OVER_PI = 6.36619772367581382433e-01
 # pi/2 in three parts of 33 bits, n * part being exact for |n| < 2**20, and the rest.
 _HALF_PI_1 = 1.57079632673412561417e00
@@ -155,6 +160,23 @@ def sin_cos(angle: float) -> tuple[float, float]:
     worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
     """
     return sines_and_cosines((angle,))[0]
+
+
+@formula
+def angle_of(sine: float, cosine: float) -> float:
+    """Return the angle in [0, pi] of a sine that is not negative and a cosine."""
+    # sin t / (1 + cos t) = tan t/2; on either side of a quarter turn the quotient is at most one.
+    is_small = cosine >= 0.0
+    of = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
+    inverted = of > 1.0
+    u = 1.0 / of if inverted else of
+    half = u * (0.9953545 - u * u * (0.2886790 - 0.0793392 * u * u))
+    t = 2.0 * half
+    t = math.pi - t if inverted else t
+    for _ in range(_ANGLE_STEPS):
+        s, c = sin_cos(t)
+        t += sine * c - cosine * s
+    return t
 
 
 @formula

@@ -13,13 +13,15 @@
 # limitations under the License.
 
 """
-How the robot gets from where it is to the reference without a jump.
+Motion from the current position of the robot to the reference, without a jump.
 
-A controller that starts far from its reference would answer the distance at once, with all
-its gains. What it follows instead begins where the robot is and joins the reference
-smoothly: the distance between the two is a polynomial of degree five in time that ends at zero
-with its first and second derivatives. A robot that moves is braked from its velocity in half a
-second: to go on with that for longer could lead beyond the robot's reach.
+A controller that starts far from its reference would respond to the distance at once, with all
+its gains. It follows a sample instead that starts at the robot and joins the reference smoothly:
+the distance between the two is a polynomial of degree five in time that ends at zero with its
+first and second derivatives. A moving robot is braked within half a second.
+
+A mechanism whose reach a straight line could leave has kernels of its own, `approach_start` and
+`approach_sample`, with the arguments of those below.
 """
 
 from __future__ import annotations
@@ -30,14 +32,11 @@ from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
-from masmc_ros.reference.hermite import quintic
 from masmc_ros.robot import mechanism
+from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
-
-SHORTEST = 0.5
-"""Least time in s that an approach takes, and in which a robot that moves is braked."""
 
 _PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
@@ -49,13 +48,20 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def _distance(
-    body: Any, position: Any, rates: Any, reference: Any, speed: float, out: Any, motion: Any
-) -> None:
+def _approach_start(
+    body: Any,
+    position: Any,
+    rates: Any,
+    reference: Any,
+    speed: float,
+    distance: Any,
+    motion: Any,
+    start: Any,
+) -> float:
     """
-    Write the reference (3 axes) minus the robot at rest, and how the robot moves (axes, m/s).
+    Write the reference (3 axes) minus the robot at rest, and the robot's velocity (axes, m/s).
 
-    On no axis is that more than `speed`.
+    On no axis is the velocity larger than `speed`. `start` (axes) is x. Returns the longest way.
     """
     robot = body[0]
     model = mechanism.model_of(robot, 0)
@@ -64,27 +70,35 @@ def _distance(
     x = mechanism.task_position(model, bend, at)
     v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
     x_dot = mechanism.task_velocity(model, bend, v)
-    for i in range(len(out)):
-        out[i] = reference[i]
+    for i in range(len(distance)):
+        distance[i] = reference[i]
+    way = 0.0
     for i in range(len(x)):
-        out[i] = reference[i] - x[i]
+        distance[i] = reference[i] - x[i]
         motion[i] = clipped(x_dot[i], speed)
+        start[i] = x[i]
+        way = max(way, abs(distance[i]))
+    return way
 
 
 @kernel
-def _less(
-    reference: Any, distance: Any, motion: Any, duration: float, part: float, out: Any
+def _approach_sample(
+    body: Any,
+    reference: Any,
+    distance: Any,
+    motion: Any,
+    start: Any,
+    duration: float,
+    part: float,
+    out: Any,
 ) -> None:
-    """Write the reference less what of the distance is left, plus what of the motion is."""
-    braked = min(part * duration / SHORTEST, 1.0)
+    """Write the reference minus the remaining distance, plus the remaining motion (3 axes)."""
     n = len(motion)
     for i in range(n):
-        position, velocity, acceleration = quintic(
-            (distance[i], distance[n + i], distance[2 * n + i]), (0.0, 0.0, 0.0), duration, part
+        position, velocity, acceleration = decayed(
+            distance[i], distance[n + i], distance[2 * n + i], duration, part
         )
-        way, speed, change = quintic(
-            (0.0, motion[i], 0.0), (0.0, 0.0, 0.0), SHORTEST, braked
-        )
+        way, speed, change = returned(motion[i], duration, part)
         out[i] = reference[i] - (position - way)
         out[n + i] = reference[n + i] - (velocity - speed)
         out[2 * n + i] = reference[2 * n + i] - (acceleration - change)
@@ -119,9 +133,13 @@ class Approach:
     def __init__(self, robot: Robot, speed: float) -> None:
         """Take the robot and the largest speed per task axis in m/s; 0 jumps."""
         self._body = robot.body
+        formulas = robot.mechanism.formulas
+        self._start_kernel = getattr(formulas, 'approach_start', _approach_start)
+        self._sample_kernel = getattr(formulas, 'approach_sample', _approach_sample)
         axes = len(robot.mechanism.axes)
         self._speed = speed
-        self._distance, self._motion = np.zeros(3 * axes), np.zeros(axes)
+        self._distance = np.zeros(3 * axes)
+        self._motion, self._start = np.zeros((2, axes))
         self._out = np.zeros(3 * axes)
         self._before: Array | None = None
         self._stamp = 0
@@ -153,7 +171,7 @@ class Approach:
         if self._is_due:
             self._is_due = False
             self._begun = stamp
-            _distance(
+            way = self._start_kernel(
                 self._body,
                 position,
                 rates,
@@ -161,14 +179,23 @@ class Approach:
                 self._speed,
                 self._distance,
                 self._motion,
+                self._start,
             )
-            farthest = float(np.abs(self._distance[:len(self._motion)]).max())
-            self._duration = max(SHORTEST, _PEAK * farthest / self._speed)
+            self._duration = max(SHORTEST, _PEAK * way / self._speed)
         if not self.is_on:
             return reference
         part = (stamp - self._begun) * 1e-9 / self._duration
         if not 0.0 <= part < 1.0:
             self.is_on = False
             return reference
-        _less(reference, self._distance, self._motion, self._duration, part, self._out)
+        self._sample_kernel(
+            self._body,
+            reference,
+            self._distance,
+            self._motion,
+            self._start,
+            self._duration,
+            part,
+            self._out,
+        )
         return self._out

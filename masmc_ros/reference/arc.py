@@ -22,9 +22,9 @@ from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
+from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.params.declaration import Parameter
-from masmc_ros.reference.hermite import quintic
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np

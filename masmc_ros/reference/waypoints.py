@@ -32,9 +32,9 @@ from typing import Any, ClassVar
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.elimination import solve_band
+from masmc_ros.numerics.hermite import quintic
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.text import yaml_text
-from masmc_ros.reference.hermite import quintic
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np

@@ -28,7 +28,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.numerics.compiled import kernel
-from masmc_ros.reference.hermite import quintic
+from masmc_ros.numerics.hermite import quintic
 import numpy as np
 from numpy.typing import NDArray
 

@@ -26,7 +26,7 @@ from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
-from masmc_ros.reference.hermite import quintic
+from masmc_ros.numerics.hermite import quintic
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

@@ -54,7 +54,8 @@ def rests(run: LiveRun) -> None:
 
 
 def test_services_and_timeouts(tmp_path: Path) -> None:
-    with live_run(tmp_path, active_on_start='false', reference_timeout=0.5) as run:
+    settings = {'active_on_start': 'false', 'reference_timeout': 0.5, 'fault_action': 'void'}
+    with live_run(tmp_path, **settings) as run:
         run.is_told('inactive', 'not enabled')
         rests(run)
         assert not call(run, 'clear_fault').success
@@ -95,6 +96,30 @@ def test_services_and_timeouts(tmp_path: Path) -> None:
         run.end()
     contents = read_log(run.log)
     assert contents.messages['diagnostics']
+
+
+def test_controller_disabled_or_guided_keeps_the_arm(tmp_path: Path) -> None:
+    """By default the arm is held; guided by hand it is balanced; both end with an approach."""
+    with live_run(tmp_path) as run:
+        run.goes_on()
+        for service in ('enable', 'hand_guide'):
+            is_guide = service == 'hand_guide'
+            assert call(run, service, is_guide).success
+            run.is_told('inactive: hand guiding' if is_guide else 'inactive: disabled')
+            later = run.stamp + 300_000_000
+            run.tester.until(lambda later=later: run.stamp > later, 'states')
+            # The disturbance moves the robot; the controller opposes it.
+            assert np.any(run.torque)
+            assert call(run, service, not is_guide).message == 'active'
+            run.goes_on()
+        refused = call(run, 'hand_guide', False)
+        assert not refused.success
+        assert refused.message == 'hand guiding is not active'
+        call(run, 'emergency_stop')
+        refused = call(run, 'hand_guide', True)
+        assert not refused.success
+        assert 'call ~/clear_fault first' in refused.message
+        run.end()
 
 
 def test_in_lockstep_a_stopped_controller_answers_every_state_with_zeros(tmp_path: Path) -> None:
@@ -163,7 +188,8 @@ def test_limits_hold_from_what_was_really_commanded_through_every_state(tmp_path
     """A torque begins at zero where zero was sent, whoever had sent it and why."""
     # Less than the disturbance asks for now and then.
     limit, rate, period = np.array([0.2, 0.2, 0.15, 0.15]), 20.0, 0.002
-    with live_run(tmp_path, torque_limit=str(limit.tolist()), torque_rate_limit=rate) as run:
+    settings = {'torque_limit': str(limit.tolist()), 'torque_rate_limit': rate}
+    with live_run(tmp_path, **settings, fault_action='void') as run:
         raw = run.tester.collect(Float64MultiArray, 'effort_commands', raw=True)
         asked = run.tester.collect(Float64MultiArray, 'controller/raw_torque', past=False)
         told = run.tester.collect(String, 'controller/parameters')

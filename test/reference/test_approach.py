@@ -30,6 +30,22 @@ import pytest
 SPEED = 0.25
 MS = 1_000_000
 near = st.floats(-2.0, 2.0)
+reach, angle = st.floats(0.2, 0.85), st.floats(-3.1, 3.1)
+
+
+def sample_of(at: list[float], rho: float, psi: float, rest: list[float]) -> np.ndarray:
+    """Return a sample (12) within reach: F at two coordinates, E by its distance and direction."""
+    offset = rho * np.array([np.cos(psi), np.sin(psi)])
+    return np.concatenate([offset + at, at, rest])
+
+
+samples = st.builds(
+    sample_of, st.lists(near, min_size=2, max_size=2), reach, angle,
+    st.lists(near, min_size=8, max_size=8),
+)
+goals = st.builds(
+    sample_of, st.lists(near, min_size=2, max_size=2), reach, angle, st.just([0.0] * 8)
+)
 
 
 def simulation(**settings_: object) -> Simulation:
@@ -41,11 +57,11 @@ REST = np.zeros(4)
 
 
 @settings(max_examples=50)
-@given(st.lists(near, min_size=7, max_size=7), st.lists(near, min_size=12, max_size=12))
+@given(st.lists(near, min_size=7, max_size=7), samples)
 def test_it_begins_at_the_robot_and_ends_at_the_reference(
-    state: list[float], sample: list[float]
+    state: list[float], reference: np.ndarray
 ) -> None:
-    position, reference = np.array(state), np.array(sample)
+    position = np.array(state)
     approach = Approach(ROBOT, SPEED)
     approach.begin()
     first = approach.follow(0, position, REST, reference).copy()
@@ -57,14 +73,13 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
         followed = approach.follow(stamp, position, REST, reference)
     assert followed is reference
     distance = np.abs(reference[:4] - first[:4]).max()
-    assert stamp * 1e-9 == pytest.approx(max(SHORTEST, 1.875 * distance / SPEED), abs=0.011)
+    assert stamp * 1e-9 >= max(SHORTEST, 1.875 * distance / SPEED) - 0.011
 
 
 @settings(max_examples=30)
-@given(st.lists(near, min_size=4, max_size=4))
-def test_its_speed_is_bounded(goal: list[float]) -> None:
+@given(goals)
+def test_its_speed_is_bounded(reference: np.ndarray) -> None:
     position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
-    reference = np.array([*goal, *[0.0] * 8])
     approach = Approach(ROBOT, SPEED)
     approach.begin()
     stamp, before = 0, None
@@ -78,17 +93,51 @@ def test_its_speed_is_bounded(goal: list[float]) -> None:
 
 
 @settings(max_examples=50)
+@given(st.lists(near, min_size=7, max_size=7), st.data())
+def test_approach_to_a_moving_reference_stays_in_reach(
+    state: list[float], data: st.DataObject
+) -> None:
+    """The reference goes anywhere within reach meanwhile; derivatives are those of positions."""
+    position = np.array(state)
+    mean, wide = data.draw(st.floats(0.35, 0.7)), data.draw(st.floats(0.0, 0.15))
+    rate, turn, speed = (data.draw(st.floats(-1.0, 1.0)) for _ in range(3))
+
+    def reference(t: float) -> np.ndarray:
+        def at(t: float) -> np.ndarray:
+            rho, psi = mean + wide * np.sin(rate * t), turn * t
+            f = np.array([speed * t, np.sin(t)])
+            return np.concatenate([f + rho * np.array([np.cos(psi), np.sin(psi)]), f])
+
+        h = 1e-4
+        before, now, after = at(t - h), at(t), at(t + h)
+        return np.concatenate([now, (after - before) / (2 * h), (after - 2 * now + before) / h**2])
+
+    approach = Approach(ROBOT, SPEED)
+    approach.begin()
+    rows, step = [], 0.001
+    for k in range(4000):
+        rows.append(approach.follow(k * MS, position, REST, reference(k * step)).copy())
+    followed = np.array(rows)
+    offset = followed[:, :2] - followed[:, 2:4]
+    distance = np.hypot(*offset.T)
+    assert distance.max() <= 0.876 + 1e-9
+    assert distance.min() >= 0.152 - 1e-9
+    change = np.diff(followed[:, :8], axis=0) / step
+    mean_rate = 0.5 * (followed[1:, 4:] + followed[:-1, 4:])
+    assert np.abs(change - mean_rate).max() < 0.01 * (1.0 + np.abs(mean_rate).max())
+
+
+@settings(max_examples=50)
 @given(
     st.lists(near, min_size=7, max_size=7),
-    st.lists(near, min_size=4, max_size=4),
-    st.lists(near, min_size=12, max_size=12),
+    st.lists(st.floats(-0.1, 0.1), min_size=4, max_size=4),
+    samples,
 )
 def test_a_robot_that_moves_is_braked_without_a_jump(
-    state: list[float], moving: list[float], sample: list[float]
+    state: list[float], moving: list[float], reference: np.ndarray
 ) -> None:
     """What it follows begins with the robot's velocity, and is off its way by little."""
     position, rates = np.array(state), np.array(moving)
-    reference = np.array(sample)
     step = 1e-6
     after = integrated(position, rates, step)
     velocity = (

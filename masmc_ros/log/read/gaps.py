@@ -20,7 +20,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
-from masmc_ros.loop.stamp_order import in_time
+from masmc_ros.control.stamp_order import in_time
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import STATE_TOPIC
 from mcap.reader import make_reader

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read.commanded_rates import twists
@@ -40,7 +41,6 @@ from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference, Stamps
 from masmc_ros.loop.signals import CONTACT, Signal, TOLD
-from masmc_ros.loop.stamp_order import in_time, state_timeout
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,

@@ -182,7 +182,7 @@ def _between(first: Floats, second: Floats, period: Floats, part: Floats) -> Flo
     """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
     # The controller's own formula, on arrays. Imported when needed: logs of lock-step runs
     # are on the grid, and its compiler takes longer to import than such a log to read.
-    from masmc_ros.reference.hermite import quintic
+    from masmc_ros.numerics.hermite import quintic
 
     # It scales its arguments in place: copies keep the samples as they are.
     samples = [np.moveaxis(each, 1, 0).copy() for each in (first, second)]

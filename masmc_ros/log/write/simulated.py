@@ -209,7 +209,7 @@ class SimulationLog:
     def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
         if not self._simulation.controller.commands_rates:
             kind = EFFORT.named(self._joints[len(self._mechanism.base):])
-            for group in kind.messages(stamps, stretch.torque, ~stretch.active):
+            for group in kind.messages(stamps, stretch.torque, stretch.is_void):
                 yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.messages)
             return
         rates = np.zeros((len(stamps), 6))

@@ -17,11 +17,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import math
 import time
 
+from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.supervisor import ACTIVE, FAULT
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.supervisor import ACTIVE, FAULT, Supervisor
 from masmc_ros.nodes.controller.command_output import CommandOutput
 from masmc_ros.nodes.controller.saturation import Saturation
 from masmc_ros.nodes.controller.tick_times import TickTimes
@@ -34,24 +34,15 @@ from rclpy.node import Node
 _ONE_CLOCK = 1e3
 """Stamps within so many s of the node's time are on its clock; others are on another one."""
 
+_SKIPPED_SHARE = 0.05
+"""Share of control periods without a command of their own that is reported as a warning."""
+
 _MOST_AGES = 100_000
 """States whose ages are kept between two reports."""
 
 
 class ControllerHealth:
-    """
-    Counts what happens between two reports, and words the report.
-
-    Attributes
-    ----------
-    late
-        states that came after newer ones and were left out.
-    repeated
-        states that came again and were answered again.
-    gaps
-        states that were missing for longer than the timeout.
-
-    """
+    """Counts what happens between two reports, and words the report."""
 
     def __init__(self, period: float, clock: Clock, joints: Sequence[str]) -> None:
         """Take the control period in s, the node's clock and the driven joints' names."""
@@ -61,49 +52,43 @@ class ControllerHealth:
         self._is_simulated = _is_simulated(clock)
         self._saturation = Saturation(joints)
         self._ages: list[float] = []
-        self._arrival = math.inf
-        self._stamp = 0
-        self._problems = 0
-        self.late = self.repeated = self.gaps = 0
-
-    def saw_state(self, stamp: int) -> None:
-        """Note that a usable state of a stamp in ns has come."""
-        self._arrival = time.monotonic()
-        self._stamp = stamp
+        self._problems = self._skipped = self._computed = 0
+        self._largest_error = 0.0
 
     def computed(self, controller: Controller) -> None:
         """Note that the controller has computed a torque."""
         self._saturation.add(controller)
+        self._computed += 1
+        self._largest_error = max(self._largest_error, float(np.abs(controller.error).max()))
 
-    def answered(self) -> None:
-        """Note that the state that came last is answered."""
-        self._ticks.add(time.monotonic() - self._arrival)
+    def answered(self, stamp: int, arrival: float) -> None:
+        """Note that a state of a stamp in ns that has come at a steady time in s is answered."""
+        self._ticks.add(time.monotonic() - arrival)
         now = self._clock.now().nanoseconds if self._is_simulated else time.time_ns()
-        age = 1e-9 * (now - self._stamp)
+        age = 1e-9 * (now - stamp)
         if abs(age) < _ONE_CLOCK and len(self._ages) < _MOST_AGES:
             self._ages.append(age)
-
-    def silence(self) -> float:
-        """Return the time in s since the last usable state, 0 before the first."""
-        return max(0.0, time.monotonic() - self._arrival)
 
     def report(
         self,
         node: Node,
         output: CommandOutput,
-        supervisor: Supervisor,
-        controller: Controller,
+        core: ControllerCore,
         refusals: Refusals,
     ) -> Health:
         """Return how the controller is."""
+        supervisor, controller, counts = core.supervisor, core.controller, core.counts
+        silence = max(0.0, time.monotonic() - core.arrival)
         values = {
             'state': supervisor.text,
             **self._ticks.report(),
             'ticks': str(self._ticks.total),
-            'last state (s ago)': f'{self.silence():.3f}',
-            'late states': str(self.late),
-            'repeated states': str(self.repeated),
-            'gaps in states': str(self.gaps),
+            'last state (s ago)': f'{silence:.3f}',
+            'late states': str(counts.late),
+            'repeated states': str(counts.repeated),
+            'gaps in states': str(counts.gaps),
+            'periods without a command of their own': str(counts.skipped),
+            '|e| on any axis, largest': f'{self._largest_error:.6g}',
             '|s| (m/s)': f'{float(np.linalg.norm(controller.surface)):.6g}',
             '|theta_hat|': f'{float(np.linalg.norm(controller.estimate)):.6g}',
             **self._saturation.report(),
@@ -124,17 +109,33 @@ class ControllerHealth:
                 found.remove(me)
             if found:
                 others[publisher.topic_name.rpartition('/')[2]] = ', '.join(found)
-        problems = sum(refusals.counts.values()) + self.late + self.gaps + self._ticks.overruns
+        problems = sum(refusals.counts.values()) + counts.late + counts.gaps + self._ticks.overruns
         is_worse, self._problems = problems > self._problems, problems
+        lateness = self._lateness(counts.skipped)
         for topic, names in others.items():
             values[f'others on {topic}'] = names
         if supervisor.state == FAULT:
             return Health(ERROR, supervisor.text, values)
         if others:
             return Health(WARN, 'others command the robot too', values)
+        if supervisor.state == ACTIVE and lateness:
+            return Health(WARN, lateness, values)
         if supervisor.state == ACTIVE and is_worse:
             return Health(WARN, 'messages refused or late, or ticks too long', values)
         return Health(OK, supervisor.text, values)
+
+    def _lateness(self, skipped: int) -> str:
+        """Return what late states and ticks cost since the last report; empty for little."""
+        count, self._skipped = skipped - self._skipped, skipped
+        total, self._computed = count + self._computed, 0
+        error, self._largest_error = self._largest_error, 0.0
+        if count <= _SKIPPED_SHARE * total:
+            return ''
+        return (
+            f'{count} of {total} control periods had no command of their own: their torque is '
+            f'that of an earlier state, and |e| reached {error:.3g}; use a longer control_period, '
+            'or publish less (telemetry_decimation, tf_decimation)'
+        )
 
 
 def _is_simulated(clock: Clock) -> bool:

@@ -18,31 +18,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 import sys
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.control.actions import (
+    Actions,
+    Command,
+    Failure,
+    Finish,
+    Halt,
+    HaltCommand,
+    Line,
+    Record,
+    Repeat,
+    State,
+    StopCommand,
+    Telemetry,
+    Void,
+    Wait,
+)
+from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.layer_watch import LayerWatch
+from masmc_ros.control.supervisor import FAULT
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.controller_events import ADAPTATION_RESET
 from masmc_ros.loop.preparation import prepare
-from masmc_ros.loop.supervisor import Supervisor
+from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
-from masmc_ros.nodes.controller.answers import Answers
+from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.controller.command_output import CommandOutput, RateOutput, TorqueOutput
 from masmc_ros.nodes.controller.health import ControllerHealth
-from masmc_ros.nodes.controller.layer_watch import LayerWatch
-from masmc_ros.nodes.controller.lockstep import LockStep
-from masmc_ros.nodes.controller.pacing import Control, Stamps
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
-from masmc_ros.nodes.controller.supervision import Supervision
 from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
-from masmc_ros.nodes.controller.wall_clock import WallClock
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
-from masmc_ros.nodes.process.base import SuiteNode
+from masmc_ros.nodes.process.base import Recorded, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
 from masmc_ros.nodes.process.refusals import Refusals
@@ -53,8 +67,10 @@ from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.context import Context
 from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 _WATCH = 0.02
 """Time in s between two looks at how long states and reference have been away."""
@@ -69,102 +85,86 @@ class ControllerNode(SuiteNode):
         """Make the controller and compile its tick."""
         super().__init__(context=context, command_line=command_line, check=_check_law)
         values = self.values
-        self._timing = Timing.from_values(values)
+        timing = Timing.from_values(values)
         robot = robot_of(values)
-        self._controller = Controller(robot, self._timing.period, values)
-        self._stamps = Stamps()
-        self._supervisor = Supervisor(active=values['active_on_start'])
-        self._layer = LayerWatch(self._controller, self.log)
-        self._approach = Approach(robot, values['approach_speed'])
+        self._controller = controller = Controller(robot, timing.period, values)
+        approach = Approach(robot, values['approach_speed'])
+        self._core = ControllerCore(controller, approach, LayerWatch(controller), timing, values)
         self._refusals = Refusals(self.log)
         joints = driven_joint_names(values)
-        self._health = ControllerHealth(self._timing.period, self.node.get_clock(), joints)
+        self._health = ControllerHealth(timing.period, self.node.get_clock(), joints)
         self._output: CommandOutput = (
-            RateOutput(self._controller, values)
-            if self._controller.commands_rates
-            else TorqueOutput(self._controller, joints)
+            RateOutput(controller, values)
+            if controller.commands_rates
+            else TorqueOutput(controller, joints)
         )
+        self._performers: dict[type, Callable[[Any], None]] = {
+            Command: self._send,
+            StopCommand: self._send_stop,
+            Void: self._send_none,
+            Halt: lambda action: self._output.send_none(action.stamp),
+            HaltCommand: lambda action: self._output.send(action.stamp),
+            Telemetry: lambda action: self._telemetry.send(action.stamp),
+            Repeat: lambda _: self._output.repeat(),
+            Record: self._tell_record,
+            State: self._tell_state,
+            Line: lambda action: _log(self.log, action.level, action.text),
+            Wait: lambda action: self.wait(action.reason),
+            Failure: lambda action: self.fail(action.error),
+            Finish: self._finish,
+        }
         self._compile()
-        self._preparation = prepare(self._controller.mechanism)
+        self._preparation = prepare(controller.mechanism)
 
     def connect(self) -> None:
         """Create the topics: commands and telemetry out, reference and states in."""
         super().connect()
+        node, core = self.node, self._core
         self._output.connect(self.publisher)
-        telemetry = ControllerTelemetry(
+        self._telemetry = ControllerTelemetry(
             self._controller, self.values['telemetry_decimation'], self.stream
         )
-        self._supervision = Supervision(
-            self.node,
-            self._supervisor,
-            self.latched(String, 'controller/state'),
-            reset=self._reset_adaptation,
-            stopped=lambda: self._answers.pacing.stopped(),
-        )
-        self.parameters.on_change(self._change)
-        self.node.create_timer(_WATCH, self._watch, clock=self.steady)
+        self._state = self.latched(String, 'controller/state')
+        node.create_service(SetBool, '~/enable', self._on_enable)
+        node.create_service(SetBool, '~/hand_guide', self._on_guide)
+        node.create_service(Trigger, '~/emergency_stop', self._on_stop)
+        node.create_service(Trigger, '~/clear_fault', self._on_clear)
+        node.create_service(Trigger, '~/reset_adaptation', self._on_reset)
+        self._perform(core.begin())
+        self.parameters.on_change(lambda changed: self._perform(core.on_parameters(changed)))
+        node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
-            self.node,
+            node,
             self.latched(DiagnosticArray, '/diagnostics'),
             self.steady,
-            lambda: self._health.report(
-                self.node, self._output, self._supervisor, self._controller, self._refusals
-            ),
+            lambda: self._health.report(node, self._output, core, self._refusals),
         )
         subscribe_with_past(
-            self.node, String, 'plant/parameters', self._on_plant_parameters, depth=100
+            node, String, 'plant/parameters', self._on_plant_parameters, depth=100
         )
-        self._reference = ReferenceInput(
-            self.node,
-            len(self._controller.mechanism.axes),
-            self._refusals,
-            lambda: self._stamps.order.last,
-            lambda: self._answers.take_reference(),
-        )
-        self._control = self._new_control()
-        kind = WallClock if self.values['pacing'] == WallClock.name else LockStep
-        self._answers = Answers(
-            self, self._control, kind(self._control), self._timing, self._output, telemetry
-        )
-        self._input = StateInput(
-            self.node,
-            self.values,
-            self._refusals,
-            self._answers.accepts,
-            self._answers.take_state,
-        )
+        axes = len(self._controller.mechanism.axes)
+        ReferenceInput(node, axes, self._refusals, self._on_reference)
+        StateInput(node, self.values, self._refusals, self._on_state)
         self.wait('the plant (joint_states)')
 
-    def _new_control(self) -> Control:
-        return Control(
-            self.values,
-            self._controller,
-            self._supervisor,
-            self._supervision,
-            self._health,
-            self._approach,
-            self._layer,
-            self._reference.windows,
-            self._stamps,
-            lambda: self._input.state,
-            lambda stamp: self._answers.answer(stamp),
-            lambda stamp: self._answers.send_none(stamp),
-            self.fail,
-        )
-
     def close(self, spin: Callable[[], None]) -> None:
-        """Deliver what was published; compile no further."""
+        """End the torque in real time, deliver what was published, and stop compiling."""
         if self._preparation is not None:
             self._preparation.kill()
             self._preparation.wait()
+        if not self.finished:
+            self._perform(self._core.on_shutdown())
         super().close(spin)
 
     def _compile(self) -> None:
-        """Compute a tick of no consequence, so that the first real one is not late."""
+        """Compute a tick and a safe stop without effect, so that the first ones are not late."""
         sizes = self._controller.mechanism.sizes
         position, velocity = np.ones(sizes['positions']), np.zeros(sizes['positions'])
         reference = np.zeros(sizes['desired'])
         self._controller.tick(position, velocity, reference)
+        stop = SafeStop(self._controller)
+        stop.start(HOLD, 0, position, velocity)
+        stop.update(0, position, velocity)
         self._controller.reset()
         approach = Approach(self._controller.robot, 1.0)
         for stamp in range(2):
@@ -172,19 +172,51 @@ class ControllerNode(SuiteNode):
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
 
-    def _change(self, values: dict[str, Any]) -> None:
-        self._controller.change(values)
-        self._answers.note(changed=tuple(values))
-        self._answers.pace(self._answers.pacing)
-        self._layer.begin()
+    # What happens.
 
-    def _reset_adaptation(self) -> None:
-        self._controller.forget()
-        self._answers.note(ADAPTATION_RESET)
+    def _on_state(
+        self, stamp: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> None:
+        self._perform(self._core.on_state(stamp, position, velocity, time.monotonic()))
+
+    def _on_reference(self, window: ReferenceWindow) -> None:
+        self._perform(self._core.on_reference(window, time.monotonic()))
 
     def _watch(self) -> None:
         if not self.finished:
-            self._answers.pacing.watch()
+            self._perform(self._core.on_timer(time.monotonic()))
+
+    def _on_enable(self, request: Any, response: Any) -> Any:
+        actions = self._core.on_enable(time.monotonic(), enabled=request.data)
+        return self._answered(response, actions)
+
+    def _on_guide(self, request: Any, response: Any) -> Any:
+        refusal = self._core.guide_refusal(enabled=request.data)
+        if refusal:
+            response.success, response.message = False, refusal
+            return response
+        actions = self._core.on_guide(time.monotonic(), enabled=request.data)
+        return self._answered(response, actions)
+
+    def _on_stop(self, _: Any, response: Any) -> Any:
+        return self._answered(response, self._core.on_stop(time.monotonic()))
+
+    def _on_clear(self, _: Any, response: Any) -> Any:
+        supervisor = self._core.supervisor
+        if supervisor.state != FAULT:
+            response.success = False
+            response.message = f'{supervisor.text}; there is no fault'
+            return response
+        return self._answered(response, self._core.on_clear(time.monotonic()))
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        actions = self._core.on_reset_adaptation()
+        return self._answered(response, actions, 'theta_hat is that of the nominal model')
+
+    def _answered(self, response: Any, actions: Actions, message: str = '') -> Any:
+        self._perform(actions)
+        response.success, response.message = True, message or self._core.supervisor.text
+        return response
 
     def _on_plant_parameters(self, raw: bytes) -> None:
         """
@@ -197,10 +229,9 @@ class ControllerNode(SuiteNode):
         except InputError as error:
             self._refusals.add('plant/parameters', error)
             return
-        pacing, mine = told.get('pacing'), self._answers.pacing.name
-        if pacing == WallClock.name and mine == LockStep.name:
-            self._answers.pace(WallClock(self._control))
-        elif pacing == LockStep.name and mine == WallClock.name:
+        pacing, mine = told.get('pacing'), self._core.pacing.name
+        self._perform(self._core.on_plant(str(pacing)))
+        if pacing == 'lockstep' and mine == 'realtime':
             self.log.warning(
                 'pacing = realtime, and a plant has lockstep: its silence is a fault here; '
                 'start both with the same'
@@ -212,6 +243,47 @@ class ControllerNode(SuiteNode):
                     f'{name} = {yaml_text(mine)}, and the plant has {yaml_text(theirs)}: it does '
                     'not take what is sent here; start both with the same'
                 )
+
+    # What is done.
+
+    def _perform(self, actions: Actions) -> None:
+        for action in actions:
+            self._performers[type(action)](action)
+
+    def _send(self, action: Command) -> None:
+        self._output.send(action.stamp)
+        self._health.computed(self._controller)
+        self._health.answered(action.stamp, self._core.arrival)
+
+    def _send_stop(self, action: StopCommand) -> None:
+        self._output.send(action.stamp)
+        self._health.answered(action.stamp, self._core.arrival)
+
+    def _send_none(self, action: Void) -> None:
+        self._output.send_none(action.stamp)
+        self._health.answered(action.stamp, self._core.arrival)
+
+    def _tell_record(self, action: Record) -> None:
+        change = Recorded(action.values, action.changed, action.event)
+        self.record_parameters(action.tick, action.stamp, change)
+
+    def _tell_state(self, action: State) -> None:
+        if action.level:
+            _log(self.log, action.level, action.text)
+        self._state.publish(String(data=action.text))
+
+    def _finish(self, _: Finish) -> None:
+        self.finished = True
+
+
+def _log(log: Any, level: str, text: str) -> None:
+    # A call of its own for each level: rclpy knows a logger's lines by where they are.
+    if level == 'error':
+        log.error(text)
+    elif level == 'warning':
+        log.warning(text)
+    else:
+        log.info(text)
 
 
 def _check_law(values: Mapping[str, Any]) -> None:

@@ -24,40 +24,24 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.reference.windows import ReferenceWindows
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 
 class ReferenceInput:
-    """
-    Reads the reference topic.
-
-    Attributes
-    ----------
-    windows
-        what was sent so far.
-
-    """
+    """Reads the reference topic."""
 
     def __init__(
         self,
         node: Node,
         axes: int,
         refusals: Refusals,
-        now: Callable[[], int | None],
-        on_more: Callable[[], None],
+        on_reference: Callable[[ReferenceWindow], None],
     ) -> None:
-        """
-        Take every message that is right, of so many task axes; `on_more` is called after each.
-
-        `now` is the stamp of the latest state in ns, None before the first.
-        """
-        self.windows = ReferenceWindows(axes, node.get_logger().warning)
+        """Pass on every message of so many task axes; what raises InputError is refused."""
         self._axes = axes
-        self._now = now
         self._refusals = refusals
-        self._on_more = on_more
+        self._on_reference = on_reference
         subscribe_with_past(node, Float64MultiArray, REFERENCE_TOPIC, self._take, depth=100)
 
     def _take(self, raw: bytes) -> None:
@@ -66,12 +50,6 @@ class ReferenceInput:
             if window is None:
                 message = deserialized(raw, Float64MultiArray)
                 window = ReferenceWindow.from_message(message, self._axes)
-            samples = window.samples.reshape(len(window.samples), -1)
-            if window.stamp_ns is None:
-                self.windows.set_point(samples[0], self._now())
-            else:
-                self.windows.add(window.stamp_ns, window.period, samples)
+            self._on_reference(window)
         except InputError as error:
             self._refusals.add(REFERENCE_TOPIC, error)
-            return
-        self._on_more()

@@ -31,38 +31,36 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.names import driven_joint_names, joint_names
 from nav_msgs.msg import Odometry
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+Array = NDArray[np.float64]
+
 
 class StateInput:
-    """
-    Reads joint_states, and odom where the pose comes from there.
-
-    Positions, velocities and stamp of the last state that was accepted are in `state`.
-    """
+    """Reads joint_states, and odom where the pose comes from there."""
 
     def __init__(
         self,
         node: Node,
         values: Mapping[str, Any],
         refusals: Refusals,
-        accepts: Callable[[int], bool],
-        on_state: Callable[[int], None],
+        on_state: Callable[[int, Array, Array], None],
     ) -> None:
         """
-        Take every state that is complete and finite, and whose stamp in ns is accepted.
+        Take every state that is complete and finite.
 
         `values` are the controller's parameters in force, which may change: with
         `velocity_source` estimated a state needs no velocities. `on_state` is called with the
-        stamp, after which `state` stays until the next one.
+        stamp in ns, positions and velocities, which the next message overwrites.
         """
         self._values = values
         names = joint_names(values)
-        self.state, self._spare = JointStateCdr(names), JointStateCdr(names)
-        self._reader = StateReader(self.state)
+        self._state = JointStateCdr(names)
+        self._reader = StateReader(self._state)
         self._refusals = refusals
-        self._accepts = accepts
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
         self._joints = names if self._base is None else driven_joint_names(values)
@@ -76,8 +74,7 @@ class StateInput:
         if self._lacking is not None:
             self._refusals.add('joint_states', self._lacking)
             self._lacking = None
-        # What is refused must not touch the state in force: it is read into the spare one.
-        state = self._spare
+        state = self._state
         stamp = self._reader.read(raw, state)
         if stamp == UNREAD:
             try:
@@ -88,9 +85,8 @@ class StateInput:
                 return
         if self._base is not None:
             self._add_pose(self._base, stamp)
-        elif self._accepts(stamp):
-            self._spare, self.state = self.state, state
-            self._on_state(stamp)
+        else:
+            self._on_state(stamp, state.position, state.velocity)
 
     def _read_any(self, raw: bytes, state: JointStateCdr) -> int:
         """Read a message of any sender into a state; return its stamp in ns, or InputError."""
@@ -104,11 +100,11 @@ class StateInput:
 
     def _add_pose(self, base: BasePose, stamp: int) -> None:
         """
-        Take the spare state with its pose from odometry, once there is one for it.
+        Take the state with its pose from odometry, once there is one for it.
 
         Its odometry may be on the way: what is wrong with it is told when the next state comes.
         """
-        state = self._spare
+        state = self._state
         posed = base.stamp_ns
         self._is_waiting = posed is None or abs(stamp - posed) > OLDEST_POSE_NS
         self._lacking = None
@@ -117,9 +113,7 @@ class StateInput:
                 self._lacking = f'odom is {(stamp - posed) * 1e-9:.3f} s older'
             return
         base.write(stamp, state.position, state.velocity)
-        if self._accepts(stamp):
-            self._spare, self.state = self.state, state
-            self._on_state(stamp)
+        self._on_state(stamp, state.position, state.velocity)
 
     def _take_odometry(self, raw: bytes) -> None:
         base = self._base
@@ -132,4 +126,4 @@ class StateInput:
             self._refusals.add('odom', error)
             return
         if self._is_waiting:
-            self._add_pose(base, self._spare.stamp_ns)
+            self._add_pose(base, self._state.stamp_ns)

@@ -40,7 +40,6 @@ class ControllerTelemetry:
             for signal in TOLD
             if not (signal.of_torques and controller.commands_rates)
         )
-        self._decimation = decimation
         self._topics = [
             (
                 advertise(Float64MultiArray, telemetry_topic(label)),
@@ -50,9 +49,7 @@ class ControllerTelemetry:
             if decimation
         ]
 
-    def send(self, tick: int, stamp: int) -> None:
-        """Publish what the controller has computed at a tick with a stamp in ns."""
-        if not self._topics or tick % self._decimation:
-            return
+    def send(self, stamp: int) -> None:
+        """Publish what the controller has computed for the state of a stamp in ns."""
         for publisher, message in self._topics:
             publisher.publish(message.to_bytes(stamp))

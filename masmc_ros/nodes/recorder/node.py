@@ -27,10 +27,10 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.control.supervisor import ACTIVE
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.recover.recover import recover_all
-from masmc_ros.loop.supervisor import ACTIVE
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.definitions import Definition
 from masmc_ros.messages.names import (

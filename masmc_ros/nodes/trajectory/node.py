@@ -19,9 +19,9 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+from masmc_ros.control.supervisor import would_follow
 from masmc_ros.errors import InputError
 from masmc_ros.log.traced_paths import DesiredPath
-from masmc_ros.loop.supervisor import would_follow
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import DESIRED_PATH_TOPIC

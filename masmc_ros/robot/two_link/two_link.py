@@ -36,6 +36,7 @@ from masmc_ros.robot.square_task import (
     tracking,
 )
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
+from masmc_ros.robot.two_link.approach import approach_sample, approach_start
 from masmc_ros.robot.two_link.constants import constants, out_of_reach, start
 from masmc_ros.robot.two_link.description import description
 from masmc_ros.robot.two_link.drawing import outline
@@ -45,6 +46,8 @@ from masmc_ros.robot.two_link.geometry import Geometry, Posture
 from masmc_ros.robot.two_link.platform_motion import base_motion
 
 __all__ = [
+    'approach_sample',
+    'approach_start',
     'base_motion',
     'constants',
     'description',

@@ -26,14 +26,11 @@ from __future__ import annotations
 import math
 
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.portable_math import sin_cos
+from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.robot.tree.spatial import add, cross, inner, Rotation, scale, Vector
 
 _SERIES = 0.25
 """Square of the angle below which quotients by it are computed by their series."""
-
-_STEPS = 4
-"""Of Newton's iteration for an angle; the start is right to 5e-3."""
 
 
 @formula
@@ -101,30 +98,13 @@ def angular_motion(phi: Vector, rate: Vector, acceleration: Vector) -> tuple[Vec
 
 
 @formula
-def _angle(sine: float, cosine: float) -> float:
-    """Return the angle in [0, pi] of a sine that is not negative and a cosine."""
-    # sin t / (1 + cos t) = tan t/2; on either side of a quarter turn the quotient is at most one.
-    is_small = cosine >= 0.0
-    of = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
-    inverted = of > 1.0
-    u = 1.0 / of if inverted else of
-    half = u * (0.9953545 - u * u * (0.2886790 - 0.0793392 * u * u))
-    t = 2.0 * half
-    t = math.pi - t if inverted else t
-    for _ in range(_STEPS):
-        s, c = sin_cos(t)
-        t += sine * c - cosine * s
-    return t
-
-
-@formula
 def vector_of(r: Rotation) -> Vector:
     """Return the rotation vector of a rotation by at most half a turn."""
     twist = (0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1]))
     sine = math.sqrt(inner(twist, twist))
     cosine = 0.5 * (r[0] + r[4] + r[8] - 1.0)
     if sine > 0.1 or cosine > 0.0:
-        t = _angle(sine, cosine)
+        t = angle_of(sine, cosine)
         return scale(twist, t / sine if sine > 0.0 else 1.0)
     # Close to half a turn the sine says little of the axis, but R + R' does: the column of
     # R + I - (1 + cos t) I + ... with the largest diagonal.
@@ -140,7 +120,7 @@ def vector_of(r: Rotation) -> Vector:
     )
     axis = scale(column, 1.0 / math.sqrt(inner(column, column)))
     axis = axis if inner(axis, twist) >= 0.0 else scale(axis, -1.0)
-    return scale(axis, _angle(sine, cosine))
+    return scale(axis, angle_of(sine, cosine))
 
 
 @formula

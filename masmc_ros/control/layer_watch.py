@@ -21,20 +21,21 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
-from masmc_ros.nodes.process.throttle import Throttle
 import numpy as np
 
 _LAYERED = ('saturation', 'tanh', 'sigmoid')
+
+_QUIET = 5.0
+"""Time in s between two lines."""
 
 
 class LayerWatch:
     """Looks at the law where a torque is held for longer than any before."""
 
-    def __init__(self, controller: Controller, log: Any) -> None:
-        """Take the controller and the node's logger."""
+    def __init__(self, controller: Controller) -> None:
+        """Take the controller."""
         self._controller = controller
-        self._log = log
-        self._due = Throttle(period=5.0)
+        self._told = -_QUIET
         self._most = 0
         # To no consequence: what it takes is compiled here.
         self._least_inertia(controller.nominal, np.ones(len(controller.mechanism.positions)))
@@ -47,20 +48,21 @@ class LayerWatch:
         """Look anew: the law has changed."""
         self._most = 0
 
-    def held(self, periods: int, position: Any) -> None:
+    def held(self, periods: int, position: Any, now: float) -> str | None:
         """
-        Note that the last torque was held for so many periods; warn if that is too long.
+        Note that the last torque was held for so many periods; return a warning if too long.
 
-        `position` is where the robot is now. Only the longest so far costs any time.
+        `position` is where the robot is at a time `now` in s. Only the longest so far costs time.
         """
         if periods <= self._most:
-            return
+            return None
         line = self._warning(periods * self._controller.period, position)
         if line is None:
             self._most = periods
-        elif self._due.is_due('layer'):
-            self._most = periods
-            self._log.warning(line)
+        elif now - self._told >= _QUIET:
+            self._most, self._told = periods, now
+            return line
+        return None
 
     def _warning(self, hold: float, position: Any) -> str | None:
         controller, values = self._controller, self._controller.values

@@ -20,6 +20,8 @@ INACTIVE = 'inactive'
 ACTIVE = 'active'
 FAULT = 'fault'
 
+_GUIDED = 'hand guiding'
+
 NO_REFERENCE = 'no reference'
 """How the reason of the fault begins that a reference ends."""
 
@@ -35,26 +37,27 @@ def would_follow(text: str) -> bool:
 
 class Supervisor:
     """
-    The state machine behind the controller's services and timeouts.
+    Mode of the controller, changed by its services and by faults.
 
-    Torque is computed in `active` alone. A fault is either passing, and over as soon as its
-    cause is, or latched, and over only when somebody says so. After an activation the
-    controller starts anew.
+    The law is computed in `active` only. A passing fault ends with its cause, a latched one when
+    it is cleared or the controller is enabled. After an activation the law restarts.
 
     Attributes
     ----------
     state
         `inactive`, `active` or `fault`.
     is_active
-        whether torque is to be computed.
+        True if the law is computed.
+    is_guided
+        True if the arm is guided by hand, which is a kind of `inactive`.
     reason
-        why it is not active, in one line; empty while active.
+        Reason of an inactive state or a fault, in one line; empty if active.
     cause
-        what kind of fault, empty without one.
+        Kind of the fault, empty without one.
     is_latched
-        whether a fault stays until somebody clears it.
+        True if the fault stays until it is cleared.
     activations
-        how often it has started anew so far.
+        Number of activations.
 
     """
 
@@ -79,6 +82,15 @@ class Supervisor:
     def disable(self) -> None:
         """Become inactive from any state; a fault is forgotten."""
         self._enter(INACTIVE, 'disabled')
+
+    def guide(self) -> None:
+        """Let a hand guide the arm; the caller has checked that there is no fault."""
+        self._enter(INACTIVE, _GUIDED)
+
+    @property
+    def is_guided(self) -> bool:
+        """Return True if the arm is guided by hand."""
+        return self.state == INACTIVE and self.reason == _GUIDED
 
     def stop(self) -> None:
         """Stop at once, from any state, until somebody enables it or clears the fault."""

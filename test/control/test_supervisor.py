@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.loop.stamp_order import in_time, Order, StampOrder, state_timeout
-from masmc_ros.loop.supervisor import (
+from masmc_ros.control.stamp_order import in_time, Order, StampOrder, state_timeout
+from masmc_ros.control.supervisor import (
     ACTIVE,
     FAULT,
     INACTIVE,

@@ -1,0 +1,127 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Actions that the controller's core requests from its caller, as plain data.
+
+The actions of an ordinary tick are created once and reused: the caller performs the actions of
+an event before it passes on the next event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from masmc_ros.errors import UserError
+
+
+class Command:
+    """
+    Send the law's torque as the response to a state.
+
+    Attributes
+    ----------
+    stamp
+        Stamp of the state in ns.
+
+    """
+
+    __slots__ = ('stamp',)
+
+    def __init__(self, stamp: int = 0) -> None:
+        """Initialise the action with the stamp of the state in ns."""
+        self.stamp = stamp
+
+
+class StopCommand(Command):
+    """Send the torque of the safe stop as the response to a state."""
+
+    __slots__ = ()
+
+
+class Void(Command):
+    """Send a void command as the response to a state: nothing is commanded."""
+
+    __slots__ = ()
+
+
+class Halt(Command):
+    """Send a void command at once, labelled with the last state, which has its response."""
+
+    __slots__ = ()
+
+
+class HaltCommand(Command):
+    """Send the torque of the safe stop at once, labelled with the last state."""
+
+    __slots__ = ()
+
+
+class Telemetry(Command):
+    """Publish the signals of the computed tick."""
+
+    __slots__ = ()
+
+
+class Repeat:
+    """Send the last command again."""
+
+    __slots__ = ()
+
+
+class Record(NamedTuple):
+    """Publish parameters or an event with the first tick that uses them."""
+
+    tick: int
+    stamp: int
+    values: Mapping[str, Any]
+    changed: tuple[str, ...] = ()
+    event: str = ''
+
+
+class State(NamedTuple):
+    """Publish the state of the controller; log it at a level, empty for no line."""
+
+    text: str
+    level: str
+
+
+class Line(NamedTuple):
+    """Log a line."""
+
+    level: str
+    text: str
+
+
+class Wait(NamedTuple):
+    """Report after some time what the controller waits for; None for nothing."""
+
+    reason: str | None
+
+
+class Failure(NamedTuple):
+    """End the run with an error."""
+
+    error: UserError
+
+
+class Finish(NamedTuple):
+    """End the run: its last tick has its response."""
+
+
+Action = Command | Repeat | Record | State | Line | Wait | Failure | Finish
+Actions = tuple[Action, ...]
+
+NOTHING: Actions = ()

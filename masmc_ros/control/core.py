@@ -1,0 +1,666 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+State machine of the controller, without ROS.
+
+Each event returns the actions that follow from it, in order. There are no callbacks and no
+waiting, and the caller supplies the time. Stamps are in ns, `now` is a steady time in s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from masmc_ros.control.actions import (
+    Action,
+    Actions,
+    Command,
+    Failure,
+    Finish,
+    Halt,
+    HaltCommand,
+    Line,
+    NOTHING,
+    Record,
+    Repeat,
+    State,
+    StopCommand,
+    Telemetry,
+    Void,
+    Wait,
+)
+from masmc_ros.control.layer_watch import LayerWatch
+from masmc_ros.control.pacing import Pacing, PACINGS
+from masmc_ros.control.stamp_order import Order, StampOrder
+from masmc_ros.control.supervisor import ACTIVE, FAULT, NO_REFERENCE, Supervisor
+from masmc_ros.errors import InputError, UserError
+from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.controller_events import (
+    ACTIVATED,
+    ADAPTATION_RESET,
+    DEACTIVATED,
+    GUIDED,
+    RESUMED,
+)
+from masmc_ros.loop.runaway import RunawayWatch
+from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, VOID
+from masmc_ros.loop.simulated_robot import diverged
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.windows import ReferenceWindows
+import numpy as np
+from numpy.typing import NDArray
+
+STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
+"""Causes of faults."""
+
+SECOND_LOOK = 0.01
+"""Time in s after which missing states are checked again; this process may have been late."""
+
+_QUIET = 1.0
+"""Time in s between two lines about missing states."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Counts:
+    """
+    Counts of states that were not the next one, and of ticks without a computation.
+
+    Attributes
+    ----------
+    late, repeated, gaps
+        States older than the last one, states with its stamp, and gaps between states.
+    skipped
+        Control periods for which a torque was held beyond its own.
+
+    """
+
+    late: int = 0
+    repeated: int = 0
+    gaps: int = 0
+    skipped: int = 0
+
+
+class ControllerCore:
+    """
+    Responds to each received robot state with exactly one command.
+
+    The command is computed by the law, or by the safe stop (`fault_action`) while the law is not
+    active, or it is void. A state without a reference is pending until the reference arrives. The
+    law restarts after an activation, after missing states and after time was set back.
+
+    Attributes
+    ----------
+    controller
+        Law and its results.
+    supervisor
+        Mode: active, inactive or fault.
+    windows
+        Received reference.
+    pacing
+        Lock-step or real time.
+    counts
+        Irregular states and ticks.
+    arrival
+        Time at which the last state arrived, infinite before the first one.
+
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        approach: Approach,
+        layer: LayerWatch,
+        timing: Timing,
+        values: Mapping[str, Any],
+    ) -> None:
+        """
+        Initialise the core.
+
+        Parameters
+        ----------
+        controller, approach, layer
+            Parts that compute; they belong to the core from now on.
+        timing
+            Control period and number of ticks of the run.
+        values
+            All checked parameter values of the controller.
+
+        """
+        self.controller = controller
+        self.supervisor = Supervisor(active=values['active_on_start'])
+        self.windows = ReferenceWindows(
+            len(controller.mechanism.axes), lambda text: self._more.append(Line('warning', text))
+        )
+        self.counts = Counts()
+        self.arrival = math.inf
+        self._approach, self._layer = approach, layer
+        self._stop = SafeStop(controller)
+        self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
+        self._values = dict(values)
+        self._period_ns = 1e9 * timing.period
+        self._last_tick = math.inf if timing.last is None else timing.last
+        self._last_stamp = -1 if timing.last is None else timing.stamp(timing.last)
+        self._order = StampOrder()
+        self._pending: int | None = None
+        self._pending_order = Order.NEXT
+        positions = len(controller.mechanism.positions)
+        self._position, self._velocity = np.zeros(positions), np.zeros(positions)
+        # Stamp of the last state for which the law computed a torque.
+        self._computed: int | None = None
+        self._activation = self.supervisor.activations
+        # Whether the law computed the last command; None after a restart.
+        self._was_computed: bool | None = self.supervisor.is_active
+        self._error: UserError | None = None
+        self._was_singular = False
+        self._held_since: float | None = None
+        self._missed = self._second_look = self._void_due = math.inf
+        self._is_stale = False
+        self._is_confused = False
+        self._has_plant = False
+        self._has_guided = False
+        self._action = VOID
+        self._halted: int | None = None
+        self._gap_reported = -math.inf
+        self._published = ''
+        self._is_waiting = True
+        self._more: list[Action] = []
+        self._unpublished: list[tuple[dict[str, Any], tuple[str, ...], str]] = []
+        # The actions of an ordinary tick are created here, once.
+        self._command, self._telemetry = Command(), Telemetry()
+        self._stop_command, self._void = StopCommand(), Void()
+        self._command_only: Actions = (self._command,)
+        self._command_and_telemetry: Actions = (self._command, self._telemetry)
+        self._stop_only: Actions = (self._stop_command,)
+        self._void_only: Actions = (self._void,)
+        self._repeat: Actions = (Repeat(),)
+        self._decimation: int = values['telemetry_decimation']
+        self._set_pacing(PACINGS[values['pacing']])
+
+    # Events.
+
+    def begin(self) -> Actions:
+        """Publish the state at the start."""
+        return self._after_change(0.0)
+
+    def on_state(self, stamp: int, position: Array, velocity: Array, now: float) -> Actions:
+        """
+        Respond to a state.
+
+        Parameters
+        ----------
+        stamp
+            Stamp of the state in ns.
+        position, velocity
+            State (positions) in the order of joint_states; the caller may overwrite both later.
+        now
+            Time of arrival in s.
+
+        """
+        order = self._order.judge(stamp)
+        if order is Order.LATE:
+            # It says nothing about the present, nor does a repetition of the state before it.
+            self.counts.late += 1
+            self._is_confused = True
+            return NOTHING
+        if order is Order.REPEATED:
+            is_alive = self._is_alive_when_repeated()
+            if self._pending is None and not (is_alive and self._lacks_states()):
+                self.counts.repeated += 1
+                if is_alive:
+                    self.arrival = now
+                return self._repeat
+            order = Order.NEXT if self._pending is None else self._pending_order
+        else:
+            is_alive, self._is_confused = True, False
+            if order is not Order.NEXT:
+                self._restart(order, now)
+        if is_alive:
+            self.arrival, self._void_due = now, math.inf
+        self._pending_order = order
+        if self.pacing.is_timed:
+            self._position[:], self._velocity[:] = position, velocity
+        if is_alive and self.supervisor.recover(STATES, is_anew=False):
+            self._publish_state()
+        return self._respond(stamp, position, velocity, now)
+
+    def on_reference(self, window: ReferenceWindow, now: float) -> Actions:
+        """
+        Add a window of samples or a set-point.
+
+        Raises
+        ------
+        InputError
+            If it is not finite, has a wrong size or is out of reach, or if it is a set-point
+            next to a trajectory that runs.
+
+        """
+        samples = window.samples.reshape(len(window.samples), -1)
+        self._check_reach(samples)
+        if window.stamp_ns is None:
+            self.windows.set_point(samples[0], self._order.last)
+        else:
+            self.windows.add(window.stamp_ns, window.period, samples)
+        return self._respond_to_pending(now)
+
+    def on_timer(self, now: float) -> Actions:
+        """Check for missing states; to be called at `deadline`."""
+        if now < self.deadline:
+            return NOTHING
+        if self._void_due <= now:
+            self._void_due = math.inf
+            self._stop.release()
+            assert self._order.last is not None
+            return (Halt(self._order.last),)
+        if self._missed != self.arrival:
+            # A controller that was late itself first processes the states in its queue.
+            self._missed, self._second_look = self.arrival, now + SECOND_LOOK
+            return NOTHING
+        self._missed = math.inf
+        if self.supervisor.is_active:
+            self.supervisor.fail(STATES, f'no usable joint_states for {self._silence:g} s')
+            self._publish_state()
+        return self._lose_states(now)
+
+    @property
+    def deadline(self) -> float:
+        """Time in s at which to call `on_timer`; infinite for never."""
+        if not (self.supervisor.is_active or (self._stop.commands and not self._is_stale)):
+            return self._void_due
+        if self._missed == self.arrival:
+            return self._second_look
+        return self.arrival + self._silence
+
+    def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
+        """Use checked values from the next tick on, which records them."""
+        self._values.update(changed)
+        self.controller.change(changed)
+        self._queue_record(changed=tuple(changed))
+        self._set_pacing(self.pacing)
+        self._layer.begin()
+        self._watch.restart()
+        return NOTHING
+
+    def on_plant(self, pacing: str) -> Actions:
+        """
+        Adapt to a simulated plant, which may pause and then repeats its state.
+
+        Parameters
+        ----------
+        pacing
+            Pacing of the plant. Real time is adopted; lock-step is not, because a message must
+            not disable the timeouts.
+
+        """
+        self._has_plant = True
+        if pacing != 'realtime' or self.pacing.is_timed:
+            return NOTHING
+        self._held_since = None
+        self._set_pacing(PACINGS[pacing])
+        if self._pending is None:
+            signals = self.controller.now[0]
+            self._position[:] = signals['position'][:, 0]
+            self._velocity[:] = signals['velocity'][:, 0]
+        if self._order.last is not None and self._was_computed and not self.supervisor.is_active:
+            self._halt()
+        return self._taken()
+
+    def on_enable(self, now: float, *, enabled: bool) -> Actions:
+        """Activate the law, or end it by the safe stop."""
+        if enabled:
+            self.supervisor.enable()
+        else:
+            self.supervisor.disable()
+        return self._after_change(now)
+
+    def on_stop(self, now: float) -> Actions:
+        """End the law until it is enabled, or the fault is cleared."""
+        self.supervisor.stop()
+        return self._after_change(now)
+
+    def on_clear(self, now: float) -> Actions:
+        """Change a fault, if there is one, to inactive."""
+        self.supervisor.clear()
+        return self._after_change(now)
+
+    def guide_refusal(self, *, enabled: bool) -> str:
+        """Return why hand guiding cannot start or end; empty if it can."""
+        if not enabled:
+            return '' if self.supervisor.is_guided else 'hand guiding is not active'
+        if self.controller.commands_rates:
+            return 'hand guiding needs command_interface = effort'
+        if self.supervisor.state == FAULT:
+            return f'{self.supervisor.text}; call ~/clear_fault first'
+        return ''
+
+    def on_guide(self, now: float, *, enabled: bool) -> Actions:
+        """Start hand guiding, or end it with an approach from the current position."""
+        if enabled:
+            self.supervisor.guide()
+        else:
+            self.supervisor.enable()
+        return self._after_change(now)
+
+    def on_reset_adaptation(self) -> Actions:
+        """Reset the adaptation; the next tick records it."""
+        self.controller.forget()
+        self._queue_record(ADAPTATION_RESET)
+        return NOTHING
+
+    def on_shutdown(self) -> Actions:
+        """Command nothing, as the last action of a controller that ends in real time."""
+        if not self.pacing.is_timed or self._order.last is None:
+            return NOTHING
+        self._stop.release()
+        return (Halt(self._order.last),)
+
+    # Response to a state.
+
+    def _respond(self, stamp: int, position: Array, velocity: Array, now: float) -> Actions:
+        supervisor = self.supervisor
+        reference = self.windows.at(stamp)
+        if reference is not None:
+            self._held_since = None
+            if not supervisor.is_active and supervisor.recover(REFERENCE, is_anew=True):
+                self._publish_state()
+        elif supervisor.is_active:
+            reference = self._held(stamp, now)
+        else:
+            # The patience for a reference that ended counts from an activation on.
+            self._held_since = None
+        if supervisor.is_active:
+            if reference is None:
+                return self._wait(stamp, position, velocity)
+            error = self._compute(stamp, position, velocity, reference, now)
+            if error is not None:
+                return (*self._taken(), Failure(error))
+        self._pending = None
+        if self._is_waiting:
+            self._is_waiting = False
+            self._more.append(Wait(None))
+        tick = round(stamp / self._period_ns)
+        # Read again: the computation may have raised a fault.
+        if supervisor.is_active:
+            self._command.stamp = stamp
+            actions = self._command_only
+            if self._decimation and not tick % self._decimation:
+                self._telemetry.stamp = stamp
+                actions = self._command_and_telemetry
+        elif self._stop_torque(stamp, position, velocity):
+            self._stop_command.stamp = stamp
+            actions = self._stop_only
+        else:
+            self._void.stamp = stamp
+            actions = self._void_only
+        if self._more or self._unpublished or tick >= self._last_tick:
+            return self._extended(actions, tick, stamp)
+        return actions
+
+    def _respond_to_pending(self, now: float) -> Actions:
+        if self._pending is None:
+            return NOTHING
+        return self._respond(self._pending, self._position, self._velocity, now)
+
+    def _extended(self, actions: Actions, tick: int, stamp: int) -> Actions:
+        """Return a response with the actions before and after it."""
+        records = [Record(tick, stamp, *record) for record in self._unpublished]
+        self._unpublished.clear()
+        # The final state may arrive far ahead of the previous one if this process was late at
+        # the end of the run. No later state confirms it.
+        is_last = tick >= self._last_tick and (
+            stamp == self._last_stamp or self.pacing.is_near(self._pending_order)
+        )
+        end = (Finish(),) if is_last else NOTHING
+        return (*self._taken(), *actions, *records, *end)
+
+    def _held(self, stamp: int, now: float) -> Array | None:
+        """Return the last position of a reference that ended; raise a fault after a time."""
+        if not self.pacing.holds(stamp, self._pending, self._computed):
+            return None
+        reference = self.windows.held_after(stamp)
+        if reference is not None:
+            if self._held_since is None:
+                self._held_since = now
+            patience = self.pacing.patience(self._values)
+            if now - self._held_since > patience:
+                self._fail(REFERENCE, f'{NO_REFERENCE} for {patience:g} s')
+        return reference
+
+    def _wait(self, stamp: int, position: Array, velocity: Array) -> Actions:
+        """Keep a state until its reference arrives."""
+        self._pending = stamp
+        if position is not self._position:
+            self._position[:], self._velocity[:] = position, velocity
+        self._is_waiting = True
+        self._more.append(Wait('the trajectory (reference)'))
+        # A robot that was moved before must not continue with its last torque.
+        if self.pacing.is_timed and self._computed is not None and self._halted != stamp:
+            self._halted = stamp
+            self._halt()
+            self._approach.begin()
+        return self._taken()
+
+    def _compute(
+        self, stamp: int, position: Array, velocity: Array, reference: Array, now: float
+    ) -> UserError | None:
+        """Compute the law, or raise a fault; return the error that ends the run instead."""
+        controller, approach, pacing = self.controller, self._approach, self.pacing
+        if self._activation != self.supervisor.activations:
+            self._activation = self.supervisor.activations
+            self._stop.hand_over()
+            self._watch.restart()
+            if pacing.approaches(was_off=self._was_computed is False):
+                approach.begin()
+            self._queue_record(ACTIVATED)
+        elif self._computed is None:
+            if pacing.approaches(was_off=False):
+                approach.begin()
+        elif not self._was_computed:
+            self._stop.end()
+            self._watch.restart()
+            if pacing.is_timed:
+                approach.begin()
+            self._queue_record(RESUMED)
+        elif pacing.is_timed:
+            self._skip_ticks(stamp, position, now)
+        self._was_computed, self._computed, self._halted = True, stamp, None
+        self._is_stale = False
+        if pacing.is_timed:
+            approach.watch(stamp, reference)
+        if approach.is_on:
+            rates = controller.rates(velocity)
+            reference = approach.follow(stamp, position, rates, reference)
+        try:
+            status = controller.answer(position, velocity, reference)
+            if status & NOT_FINITE:
+                raise diverged(stamp * 1e-9)
+        except Exception as error:
+            # A plug-in law can raise anything; the pacing decides between fault and end of run.
+            reason = pacing.fault(error)
+            if isinstance(error, UserError) and reason is None:
+                self._error = error
+                return error
+            self._fail(LAW, reason or '', is_latched=True)
+            return None
+        if pacing.is_timed:
+            reason = self._watch.look(controller.rates(velocity))
+            if reason:
+                self._fail(RUNAWAY, reason, is_latched=True)
+        is_singular = status & SINGULAR != 0
+        if is_singular != self._was_singular:
+            self._was_singular = is_singular
+            self._log_singularity(stamp, is_singular=is_singular)
+        # An error that ended the run stays its end.
+        return self._error
+
+    def _skip_ticks(self, stamp: int, position: Array, now: float) -> None:
+        """Account for the periods during which the last torque was held."""
+        assert self._computed is not None
+        skipped = round((stamp - self._computed) / self._period_ns) - 1
+        if skipped > 0:
+            self.controller.skip(skipped)
+            self.counts.skipped += skipped
+        line = self._layer.held(max(skipped, 0) + 1, position, now)
+        if line is not None:
+            self._more.append(Line('warning', line))
+
+    # Safe stop.
+
+    def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
+        """Compute the torque of the safe stop for a state; False for a void command."""
+        action = self._stop_action()
+        is_new = self._was_computed is not False or action != self._action
+        if is_new:
+            self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
+        if is_new or self._is_stale:
+            self._stop.start(action, stamp, position, velocity)
+        self._action, self._was_computed, self._is_stale = action, False, False
+        return self._stop.update(stamp, position, velocity)
+
+    def _stop_action(self) -> str:
+        if self.supervisor.is_guided:
+            self._has_guided = True
+            return GUIDE
+        # A controller that has not moved the robot does not hold it either.
+        if self._computed is None and not self._has_guided:
+            return VOID
+        action: str = self._values['fault_action']
+        return action
+
+    def _halt(self) -> None:
+        """Send a torque of the safe stop, or a void command, without a new state."""
+        stamp = self._order.last if self._pending is None else self._pending
+        assert stamp is not None
+        commands = self._stop_torque(stamp, self._position, self._velocity)
+        self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
+
+    def _lose_states(self, now: float) -> Actions:
+        """Command the last gravity torque for a short time, then nothing."""
+        if self._pending is not None:
+            actions = self._respond_to_pending(now)
+        elif self._order.last is None:
+            return self._taken()
+        else:
+            stamp = self._order.last
+            if self._was_computed is not False:
+                self._queue_record(DEACTIVATED)
+            self._was_computed = False
+            action = VOID if self._stop_action() == VOID else BALANCE
+            self._stop.start(action, stamp, self._position, self._velocity)
+            commands = self._stop.update(stamp, self._position, self._velocity)
+            self._more.append(HaltCommand(stamp) if commands else Halt(stamp))
+            actions = self._taken()
+        self._is_stale = True
+        if self._stop.commands:
+            self._void_due = now + BALANCE_TIME
+        return actions
+
+    # Changes of mode.
+
+    def _is_alive_when_repeated(self) -> bool:
+        """
+        Return True if a repeated state shows that the robot is alive.
+
+        A paused plant repeats its state. A driver that does so has stopped measuring.
+        """
+        return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
+
+    def _lacks_states(self) -> bool:
+        supervisor = self.supervisor
+        return self._is_stale or (supervisor.state == FAULT and supervisor.cause == STATES)
+
+    def _restart(self, order: Order, now: float) -> None:
+        """Restart the law at the next computed tick."""
+        if order is Order.BACK:
+            text = 'time was set back; the controller restarts'
+            self._more.append(Line('info', text))
+        else:
+            self.counts.gaps += 1
+            if now - self._gap_reported >= _QUIET:
+                self._gap_reported = now
+                text = 'states were missing for longer than state_timeout; the controller restarts'
+                self._more.append(Line('warning', text))
+        self._pending = None
+        self._activation = -1
+        self._was_computed = None
+
+    def _after_change(self, now: float) -> Actions:
+        """Return the actions after the supervisor may have changed between two states."""
+        was_active = self._published == ACTIVE
+        self._publish_state()
+        if self.supervisor.is_active or not (was_active or self._pending is not None):
+            return self._taken()
+        if self._pending is not None:
+            return self._respond_to_pending(now)
+        if self.pacing.is_timed and self._order.last is not None:
+            self._halt()
+        return self._taken()
+
+    def _publish_state(self) -> None:
+        text = self.supervisor.text
+        if text != self._published:
+            is_fault = self.supervisor.state == FAULT
+            level = 'error' if is_fault else 'info' if self._published else ''
+            self._published = text
+            self._more.append(State(text, level))
+
+    def _fail(self, cause: str, reason: str, *, is_latched: bool = False) -> None:
+        self.supervisor.fail(cause, reason, is_latched=is_latched)
+        self._publish_state()
+
+    def _queue_record(self, event: str = '', changed: tuple[str, ...] = ()) -> None:
+        """Queue a record, to be published with the next response."""
+        self._unpublished.append((dict(self._values), changed, event))
+
+    def _taken(self) -> Actions:
+        more = tuple(self._more)
+        self._more.clear()
+        return more
+
+    def _set_pacing(self, pacing: Pacing) -> None:
+        self.pacing = pacing
+        self._order.gap_ns = pacing.gap_ns(self._values)
+        self._silence = pacing.silence(self._values)
+
+    def _check_reach(self, samples: Array) -> None:
+        """Raise InputError for a position that the mechanism cannot reach."""
+        mechanism, axes = self.controller.mechanism, len(self.controller.mechanism.axes)
+        if samples.shape[1] < axes or not np.isfinite(samples).all():
+            return
+        found = mechanism.formulas.out_of_reach(
+            self.controller.robot.geometry, np.ascontiguousarray(samples[:, :axes])
+        )
+        if found is not None:
+            raise InputError(f'reference: sample {found[0]} cannot be reached: {found[1]}')
+
+    def _log_singularity(self, stamp: int, *, is_singular: bool) -> None:
+        mechanism = self.controller.mechanism
+        at = f'at t = {stamp * 1e-9:.3f} s {mechanism.lost}'
+        self._more.append(
+            Line(
+                'warning',
+                f'{at} is close to singular ({mechanism.singular}); motion along the lost '
+                'direction is damped',
+            )
+            if is_singular
+            else Line('info', f'{at} has left the singularity')
+        )

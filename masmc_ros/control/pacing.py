@@ -1,0 +1,141 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Differences between lock-step and real time in the controller, as functions without state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any, Protocol
+
+from masmc_ros.control.stamp_order import Order, state_timeout
+from masmc_ros.errors import UserError
+
+Values = Mapping[str, Any]
+
+
+class Pacing(Protocol):
+    """
+    Policy for late and missing messages.
+
+    Attributes
+    ----------
+    name
+        Value of the parameter `pacing`.
+    is_timed
+        True if robot and reference move on without a command. An inactive controller then acts
+        at once, skipped ticks count, a reference that steps is approached, and a run-away is
+        detected.
+
+    """
+
+    name: str
+    is_timed: bool
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return the longest ordinary interval in ns between two states; None: no limit."""
+
+    def silence(self, values: Values) -> float:
+        """Return the time in s without a state after which a fault is raised."""
+
+    def patience(self, values: Values) -> float:
+        """Return the time in s after the end of the reference until a fault is raised."""
+
+    def is_near(self, order: Order) -> bool:
+        """Return True if a state with this order of its stamp may end the run."""
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True if the last position is held at a stamp that no reference covers."""
+
+    def approaches(self, *, was_off: bool) -> bool:
+        """Return True if a start approaches the reference; `was_off`: no law was active."""
+
+    def fault(self, error: Exception) -> str | None:
+        """Return the fault's reason for an error of the law; None if it ends the run."""
+
+
+class LockStep:
+    """The plant waits for each command, and the controller for the reference."""
+
+    name = 'lockstep'
+    is_timed = False
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return None: no state is missing."""
+        return None
+
+    def silence(self, values: Values) -> float:
+        """Return infinity: a plant that waits for a command sends no state."""
+        return math.inf
+
+    def patience(self, values: Values) -> float:
+        """Return infinity: the reference will arrive."""
+        return math.inf
+
+    def is_near(self, order: Order) -> bool:
+        """Return False: every state arrives, the last one too."""
+        return False
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True for a newer state while one is pending: this plant does not wait."""
+        return computed is not None and pending is not None and pending != stamp
+
+    def approaches(self, *, was_off: bool) -> bool:
+        """Return True after a stop; a run otherwise starts on its reference as configured."""
+        return was_off
+
+    def fault(self, error: Exception) -> str | None:
+        """Return None for a UserError; raise any other error."""
+        if not isinstance(error, UserError):
+            raise error
+        return None
+
+
+class RealTime:
+    """States arrive in their own time; a state that is missing for too long is a fault."""
+
+    name = 'realtime'
+    is_timed = True
+
+    def gap_ns(self, values: Values) -> int | None:
+        """Return `state_timeout`."""
+        return round(1e9 * state_timeout(values))
+
+    def silence(self, values: Values) -> float:
+        """Return `state_timeout`."""
+        return state_timeout(values)
+
+    def patience(self, values: Values) -> float:
+        """Return `reference_timeout`; infinity if that is 0."""
+        return values['reference_timeout'] or math.inf
+
+    def is_near(self, order: Order) -> bool:
+        """Return False for a single stamp far ahead, which may be wrong."""
+        return order is not Order.AHEAD
+
+    def holds(self, stamp: int, pending: int | None, computed: int | None) -> bool:
+        """Return True."""
+        return True
+
+    def approaches(self, *, was_off: bool) -> bool:
+        """Return True."""
+        return True
+
+    def fault(self, error: Exception) -> str | None:
+        """Return the error's text: an error of a law must not end the node."""
+        return ' '.join(str(error).split())
+
+
+PACINGS: dict[str, Pacing] = {pacing.name: pacing for pacing in (LockStep(), RealTime())}

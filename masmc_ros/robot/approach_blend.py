@@ -1,0 +1,38 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Polynomials in time that an approach consists of, one coordinate each."""
+
+from __future__ import annotations
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.hermite import quintic, Sample
+
+SHORTEST = 0.5
+"""Shortest duration of an approach in s, and the time in which a moving robot is braked."""
+
+
+@formula
+def decayed(
+    distance: float, rate: float, change: float, duration: float, part: float
+) -> Sample:
+    """Return the remaining distance and its derivatives at `part` (0 to 1) of `duration` s."""
+    return quintic((distance, rate, change), (0.0, 0.0, 0.0), duration, part)
+
+
+@formula
+def returned(speed: float, duration: float, part: float) -> Sample:
+    """Return the way of a coordinate that is braked from a speed and returns, and its rates."""
+    braked = min(part * duration / SHORTEST, 1.0)
+    return quintic((0.0, speed, 0.0), (0.0, 0.0, 0.0), SHORTEST, braked)

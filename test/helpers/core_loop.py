@@ -1,0 +1,136 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Closed loop of the controller's core and a simulated plant, without ROS, in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.control.actions import (
+    Actions,
+    Command,
+    Failure,
+    Finish,
+    Halt,
+    HaltCommand,
+    State,
+    StopCommand,
+    Void,
+)
+from masmc_ros.control.core import ControllerCore
+from masmc_ros.control.layer_watch import LayerWatch
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.loop.timing import Timing
+from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+
+
+class CoreLoop:
+    """
+    Plant, trajectory and controller core of a scenario.
+
+    Attributes
+    ----------
+    torque
+        Torque in effect; None for a void command.
+    state
+        Text on `controller/state`.
+    reports
+        Every text of `controller/state` so far, with its time in s.
+
+    """
+
+    def __init__(self, values: Mapping[str, Mapping[str, Any]], *, ahead: float = 1.0) -> None:
+        """Initialise the loop from checked values by node; `ahead` s of reference are sent."""
+        control = values['controller']
+        self.timing = Timing.from_values(control)
+        self.period = self.timing.period
+        self.controller = Controller(robot_of(control), self.period, control)
+        approach = Approach(self.controller.robot, control['approach_speed'])
+        layer = LayerWatch(self.controller)
+        self.core = ControllerCore(self.controller, approach, layer, self.timing, control)
+        self.plant = plant_of(values['plant'], self.period)
+        self.trajectory = Trajectory(
+            values['trajectory'], self.period, robot_of(values['trajectory'])
+        )
+        self._ahead = max(1, round(ahead / self.period))
+        self._sent = 0
+        self.tick = 0
+        self.torque: np.ndarray | None = None
+        self.state, self.reports = '', []
+        self.is_over = False
+        self.perform(self.core.begin())
+
+    @property
+    def now(self) -> float:
+        """Time in s."""
+        return self.tick * self.period
+
+    def perform(self, actions: Actions) -> None:
+        """Apply the commands of an event."""
+        for action in actions:
+            kind = type(action)
+            if kind in (Command, StopCommand, HaltCommand):
+                self.torque = self.controller.torque.copy()
+            elif kind in (Void, Halt):
+                self.torque = None
+            elif kind is State:
+                self.state = action.text
+                self.reports.append((self.now, action.text))
+            elif kind in (Failure, Finish):
+                self.is_over = True
+
+    def send_reference(self) -> None:
+        """Send the reference up to `ahead` s from now."""
+        if self._sent < self.tick:
+            self._sent = self.tick
+        if self._sent < self.tick + self._ahead // 2:
+            count = self.tick + self._ahead - self._sent
+            samples = self.trajectory.sample(self._sent, count).reshape(count, 3, -1)
+            stamp = self.timing.stamp(self._sent)
+            self.perform(
+                self.core.on_reference(ReferenceWindow(stamp, self.period, samples), self.now)
+            )
+            self._sent += count
+
+    def step(self, *, has_state: bool = True, has_reference: bool = True) -> None:
+        """Let one control period pass, with or without a state and a reference."""
+        if has_reference:
+            self.send_reference()
+        if has_state:
+            plant = self.plant
+            stamp = self.timing.stamp(self.tick)
+            self.perform(self.core.on_state(stamp, plant.position, plant.velocity, self.now))
+        if self.core.deadline <= self.now:
+            self.perform(self.core.on_timer(self.now))
+        self.plant.advance(self.torque)
+        self.tick += 1
+
+    def run(self, seconds: float, **what: bool) -> dict[str, np.ndarray]:
+        """Return position, velocity and torque (n, …) of the periods of so many seconds."""
+        signals: dict[str, list[np.ndarray]] = {'position': [], 'velocity': [], 'torque': []}
+        joints = len(self.controller.torque)
+        for _ in range(round(seconds / self.period)):
+            self.step(**what)
+            signals['position'].append(self.plant.true_position.copy())
+            signals['velocity'].append(self.plant.true_velocity.copy())
+            torque = np.full(joints, np.nan) if self.torque is None else self.torque
+            signals['torque'].append(torque)
+        return {name: np.array(rows) for name, rows in signals.items()}
