@@ -118,7 +118,7 @@ class ParameterNode(ExchangeNode):
         if not ignore_override:
             start = self._command_line.for_node(self.get_name(), self.get_namespace()).values
             if name in start:
-                value = _checked_bool(name, start[name])
+                value = _checked_bool(f'{self.get_name()}: {name}', start[name])
         return super().declare_parameter(
             name, value, descriptor or ParameterDescriptor(), ignore_override=True
         )
@@ -140,10 +140,10 @@ class ParameterNode(ExchangeNode):
         return is_same_type and _plain(present.value) == _plain(wanted.value)
 
 
-def _checked_bool(name: str, value: object) -> bool:
+def _checked_bool(what: str, value: object) -> bool:
     """Return the start value of a parameter of rclpy itself, all of which are bools."""
     if not isinstance(value, bool):
-        raise InputError(f'{name} = {yaml_text(value)}: expected true or false')
+        raise InputError(f'{what} = {yaml_text(value)}: expected true or false')
     return value
 
 
