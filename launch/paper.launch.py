@@ -46,13 +46,14 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             'law',
             default_value='',
-            description='Control law, smc, rasmc or a plugged-in one; empty: as in params_file.',
+            description='Control law: a built-in one, listed by masmc laws, or a plugged-in one; '
+            'empty: as in params_file.',
         ),
         DeclareLaunchArgument(
             'pacing',
             default_value='',
             choices=['', 'lockstep', 'realtime'],
-            description='How the plant is paced; empty: as in params_file.',
+            description='Pacing of plant and controller; empty: as in params_file.',
         ),
         DeclareLaunchArgument(
             'namespace', default_value='', description='Namespace of all nodes and topics.'

@@ -15,8 +15,8 @@
 """
 Packages that not every installation has, and what to do where one is missing.
 
-ROS 2 installs what rosdep knows; these it does not know, so that nothing that steers a robot
-may import them: they are for logs, reports and viewers.
+They are for logs, reports and viewers. rosdep installs some of them by pip, which a machine may
+not allow, and does not know the others. Therefore nothing that steers a robot imports them.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
     if importlib.util.find_spec('rclpy') is None:
         raise UserError(
             'rclpy cannot be imported; source a ROS 2 Jazzy installation, or install its wheels '
-            "with pip install 'masmc_ros[ros]' (Linux x86_64); masmc simulate runs without"
+            "in a checkout with pip install '.[ros]' (Linux x86_64); masmc simulate runs without"
         )
     folder = Path(output)
     try:

@@ -28,5 +28,5 @@ def require_rclpy() -> None:
     except ImportError as error:
         raise UserError(
             f'rclpy cannot be imported ({error}); source a ROS 2 Jazzy installation, '
-            'or install its wheels with pip install masmc_ros[ros] (Linux x86_64)'
+            "or install its wheels in a checkout with pip install '.[ros]' (Linux x86_64)"
         ) from error

@@ -18,8 +18,10 @@ rcl's walk over the events of a parameter file: node keys, parameter names, valu
 rcl does not build a YAML document: it walks over the parser's events with a few flags. So
 it accepts some files that look wrong and refuses some that look right, and a file must mean
 the same to the offline commands as to the nodes. This is the same walk, state for state.
-Only where rcl writes past the end of its own arrays (a list right under `ros__parameters`,
-after a block of more than 128 parameters) does it do something else, and nothing defined.
+It differs in two cases. rcl writes past the end of its own arrays for a list right under
+`ros__parameters` after a block of more than 128 parameters; here the result is defined. And a
+parameter that is written twice has its later value here, whereas rcl keeps one value of every
+type and lets a number precede an array.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ PARAMETERS_KEY = 'ros__parameters'
 
 @dataclass
 class Entry:
-    """A parameter in a block: its dotted name and the line of that name in the file (from 1)."""
+    """A parameter in a block: its dotted name and the line of its last value (from 1)."""
 
     name: str
     line: int
@@ -161,7 +163,10 @@ class BlockReader(ValueReader):
                 "below that 'name: value'",
             )
         name = node.entries[self._number].name if self._number < len(node.entries) else 'a map'
-        self.put(event, node.variants.setdefault(self._number, Variant()), name)
+        variant = node.variants.setdefault(self._number, Variant())
+        if not self.in_array:
+            variant.clear()
+        self.put(event, variant, name)
         if not self.in_array:
             self._expects_key = True
 
@@ -178,6 +183,8 @@ class BlockReader(ValueReader):
                 f'array outside of {PARAMETERS_KEY}; write the node '
                 f"name, below it '{PARAMETERS_KEY}:' and below that the array",
             )
+        if not self.in_array and self._node is not None:
+            self._node.variants.setdefault(self._number, Variant()).clear()
         self.start_array()
 
     def _mapping_start(self) -> None:
@@ -249,6 +256,7 @@ class BlockReader(ValueReader):
         prefix = self._name_path.text
         if prefix is None:
             self._number = node.find(key, line)
+            node.entries[self._number].line = line
             return
         self._number = node.find(prefix, line)
         entry = node.entries[self._number]

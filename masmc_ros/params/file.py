@@ -39,8 +39,8 @@ class Block:
     line
         the line on which it first appears, from 1.
     values
-        value and line of every parameter by its dotted name. An empty array and an
-        empty map have no type, which is None.
+        value and line of every parameter by its dotted name, the last ones where it stands
+        several times. An empty array and an empty map have no type, which is None.
 
     """
 
@@ -76,7 +76,7 @@ class ParameterFile:
     blocks: tuple[Block, ...]
 
     def for_node(self, name: str, namespace: str = '/') -> dict[str, FileValue]:
-        """Values for a node; of several matching blocks the last wins, name by name."""
+        """Return the values for a node: of each name the last one in the matching blocks."""
         return {parameter: value for parameter, (value, _) in self._merged(name, namespace)}
 
     def places(self, name: str, namespace: str = '/') -> dict[str, str]:
@@ -102,11 +102,13 @@ class ParameterFile:
         )
 
     def _merged(self, name: str, namespace: str) -> list[tuple[str, tuple[FileValue, int]]]:
-        merged: dict[str, tuple[FileValue, int]] = {}
-        for block in self.blocks:
-            if block.is_for(name, namespace):
-                merged.update(block.values)
-        return list(merged.items())
+        matching = [block for block in self.blocks if block.is_for(name, namespace)]
+        # A key may stand twice, with a more specific key between: the lines decide.
+        ascending = sorted(
+            (item for block in matching for item in block.values.items()),
+            key=lambda item: item[1][1],
+        )
+        return list(dict(ascending).items())
 
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:

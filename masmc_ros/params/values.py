@@ -31,16 +31,21 @@ _TYPE_NAMES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a str
 
 class Variant:
     """
-    What was written to one parameter: at most one value of every type.
+    The storage of one parameter: at most one value of every type, as in rcl.
 
-    Values of different types do not replace one another; the first type in the order bool,
-    int, float, str, then their arrays, is the one that counts.
+    A value inside an array may leave values of several types; the first type in the order
+    bool, int, float, str, then their arrays, applies. A whole value replaces all others.
     """
 
     def __init__(self) -> None:
         """Make a parameter without a value."""
         self.scalars: dict[type, Scalar] = {}
         self.arrays: dict[type, list[Any]] = {}
+
+    def clear(self) -> None:
+        """Remove all values, as a later one replaces them whatever its type."""
+        self.scalars.clear()
+        self.arrays.clear()
 
     @property
     def value(self) -> FileValue:

@@ -29,6 +29,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
+from masmc_ros.params.precedence import node_values
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import (
@@ -66,20 +67,23 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     """
     file = read(path)
     extra = _settings(settings, file.for_node('plant'))
+    # Of every node, also of one that needs no robot and only passes its parameters over.
+    robot = {n: value for n, value in extra['plant'].items() if n.startswith(_OF_ROBOT)}
     scenario = {}
     for node in NODES:
-        given, places = file.for_node(node), file.places(node)
-        # Of every node, also of one that needs no robot and only passes its parameters over.
-        for name in extra['plant']:
-            if name.startswith(_OF_ROBOT):
-                given[name], places[name] = extra['plant'][name], f'--set {name}: '
+        start = node_values((file,), robot, node)
+        given, places = dict(start.values), start.places
         mechanism = chosen(given)
         for name in accepted(node, mechanism) & given.keys():
             # Shared parameters are checked where they stand, needed by this node or not.
-            _check_shared(mechanism, name, given.pop(name), places[name])
-        drop_foreign(node, given, file.shared(node), places)
+            value = given.pop(name)
+            if name not in extra['plant']:
+                _check_shared(mechanism, name, value, places[name])
+        drop_foreign(node, given, start.shared, places)
         declarations = declared(node, mechanism)
-        values = check_all(declarations, given, places)
+        # A value that a setting replaces is not checked: a node does not see it either.
+        kept = {name: value for name, value in given.items() if name not in extra[node]}
+        values = check_all(declarations, kept, places)
         names = {parameter.name: parameter for parameter in declarations}
         for name, value in extra[node].items():
             values[name] = names[name].check(value, integers_for_doubles=True)
@@ -212,13 +216,11 @@ def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
         for block in file.unmatched(NODES)
     ]
-    foreign = {
-        name: None
-        for node in NODES
-        for name in drop_foreign(
-            node, {**file.for_node(node), **robot}, file.shared(node), file.places(node)
-        )
-    }
+    foreign: dict[str, None] = {}
+    for node in NODES:
+        start = node_values((file,), robot, node)
+        names = drop_foreign(node, dict(start.values), start.shared, start.places)
+        foreign.update(dict.fromkeys(names))
     return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 

@@ -338,6 +338,9 @@ NODE_ARGUMENTS = {
     'another name': ('controller', ('-r', '__node:=ctl'), '__ns:=/ctl'),
     'another name in one process': ('composed', ('-r', 'plant:__node:=p'), '__ns:=/p'),
     'quality of service': ('plant', ('-p', 'qos_overrides./tf.publisher.depth:=1'), 'fixed'),
+    'parameter of rclpy': (
+        'plant', ('-p', 'use_sim_time:=5'), 'plant: use_sim_time = 5: expected true or false'
+    ),
     'bad namespace': ('plant', ('-r', '__ns:=/left//arm'), '/left//arm'),
 }
 

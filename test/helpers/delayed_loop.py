@@ -56,12 +56,18 @@ class DelayedRun:
         (4) N m.
     late
         ticks of the plant under a torque that answers an earlier state.
+    overdue
+        ticks that the plant made a period or more after they were due, as the plant counts them.
+    behind
+        time in s by which the robot's time fell behind the wall clock.
 
     """
 
     error: Array
     largest_torque: Array
     late: int
+    overdue: int
+    behind: float
 
     def most(self, axes: list[int], begin: int) -> float:
         """Return the largest distance in mm on two axes, from a tick on."""
@@ -124,7 +130,7 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
     answering = _Answering(values, reference, delay)
     error, largest, held = np.empty((ticks, 4)), np.zeros(4), np.zeros(4)
     now = lost = 0.0
-    wake = late = 0
+    wake = late = overdue = 0
     answered = -1
     state = (0.0, 0, plant.position.copy(), plant.velocity.copy())
     is_waiting = True
@@ -138,6 +144,7 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
         if newest is not None:
             answered, held = newest
         due = int((now - lost) / period + 1e-9)
+        overdue += max(0, due - plant.tick - 1)
         if due - plant.tick > LATE_TICKS:
             lost += (due - plant.tick - 1) * period
             due = plant.tick + 1
@@ -149,4 +156,4 @@ def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay
             largest = np.maximum(largest, np.abs(plant.applied))
             state = (now, plant.tick, plant.position.copy(), plant.velocity.copy())
             is_waiting = True
-    return DelayedRun(error, largest, late)
+    return DelayedRun(error, largest, late, overdue, lost)

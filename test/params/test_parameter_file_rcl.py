@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameter files mean the same here as in rclpy's nodes: same values, same refusals."""
+"""
+Parameter files mean the same here as to rcl: same values, same refusals.
+
+One difference is intended, and test_precedence.py tests it: a parameter that is written twice
+has its later value. This file removes that rule and compares everything else.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +26,8 @@ from typing import Any
 from hypothesis import example, given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
-from masmc_ros.params.file import parse_value, read
+from masmc_ros.params.file import ParameterFile, parse_value, read
+from masmc_ros.params.values import FileValue, Variant
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -35,6 +41,23 @@ EXAMPLES = settings(
     max_examples=150,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
+
+
+@pytest.fixture(scope='module', autouse=True)
+def keeps_all_types() -> Iterator[None]:
+    """Let a value leave those of other types in place, as rcl does."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Variant, 'clear', lambda _: None)
+        yield
+
+
+def by_keys(parameters: ParameterFile, name: str, namespace: str) -> dict[str, FileValue]:
+    """Return a node's values as rcl merges them: keys in the order of first appearance."""
+    merged: dict[str, FileValue] = {}
+    for block_ in parameters.blocks:
+        if block_.is_for(name, namespace):
+            merged.update({key: value for key, (value, _) in block_.values.items()})
+    return merged
 
 
 @pytest.fixture(scope='module')
@@ -86,7 +109,7 @@ def assert_same(context: Context, path: Path) -> bool:
         return False
     for name, namespace in NODES:
         real = overrides(context, name, namespace, '--params-file', str(path))
-        assert comparable(parameters.for_node(name, namespace)) == real
+        assert comparable(by_keys(parameters, name, namespace)) == real
     return True
 
 

@@ -24,7 +24,7 @@ from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.exchange import ExchangeNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
-from masmc_ros.params.file import read
+from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
@@ -34,6 +34,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 import rclpy.parameter
@@ -73,10 +74,54 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 class ParameterNode(ExchangeNode):
     """
-    A node to which a parameter may be set to what it is, a read-only one too.
+    A node whose parameters start with the values of its command line, as this package reads it.
 
-    So `ros2 param load` takes what `ros2 param dump` has written.
+    A parameter, even a read-only one, may be set to its active value. So `ros2 param load`
+    accepts the output of `ros2 param dump`.
     """
+
+    def __init__(self, name: str, *, context: Context, command_line: CommandLine) -> None:
+        """
+        Initialise the node.
+
+        Parameters
+        ----------
+        name
+            the node's name, unless a remapping replaces it.
+        context
+            the context of the process.
+        command_line
+            files and settings that give the parameters their start values.
+
+        Raises
+        ------
+        InputError
+            a parameter of rclpy itself has a value of the wrong type.
+
+        """
+        self._command_line = command_line
+        super().__init__(name, context=context)
+
+    def declare_parameter(
+        self,
+        name: str,
+        value: Any = None,
+        descriptor: ParameterDescriptor | None = None,
+        ignore_override: bool = False,
+    ) -> Any:
+        """
+        Declare a parameter as `Node` does, but never with the value that rcl has read.
+
+        rclpy itself declares `use_sim_time` and `start_type_description_service` while a node
+        is created; the rules of precedence are the same for them.
+        """
+        if not ignore_override:
+            start = self._command_line.for_node(self.get_name(), self.get_namespace()).values
+            if name in start:
+                value = _checked_bool(f'{self.get_name()}: {name}', start[name])
+        return super().declare_parameter(
+            name, value, descriptor or ParameterDescriptor(), ignore_override=True
+        )
 
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.parameter.Parameter]
@@ -93,6 +138,13 @@ class ParameterNode(ExchangeNode):
         present = self.get_parameter(wanted.name)
         is_same_type: bool = present.type_ == wanted.type_
         return is_same_type and _plain(present.value) == _plain(wanted.value)
+
+
+def _checked_bool(what: str, value: object) -> bool:
+    """Return the start value of a parameter of rclpy itself, all of which are bools."""
+    if not isinstance(value, bool):
+        raise InputError(f'{what} = {yaml_text(value)}: expected true or false')
+    return value
 
 
 class RosParameters:
@@ -116,16 +168,14 @@ class RosParameters:
         self._check = check
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
         name = node.get_name()
-        settings = command_line.for_node(name)
-        given = {**_given(node), **settings}
+        start = command_line.for_node(name, node.get_namespace())
+        given = dict(start.values)
         mechanism = chosen(given)
         declarations = declare(mechanism)
         self._declarations = {p.name: p for p in declarations}
         for shared in accepted(name, mechanism) & given.keys():
             del given[shared]
-        # What a file gives to all nodes may be for others; the command line is for this one.
-        shared_names = _shared(node, command_line) - settings.keys()
-        if foreign := drop_foreign(name, given, shared_names, f'{name}: '):
+        if foreign := drop_foreign(name, given, start.shared, f'{name}: '):
             node.get_logger().warning(foreign_text(foreign))
         self.values = check_all(declarations, given, where=f'{name}: ')
         check(self.values)
@@ -196,21 +246,6 @@ class _UnknownParameter(ParameterNotDeclaredException):
 
     def __str__(self) -> str:
         return self._text
-
-
-def _given(node: Node) -> dict[str, Any]:
-    """Return what files and command line give this node, as rcl resolved it."""
-    # rclpy has no public way to see overrides that nobody declares, and passes them silently.
-    overrides = node._parameter_overrides
-    return {name: _plain(parameter.value) for name, parameter in overrides.items()}
-
-
-def _shared(node: Node, command_line: CommandLine) -> set[str]:
-    """Return the names that parameter files give to this node by wildcards alone."""
-    where = node.get_name(), node.get_namespace()
-    files = [read(path) for path in command_line.files]
-    named = {n for file in files for n in file.for_node(*where).keys() - file.shared(*where)}
-    return {name for file in files for name in file.shared(*where)} - named
 
 
 def _plain(value: Any) -> Any:

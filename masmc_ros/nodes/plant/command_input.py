@@ -119,6 +119,10 @@ class CommandInput:
             return self.parts[0].numbers
         return np.concatenate([part.held() for part in self.parts])
 
+    def answer(self, stamp: int) -> bool:
+        """Return True if the active command answers the state of a stamp in ns, or names none."""
+        return all(part.answered in (stamp, None) for part in self.parts)
+
     def clear(self) -> None:
         """Forget what is at hand."""
         for part in self.parts:

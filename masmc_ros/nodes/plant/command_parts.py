@@ -67,6 +67,8 @@ class Part:
         of the last command that is in force, None where there is none.
     time
         by the monotonic clock, when that came.
+    answered
+        stamp in ns of the state that it answers; None if it names none.
 
     """
 
@@ -87,11 +89,12 @@ class Part:
         self.is_here = False
         self.numbers: Array | None = None
         self.time = -math.inf
+        self.answered: int | None = None
         self._zeros = np.zeros(width)
 
     def take(self, taken: Taken, now: float) -> None:
         """Let a message be in force from a time of the monotonic clock on."""
-        self.is_here, self.time = True, now
+        self.is_here, self.time, self.answered = True, now, taken.stamp
         self.numbers = None if taken.numbers is None else taken.numbers.copy()
 
     def clear(self) -> None:

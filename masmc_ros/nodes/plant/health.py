@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
+from masmc_ros.nodes.plant.lateness import Lateness
 from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 from rclpy.node import Node
@@ -36,8 +37,8 @@ class PlantHealth:
     ----------
     dropped
         commands that were not for the present.
-    late
-        ticks that were due a period or more before they were made, or given up on.
+    lateness
+        late ticks of a plant in real time.
 
     """
 
@@ -47,7 +48,8 @@ class PlantHealth:
         self._since = time.monotonic()
         self._tick = 0
         self._problems = 0
-        self.dropped = self.late = 0
+        self.dropped = 0
+        self.lateness = Lateness(period)
 
     def report(
         self,
@@ -62,7 +64,9 @@ class PlantHealth:
     ) -> Health:
         """Return how the plant is; `topics` are of commands, `slip` is in m/s."""
         now = time.monotonic()
-        rate = max(0, ticks - self._tick) / max(now - self._since, 1e-9)
+        seconds = max(now - self._since, 1e-9)
+        rate = max(0, ticks - self._tick) / seconds
+        late_figures, lateness = self.lateness.report(seconds)
         self._since, self._tick = now, ticks
         values = {
             'state': state,
@@ -71,19 +75,21 @@ class PlantHealth:
             'tick': str(ticks),
             'last command (s ago)': f'{command_age:.3f}',
             'dropped commands': str(self.dropped),
-            'late ticks': str(self.late),
+            **late_figures,
             **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
         }
         if slip is not None:
             values['fastest slip of a wheel (m/s)'] = f'{slip:.4f}'
-        problems = sum(refusals.counts.values()) + self.dropped + self.late
+        problems = sum(refusals.counts.values()) + self.dropped
         is_worse, self._problems = problems > self._problems, problems
         crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
         if crowds:
             values['senders of commands'] = ', '.join(chain.from_iterable(crowds))
             return Health(WARN, 'more than one node commands the robot', values)
+        if lateness:
+            return Health(WARN, lateness, values)
         if is_worse:
-            return Health(WARN, 'commands refused or dropped, or ticks late', values)
+            return Health(WARN, 'commands refused or dropped', values)
         if slip is not None and slip > _SLIPS:
             return Health(WARN, 'wheels slip', values)
         return Health(OK, state, values)

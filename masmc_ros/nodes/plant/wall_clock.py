@@ -91,8 +91,9 @@ class WallClock:
     def explained(self, error: InputError) -> InputError:
         """Add what else may be to blame: a machine that does not keep up."""
         plant = self._plant
+        late = plant.health.lateness.total
         return InputError(
-            f'{error}, and a machine that keeps up with it; {plant.health.late} ticks were late,'
+            f'{error}, and a machine that keeps up with it; {late} ticks were late,'
             f' the last command came {plant.commands.age(time.monotonic()):.3f} s ago'
         )
 
@@ -118,16 +119,20 @@ class WallClock:
         due = tick + int((now - since) * factor / period)
         behind = due - plant.robot.tick
         if behind > 1:
-            plant.health.late += behind - 1  # by a period or more
+            plant.health.lateness.add_late(behind - 1)  # by a period or more
         if behind > LATE_TICKS * max(1.0, factor):
             self._log.warning(
                 f'{behind - 1} ticks late; the plant goes on from here',
                 throttle_duration_sec=5.0,
             )
+            plant.health.lateness.add_given_up(behind - 1)
             due = plant.robot.tick + 1
             self._anchor = (now, due)
         while plant.robot.tick < due and not plant.is_over():
-            plant.advance(self._held_command(now))
+            command = self._held_command(now)
+            is_older = command is not None and not plant.commands.answer(plant.output.stamp)
+            plant.health.lateness.add_tick(is_older=is_older)
+            plant.advance(command)
 
     def _send_again(self, now: float) -> None:
         """Let nobody take a robot whose time stands still for one that is silent."""

@@ -68,7 +68,9 @@ class SuiteNode:
         check: Callable[[Mapping[str, Any]], None] = lambda _: None,
     ) -> None:
         """Create the node and declare its parameters; InputError where one is not right."""
-        self.node: Node = ParameterNode(self.name, context=context)
+        self.node: Node = ParameterNode(
+            self.name, context=context, command_line=command_line
+        )
         given = self.node.get_name()
         if given != self.name:
             raise InputError(

@@ -13,20 +13,22 @@
 # limitations under the License.
 
 """
-What a ROS command line says about parameters: files, and settings that win over them.
+Parameters of a ROS command line: files, and settings that replace their values.
 
-rcl keeps an unprefixed `-p name:=value` with the block `/**` of a file, where a block for
-the node itself wins over it. Read here, the command line has the last word.
+rcl has other rules, which depend on the type of a value: a number of one file survives an
+array of the next one, and an unprefixed `-p name:=value` is replaced by a file's block for the
+node. The nodes use the values of `CommandLine.for_node` (see `params/precedence.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.params.file import parse_value, read
+from masmc_ros.params.file import ParameterFile, parse_value, read
+from masmc_ros.params.precedence import node_values, NodeValues
+from masmc_ros.params.values import FileValue
 
 
 @dataclass(frozen=True)
@@ -36,19 +38,20 @@ class Setting:
     node: str
     """Name of the node it is for; empty: all nodes of the process."""
     name: str
-    value: Any
+    value: FileValue
 
 
 @dataclass(frozen=True)
 class CommandLine:
-    """The parameter files and settings among ROS arguments."""
+    """The parameter files and settings among ROS arguments, each in their order."""
 
-    files: tuple[str, ...] = ()
+    files: tuple[ParameterFile, ...] = ()
     settings: tuple[Setting, ...] = field(default=())
 
-    def for_node(self, node: str) -> dict[str, Any]:
-        """Return the settings for a node, the last of a name winning."""
-        return {s.name: s.value for s in self.settings if s.node in ('', node)}
+    def for_node(self, node: str, namespace: str = '/') -> NodeValues:
+        """Return the values for a node; the last setting of a name replaces the others."""
+        settings = {s.name: s.value for s in self.settings if s.node in ('', node)}
+        return node_values(self.files, settings, node, namespace)
 
 
 def parse(arguments: Sequence[str]) -> CommandLine:
@@ -58,7 +61,7 @@ def parse(arguments: Sequence[str]) -> CommandLine:
     Raises InputError for a file or a setting that cannot be read, and for arguments that are
     none of ROS: nodes take no others.
     """
-    files: list[str] = []
+    paths: list[str] = []
     settings: list[Setting] = []
     in_ros = False
     iterator = iter(arguments)
@@ -73,14 +76,12 @@ def parse(arguments: Sequence[str]) -> CommandLine:
                 'as in --ros-args --params-file FILE -p NAME:=VALUE'
             )
         elif argument == '--params-file':
-            files.append(next(iterator, ''))
+            paths.append(next(iterator, ''))
         elif argument in ('-p', '--param'):
             settings.append(_setting(next(iterator, '')))
-    for path in files:
-        if not path:
-            raise InputError('--params-file: no file; give the path of a parameter file')
-        read(path)
-    return CommandLine(tuple(files), tuple(settings))
+    if '' in paths:
+        raise InputError('--params-file: no file; give the path of a parameter file')
+    return CommandLine(tuple(map(read, paths)), tuple(settings))
 
 
 def _setting(text: str) -> Setting:

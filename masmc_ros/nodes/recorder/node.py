@@ -125,7 +125,7 @@ class RecorderNode(SuiteNode):
         self._extra = ExtraTopics(
             self.values['extra_topics'], {t.name: t.holds for t in TOPICS if t.turns_up}
         )
-        files = {path: Path(path).read_bytes() for path in command_line.files}
+        files = {file.path: Path(file.path).read_bytes() for file in command_line.files}
         self._attachments = Attachments(files, lambda: self._health.missing())
         self._recording = open_recording(self.values, self._attachments)
         self._not_understood = Refusals(self.log, 'is recorded as it came')

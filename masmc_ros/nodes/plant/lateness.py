@@ -1,0 +1,108 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Late ticks of the plant in real time, and their effect in the last second.
+
+A late tick leaves the robot under a command that answers an earlier state, and by more than a few
+ticks at once the robot's time falls behind the wall clock. Both increase the tracking error:
+docs/real_time.md has the measured figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+BEARABLE_SHARE = 0.02
+"""
+Share of late ticks above which the plant warns.
+
+With the default parameters and ticks late by up to 50 ms, the largest error is up to a quarter
+larger than without late ticks at this share, and grows with it (docs/real_time.md).
+"""
+
+_REMEDY = (
+    'use a longer control_period, or fewer publishers and less telemetry '
+    '(odom_decimation, tf_decimation, clock_decimation, telemetry_decimation)'
+)
+
+
+class Lateness:
+    """
+    Counts of ticks since the last report.
+
+    Attributes
+    ----------
+    total
+        late ticks since the start: those made a period or more after they were due, and those
+        that the plant has given up.
+
+    """
+
+    def __init__(self, period: float) -> None:
+        """Initialise the counts; `period` is the control period in s."""
+        self._period = period
+        self.total = 0
+        self._restart()
+
+    def _restart(self) -> None:
+        self._ticks = self._late = self._given_up = self._older = 0
+
+    def add_tick(self, *, is_older: bool) -> None:
+        """Count a tick; `is_older`: its command answers an earlier state than the last one."""
+        self._ticks += 1
+        self._older += is_older
+
+    def add_late(self, ticks: int) -> None:
+        """Count ticks that are made a period or more after they were due, or given up."""
+        self.total += ticks
+        self._late += ticks
+
+    def add_given_up(self, ticks: int) -> None:
+        """Count late ticks that are not made up for: the robot's time falls behind by them."""
+        self._given_up += ticks
+
+    def report(self, seconds: float) -> tuple[Mapping[str, str], str]:
+        """
+        Return figures and the warning since the last report, and restart the counts.
+
+        Parameters
+        ----------
+        seconds
+            time since the last report.
+
+        Returns
+        -------
+            Figures by name for /diagnostics, and one line, '' if late ticks are few.
+
+        """
+        due = self._ticks + self._given_up
+        late = min(1.0, self._late / max(1, due))
+        behind = self._given_up * self._period
+        figures = {
+            'late ticks': str(self.total),
+            'late ticks in the last second (%)': f'{100.0 * late:.1f}',
+            "robot's time behind in the last second (s)": f'{behind:.3f}',
+            'ticks under an older command in the last second (%)': (
+                f'{100.0 * self._older / max(1, self._ticks):.1f}'
+            ),
+        }
+        self._restart()
+        if late <= BEARABLE_SHARE:
+            return figures, ''
+        return figures, (
+            f"late ticks: {100.0 * late:.1f} % of the last {seconds:.1f} s, and the robot's time "
+            f'fell behind by {behind:.3f} s; expected at most {100.0 * BEARABLE_SHARE:g} %; '
+            f'{_REMEDY}'
+        )

@@ -1,0 +1,88 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Precedence of parameter values: defaults, files in order, command line.
+
+A later value replaces an earlier one, whether either is a number or an array. rcl keeps a
+number of one file next to an array of another, and the number then applies. Therefore the
+nodes use this reading instead of rcl's, and the offline commands use the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from masmc_ros.params.file import ParameterFile
+from masmc_ros.params.values import FileValue
+
+
+@dataclass(frozen=True)
+class NodeValues:
+    """
+    Values for one node from files and the command line, without defaults.
+
+    Attributes
+    ----------
+    values
+        value by parameter name; None for an empty array, which has no type.
+    places
+        place of each value of a file, as 'path:line: ' in front of a message.
+    shared
+        names that reach the node only by wildcards such as `/**`, so that they may be for
+        other nodes.
+
+    """
+
+    values: dict[str, FileValue]
+    places: dict[str, str]
+    shared: frozenset[str]
+
+
+def node_values(
+    files: Iterable[ParameterFile],
+    settings: Mapping[str, FileValue],
+    name: str,
+    namespace: str = '/',
+) -> NodeValues:
+    """
+    Return the active values of a node.
+
+    Parameters
+    ----------
+    files
+        parameter files in the order in which they are given.
+    settings
+        values of the command line by parameter name; they replace those of all files.
+    name
+        the node's name.
+    namespace
+        the node's namespace.
+
+    """
+    values: dict[str, FileValue] = {}
+    places: dict[str, str] = {}
+    shared: set[str] = set()
+    addressed = set(settings)
+    for file in files:
+        of_file = file.for_node(name, namespace)
+        by_wildcard = file.shared(name, namespace)
+        values.update(of_file)
+        places.update(file.places(name, namespace))
+        shared |= by_wildcard
+        addressed |= of_file.keys() - by_wildcard
+    for setting in settings:
+        places.pop(setting, None)
+    return NodeValues({**values, **settings}, places, frozenset(shared - addressed))

@@ -1,0 +1,125 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The processes that launch/paper.launch.py starts, without the package `launch`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+import runpy
+import sys
+from types import ModuleType
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+LAUNCH_FILE = ROOT / 'launch' / 'paper.launch.py'
+
+
+class Started(NamedTuple):
+    """A process: what `masmc run` takes."""
+
+    executable: str
+    arguments: list[str]
+
+
+class _Argument(NamedTuple):
+    name: str
+    default_value: str
+    description: str
+    choices: tuple[str, ...] = ()
+
+
+class _Configuration(NamedTuple):
+    name: str
+
+    def perform(self, context: Mapping[str, str]) -> str:
+        return context[self.name]
+
+
+class _Function(NamedTuple):
+    function: Callable[[Mapping[str, str]], list[Any]]
+
+
+class _Node(dict[str, Any]):
+    """The arguments of a launch_ros Node."""
+
+
+def _anything(*_: object, **__: object) -> None:
+    return None
+
+
+_MODULES: dict[str, dict[str, Any]] = {
+    'ament_index_python': {},
+    'ament_index_python.packages': {'get_package_share_directory': lambda _: str(ROOT)},
+    'launch': {'LaunchContext': dict, 'LaunchDescription': list},
+    'launch.actions': {
+        'DeclareLaunchArgument': _Argument,
+        'EmitEvent': _anything,
+        'OpaqueFunction': _Function,
+        'RegisterEventHandler': _anything,
+    },
+    'launch.event_handlers': {'OnProcessExit': _anything},
+    'launch.events': {'Shutdown': _anything},
+    'launch.substitutions': {'LaunchConfiguration': _Configuration},
+    'launch_ros': {},
+    'launch_ros.actions': {'Node': _Node},
+}
+
+
+@contextmanager
+def _stand_ins() -> Iterator[None]:
+    modules = {name: ModuleType(name) for name in _MODULES}
+    for name, module in modules.items():
+        vars(module).update(_MODULES[name])
+    with patch.dict(sys.modules, modules):
+        yield
+
+
+def launched(folder: Path, **arguments: str) -> list[Started]:
+    """
+    Return the processes of the launch file for launch arguments NAME=text.
+
+    As launch_ros of ROS 2 Jazzy starts them: settings of a node are a parameter file of their
+    own for `/**`, which is written to `folder`, after the files that are given by name.
+    """
+    with _stand_ins():
+        description = runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
+        declared = [each for each in description if isinstance(each, _Argument)]
+        unknown = arguments.keys() - {each.name for each in declared}
+        assert not unknown, unknown
+        context = {each.name: each.default_value for each in declared} | arguments
+        (function,) = (each.function for each in description if isinstance(each, _Function))
+        nodes = [each for each in function(context) if isinstance(each, _Node)]
+    return [_started(node, folder / f'launch_{n}.yaml') for n, node in enumerate(nodes)]
+
+
+def _started(node: _Node, file: Path) -> Started:
+    command = [*node.get('arguments', ()), '--ros-args']
+    if name := node.get('name'):
+        command += ['-r', f'__node:={name}']
+    if namespace := node.get('namespace'):
+        command += ['-r', f'__ns:=/{namespace.strip("/")}']
+    for parameters in node.get('parameters', ()):
+        if isinstance(parameters, Mapping):
+            file.write_text(yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}))
+            parameters = file
+        command += ['--params-file', str(parameters)]
+    for source, target in node['remappings']:
+        command += ['-r', f'{source}:={target}']
+    return Started(node['executable'], command)

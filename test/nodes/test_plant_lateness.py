@@ -1,0 +1,105 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The plant reports the share of late ticks, the time that it fell behind, and a remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.nodes.plant.health import PlantHealth
+from masmc_ros.nodes.plant.lateness import BEARABLE_SHARE, Lateness
+from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
+from masmc_ros.nodes.process.refusals import Refusals
+from processes import peer, processes, ros_arguments
+import pytest
+
+SHARE = 'late ticks in the last second (%)'
+BEHIND = "robot's time behind in the last second (s)"
+OLDER = 'ticks under an older command in the last second (%)'
+
+
+def report(health: PlantHealth, ticks: int) -> Health:
+    return health.report(
+        None, [], Refusals(None), state='real time', ticks=ticks, command_age=0.0, slip=None
+    )
+
+
+@pytest.mark.parametrize(('late', 'level'), [(0, OK), (2, OK), (3, WARN), (100, WARN)])
+def test_lateness_above_the_share_warns(late: int, level: bytes) -> None:
+    assert BEARABLE_SHARE == 0.02
+    health = PlantHealth(0.01)
+    for _ in range(100):
+        health.lateness.add_tick(is_older=False)
+    health.lateness.add_late(late)
+    told = report(health, 100)
+    assert told.level == level
+    assert told.values['late ticks'] == str(late)
+    assert told.values[SHARE] == f'{late:.1f}'
+    if level == WARN:
+        for words in (f'late ticks: {late:.1f} %', 'expected at most 2 %', 'control_period'):
+            assert words in told.message
+        assert len(told.message.splitlines()) == 1
+    # The next second is punctual; the total stays.
+    health.lateness.add_tick(is_older=False)
+    after = report(health, 101)
+    assert (after.level, after.values['late ticks'], after.values[SHARE]) == (OK, str(late), '0.0')
+
+
+def test_lateness_states_the_time_given_up() -> None:
+    lateness = Lateness(0.01)
+    for number in range(60):
+        lateness.add_tick(is_older=number < 15)
+    lateness.add_late(40)
+    lateness.add_given_up(40)
+    figures, warning = lateness.report(1.0)
+    assert (figures[SHARE], figures[BEHIND], figures[OLDER]) == ('40.0', '0.400', '25.0')
+    assert 'fell behind by 0.400 s' in warning
+
+
+def test_lateness_of_a_plant_that_stands_is_zero() -> None:
+    figures, warning = Lateness(0.001).report(1.0)
+    assert (figures[SHARE], figures[BEHIND], figures[OLDER], warning) == (
+        '0.0',
+        '0.000',
+        '0.0',
+        '',
+    )
+
+
+def test_a_stopped_plant_reports_its_lateness(tmp_path: Path) -> None:
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        reports: list[dict[str, str]] = []
+        warnings: list[str] = []
+
+        def on_health(message: DiagnosticArray) -> None:
+            for status in message.status:
+                if status.name == '/plant':
+                    reports.append({v.key: v.value for v in status.values})
+                    if status.level == WARN and 'late ticks: ' in status.message:
+                        warnings.append(status.message)
+
+        tester.subscribe(DiagnosticArray, '/diagnostics', on_health)
+        nodes = started.start_all(*ros_arguments(None, wait_for='[]'), nodes=('plant',))
+        tester.until(lambda: reports and float(reports[-1]['rate (1/s)']) > 10.0, 'motion')
+        warnings.clear()
+        nodes['plant'].signal(signal.SIGSTOP)
+        time.sleep(0.3)
+        nodes['plant'].signal(signal.SIGCONT)
+        tester.until(lambda: warnings, 'a warning')
+        tester.until(lambda: any(float(r[BEHIND]) > 0.2 for r in reports), 'the time behind')
+        tester.until(lambda: float(reports[-1][SHARE]) <= 2.0, 'a punctual second')
