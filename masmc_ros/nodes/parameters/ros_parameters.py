@@ -22,6 +22,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.exchange import ExchangeNode
+from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.file import read
@@ -34,6 +35,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.context import Context
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 import rclpy.parameter
@@ -77,6 +79,11 @@ class ParameterNode(ExchangeNode):
 
     So `ros2 param load` takes what `ros2 param dump` has written.
     """
+
+    def __init__(self, name: str, *, context: Context) -> None:
+        """Create the node, with services that answer every request."""
+        super().__init__(name, context=context, start_parameter_services=False)
+        self._parameter_service = CheckedParameterService(self)
 
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.parameter.Parameter]
