@@ -46,11 +46,12 @@ class Ended(KeyboardInterrupt):
 
 
 @contextmanager
-def ended_by_signals() -> Iterator[None]:
+def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
     """
     Raise Ended within where a signal comes, and leave no unfinished file behind.
 
-    A signal that is ignored, as under `nohup`, stays so.
+    A signal that is ignored, as under `nohup`, stays so. Afterwards the handlers are those of
+    before if this `restores` them; otherwise signals are ignored, for a process that ends.
     """
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
     taken = {n: each for n, each in handlers.items() if each not in (None, signal.SIG_IGN)}
@@ -63,12 +64,25 @@ def ended_by_signals() -> Iterator[None]:
         for number in taken:
             signal.signal(number, signal.SIG_IGN)
         remove_unfinished()
-        for number, handler in taken.items():
-            signal.signal(number, handler)
+        if restores:
+            for number, handler in taken.items():
+                signal.signal(number, handler)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     raise Ended(number)
+
+
+def final(status: int) -> int:
+    """
+    Return an exit status that no later signal changes.
+
+    While the interpreter is finalised, it has removed its own handlers: a signal would then end
+    the process by its default action, although the work is complete.
+    """
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    return status
 
 
 def child_environment() -> dict[str, str]:

@@ -19,12 +19,13 @@ from __future__ import annotations
 from functools import partial
 import sys
 
+from masmc_ros.cli.endings import final
 from masmc_ros.cli.main import main
 from masmc_ros.cli.run import NODES
 
 
 def _executable(name: str) -> int:
-    return main(['run', name, *sys.argv[1:]])
+    return final(main(['run', name, *sys.argv[1:]]))
 
 
 plant, trajectory, controller, recorder, live, composed = (

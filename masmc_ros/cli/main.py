@@ -26,7 +26,7 @@ import sys
 from typing import Any, NoReturn
 
 from masmc_ros import __version__
-from masmc_ros.cli.endings import Ended, ended_by_signals
+from masmc_ros.cli.endings import Ended, ended_by_signals, final
 from masmc_ros.cli.param import add_arguments as add_param_arguments
 from masmc_ros.errors import suggestion, UserError
 from masmc_ros.optional import explained
@@ -87,12 +87,17 @@ class _ListScenarios(argparse.Action):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `masmc`; return its exit status."""
+    """
+    Run `masmc`; return its exit status.
+
+    Without `arguments` those of the process are used, which ends with this status.
+    """
+    is_process = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = ' '.join(['masmc', *arguments[:1]])
     status = 0
     try:
-        status = _run(name, arguments)
+        status = _run(name, arguments, restores_signals=not is_process)
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
@@ -104,17 +109,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         _let_go_of_output()
         status = status or _tell(f'{name}: cannot write to standard output: {error.strerror}')
-    return status
+    return final(status) if is_process else status
 
 
-def _run(name: str, arguments: list[str]) -> int:
+def _run(name: str, arguments: list[str], *, restores_signals: bool) -> int:
     if arguments[:1] == ['run'] and arguments[1:2] not in (['-h'], ['--help'], []):
         # All that follows NODE is for the node, ROS arguments above all.
         from masmc_ros.cli.run import run_node
 
         return run_node(arguments[1], arguments[2:])
     try:
-        with ended_by_signals():
+        with ended_by_signals(restores=restores_signals):
             options = _parser().parse_args(arguments)
             name = f'masmc {options.command}'
             return _dispatch(options)

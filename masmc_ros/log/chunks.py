@@ -22,7 +22,7 @@ from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.records import MESSAGE_HEAD, RECORD_HEAD, records
+from masmc_ros.log.records import LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD, records
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 import numpy as np
@@ -261,10 +261,12 @@ def indexed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') -
     indexes
         of the messages among them.
     compression
-        one of COMPRESSIONS.
+        one of COMPRESSIONS; not used for a chunk that would be too large to be unpacked.
 
     """
     first, last = span(indexes)
+    if len(content) > LARGEST_CHUNK:
+        compression = 'none'
     chunk = Chunk(
         compression=compression if compression != 'none' else '',
         data=COMPRESSIONS[compression](content),

@@ -53,10 +53,13 @@ _CHUNK_HEAD = struct.Struct('<QQQII')
 _LENGTH = struct.Struct('<Q')
 
 LARGEST_CHUNK = 2**28
-"""Bytes that a chunk may unpack to whatever its size."""
+"""Bytes that a compressed chunk may unpack to; a larger one is written without compression."""
 
 LARGEST_RATIO = 500
-"""Times its own size that a chunk of more, or a log, may unpack to: runs reach some 50."""
+"""Times its own size that a log of more than one such chunk may unpack to: runs reach some 50."""
+
+_FRAME_HEAD = 64
+"""Bytes of compressed data that are enough for the head of a frame."""
 
 _COMPRESSIONS = (b'', b'zstd', b'lz4')
 
@@ -129,13 +132,16 @@ def decompressed(chunk: Chunk) -> bytes:
     """
     Return the records of a chunk; raises where they are damaged.
 
-    It never takes more memory than the chunk says, nor more than one can mean.
+    It never takes more memory than the chunk says, nor more than LARGEST_CHUNK bytes.
     """
     size, packed = chunk.uncompressed_size, chunk.data
     if chunk.compression == '':
         content = packed
-    elif size > max(LARGEST_CHUNK, LARGEST_RATIO * len(packed)):
-        raise ValueError(f'a chunk of {len(packed)} bytes that unpacks to {size} bytes')
+    elif size > LARGEST_CHUNK:
+        raise ValueError(
+            f'a chunk of {len(packed)} bytes that unpacks to {size} bytes; expected at most '
+            f'{LARGEST_CHUNK}'
+        )
     elif chunk.compression == 'zstd':
         told = zstandard.get_frame_parameters(packed).content_size
         if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
@@ -153,6 +159,38 @@ def decompressed(chunk: Chunk) -> bytes:
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
         raise ValueError('checksum of a chunk')
     return content
+
+
+def check_chunk_size(data: Data, start: int, end: int) -> None:
+    """
+    Raise InputError for a whole chunk that is larger than LARGEST_CHUNK.
+
+    It says so twice, in its head and in its compressed data, and has a checksum: a chunk that is
+    merely damaged hardly does.
+    """
+    place = start + RECORD_HEAD.size
+    if place + _CHUNK_HEAD.size > len(data):
+        return
+    _, _, size, crc, name_size = _CHUNK_HEAD.unpack_from(data, place)
+    if size <= LARGEST_CHUNK or not crc or name_size > max(map(len, _COMPRESSIONS)):
+        return
+    place += _CHUNK_HEAD.size
+    name, content = bytes(data[place:place + name_size]), place + name_size + _LENGTH.size
+    if name and size in _told_sizes(name, data[content:min(end, content + _FRAME_HEAD)]):
+        raise InputError(
+            f'the chunk at byte {start} unpacks to {size} bytes; expected at most {LARGEST_CHUNK}:'
+            ' write the log again with smaller chunks'
+        )
+
+
+def _told_sizes(compression: bytes, frame: bytes) -> tuple[int, ...]:
+    """Return the size that the head of a compressed frame tells, if it does."""
+    try:
+        if compression == b'zstd':
+            return (zstandard.get_frame_parameters(frame).content_size,)
+        return (lz4.frame.get_frame_info(frame)['content_size'],)
+    except (zstandard.ZstdError, RuntimeError):
+        return ()
 
 
 class FoundChunk(NamedTuple):
@@ -293,12 +331,11 @@ def cut_off_records(rest: bytes) -> bytes:
     data = rest[start + 8:]
     try:
         if compression == 'zstd':
-            most = max(LARGEST_CHUNK, LARGEST_RATIO * len(data))
             with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-                content = _read_all(reader, most)
+                content = _read_all(reader, LARGEST_CHUNK)
         elif compression == 'lz4':
-            most = max(LARGEST_CHUNK, LARGEST_RATIO * len(data))
-            content = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
+            frame = lz4.frame.LZ4FrameDecompressor()
+            content = frame.decompress(data, max_length=LARGEST_CHUNK)
         else:
             content = data
     except (zstandard.ZstdError, RuntimeError, EOFError):

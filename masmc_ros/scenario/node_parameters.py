@@ -229,6 +229,13 @@ _LIVE_NODE = (
         minimum=1.0,
         maximum=1000.0,
     ),
+    Parameter(
+        'max_viewers',
+        16,
+        'Number of viewers that get messages; further ones wait until one of them leaves',
+        minimum=1,
+        maximum=1000,
+    ),
 )
 
 _FROM_RCL = ('use_sim_time', 'start_type_description_service')

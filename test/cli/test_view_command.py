@@ -32,6 +32,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from masmc_ros.cli.show import file_server
 from masmc_ros.cli.show.file_server import FileServer
 from mcap.reader import make_reader
 import pytest
@@ -217,6 +218,9 @@ def test_any_range_has_the_files_bytes(
         ('bytes=5-3', 0, 1024),
         ('bytes=0-1,5-6', 0, 1024),
         ('lines=1-2', 0, 1024),
+        (f'bytes=5-{"9" * 900}', 5, 1024),
+        (f'bytes={"9" * 5000}-', 0, 1024),
+        (f'bytes=-{"9" * 5000}', 0, 1024),
     ],
 )
 def test_ranges_in_other_words(
@@ -252,6 +256,37 @@ def test_nothing_else_is_served(small: tuple[str, bytes]) -> None:
         response, data = ask(f'{root}{path}')
         assert (response.status, data) == (404, b'')
     assert ask(url, 'POST')[0].status == 501
+
+
+def test_file_server_malformed_url_status_400(small: tuple[str, bytes]) -> None:
+    with _connected(small[0]) as connection:
+        connection.sendall(b'GET http://[ HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n')
+        assert connection.recv(1000).startswith(b'HTTP/1.1 400 ')
+
+
+@pytest.mark.parametrize('part', [b'', b'GET /', b'GET / HTTP/1.1\r\nHost'])
+def test_file_server_unfinished_request_connection_ends(
+    small: tuple[str, bytes], part: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_server._Handler, 'timeout', 0.2)
+    with _connected(small[0]) as connection:
+        connection.sendall(part)
+        assert connection.recv(1000) == b''
+
+
+def test_file_server_too_many_connections_status_503(
+    small: tuple[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_server, '_MOST_THREADS', threading.active_count())
+    with _connected(small[0]) as first, _connected(small[0]) as second:
+        assert second.recv(1000).startswith(b'HTTP/1.1 503 ')
+        first.sendall(b'GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n')
+        assert first.recv(1000).startswith(b'HTTP/1.1 404 ')
+
+
+def _connected(url: str) -> socket.socket:
+    parts = urlsplit(url)
+    return socket.create_connection((parts.hostname, parts.port), PATIENCE)
 
 
 @pytest.mark.parametrize('status', [0, 1])

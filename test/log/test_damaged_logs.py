@@ -24,9 +24,11 @@ import struct
 import time
 
 from damage import damaged
+import lz4.frame
 from masmc_ros.cli.main import main
+from masmc_ros.log import chunks
 from masmc_ros.log.read.scan import scan
-from masmc_ros.log.records import RECORD_HEAD
+from masmc_ros.log.records import decompressed, RECORD_HEAD
 from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
@@ -283,3 +285,55 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
     assert main(['recover', str(path)]) == 0
     assert time.process_time() - begun < 10.0
     assert read(path)[0] == []
+
+
+def lz4_bomb(path: Path, crc: int) -> bytes:
+    """Write a log whose only chunk has 2 MiB of LZ4 data that are half a gigabyte of zeros."""
+    size, block = 2**29, bytes(2**20)
+    with lz4.frame.LZ4FrameCompressor() as frame:
+        parts = [frame.begin(source_size=size)]
+        parts += [frame.compress(block) for _ in range(size // len(block))]
+        content = b''.join((*parts, frame.flush()))
+    assert size < 500 * len(content)
+    body = struct.pack('<QQQI', 0, 0, size, crc)
+    body += struct.pack('<I', 3) + b'lz4' + struct.pack('<Q', len(content)) + content
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        stream.write(RECORD_HEAD.pack(6, len(body)) + body)
+        writer.finish()
+    return path.read_bytes()
+
+
+def test_log_lz4_bomb_rejected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'bomb.mcap'
+    lz4_bomb(path, 0)
+    for command in ('report', 'export', 'simulate'):
+        output = [] if command == 'simulate' else ['--output', str(tmp_path / command)]
+        assert main([command, str(path), *output]) == 2
+        _, err = capsys.readouterr()
+        assert len(err.splitlines()) == 1
+        assert f'unpacks to {2**29} bytes; expected at most {2**28}' in err
+    assert main(['recover', str(path)]) == 0
+    assert read(path)[0] == []
+
+
+def test_recover_large_sound_chunk_left_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its size is told twice and it has a checksum: a log that is not damaged loses nothing."""
+    path = tmp_path / 'large.mcap'
+    content = lz4_bomb(path, 1)
+    assert main(['recover', str(path)]) == 2
+    _, err = capsys.readouterr()
+    assert 'is left as it is: the chunk at byte' in err
+    assert f'expected at most {2**28}' in err
+    assert path.read_bytes() == content
+
+
+def test_chunk_beyond_limit_written_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chunks, 'LARGEST_CHUNK', 100)
+    for size, compression in ((100, 'lz4'), (101, '')):
+        made = chunks.indexed_chunk(bytes(size), {}, 'lz4').chunk
+        assert made.compression == compression
+        assert decompressed(made) == bytes(size)

@@ -37,6 +37,7 @@ from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.nodes.live.node import SAMPLED
 from masmc_ros.nodes.middleware.qos import publisher_qos
 from masmc_ros.scenario.scenario import load_scenario
+from nav_msgs.msg import Path as Path_
 import numpy as np
 from processes import (
     BOUNDED,
@@ -299,6 +300,44 @@ def test_viewers_are_given_the_meshes_of_the_robot_and_no_other_file(tmp_path: P
             assert text_of(looking.last('/robot_description')) == urdf
             assert looking.asset(f'file://{mesh}') == mesh.read_bytes()
             assert looking.asset(f'file://{tmp_path}/other.stl') is None
+
+
+def test_live_too_many_viewers_first_ones_served(tmp_path: Path) -> None:
+    """A viewer beyond the limit learns why it gets nothing, and all when another has left."""
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        live = started.start('live', '--ros-args', '-p', 'port:=0', '-p', 'max_viewers:=1')
+        port = listening(tester, live)
+        paths = tester.node.create_publisher(Path_, 'path/desired', publisher_qos(1))
+
+        def publish(stamp: int) -> None:
+            message = Path_()
+            message.header.stamp.sec = stamp
+            paths.publish(message)
+
+        def shown(looking: Viewer) -> list[int]:
+            return [time // 10**9 for time, _ in looking.messages.get('/path/desired', ())]
+
+        publish(1)
+        with viewer(port) as waiting, viewer(port) as third:
+            with viewer(port) as first:
+                # Each has subscribed to all before the next one looks.
+                first.until(lambda: 1 in shown(first), 'a message')
+                for looking in (waiting, third):
+                    looking.until(looking.statuses, 'the reason')
+                    assert 'max_viewers' in looking.statuses()[-1]
+                publish(2)
+                first.until(lambda: 2 in shown(first), 'another message')
+                third.parameters()
+                assert shown(waiting) == shown(third) == []
+            waiting.until(lambda: shown(waiting), 'what was sent before')
+            publish(3)
+            waiting.until(lambda: 3 in shown(waiting), 'a message')
+            third.parameters()
+            assert shown(waiting) == [2, 3]
+            assert shown(third) == []
+        assert 'get no messages; expected at most 1' in live.logged('WARN')[-1]
+        live.signal(signal.SIGINT)
+        assert live.wait() == 0
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -21,19 +21,30 @@ so that other pages that the browser has open do not find the files.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 import re
 import secrets
-from typing import BinaryIO
+import threading
+from typing import Any, BinaryIO
 from urllib.parse import quote, urlsplit
 
 from masmc_ros.errors import InputError
 
 HOST = '127.0.0.1'
-_BLOCK = 1 << 20
-_RANGE = re.compile(r'bytes=(\d*)-(\d*)')
+_BLOCK = 1 << 16
+"""Bytes that are sent within the timeout: a slow connection is not ended."""
+
+_TIMEOUT = 30.0
+"""Time in s for which a connection waits for the other side."""
+
+_MOST_THREADS = 64
+"""Threads of this process beyond which a connection is rejected; each connection has one."""
+
+_BUSY = b'HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n'
+_RANGE = re.compile(r'bytes=(\d{0,999})-(\d{0,999})', re.ASCII)
 
 
 class FileServer(ThreadingHTTPServer):
@@ -56,6 +67,14 @@ class FileServer(ThreadingHTTPServer):
         self.files[location] = path
         return f'http://{HOST}:{self.server_port}{location}'
 
+    def verify_request(self, request: Any, client_address: object) -> bool:
+        """Return True if a connection gets a thread; otherwise tell it to come again."""
+        if threading.active_count() <= _MOST_THREADS:
+            return True
+        with suppress(OSError):
+            request.sendall(_BUSY)
+        return False
+
     def handle_error(self, request: object, client_address: object) -> None:
         """Say nothing: a viewer that hangs up does so while it is being sent something."""
 
@@ -63,6 +82,7 @@ class FileServer(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: FileServer
     protocol_version = 'HTTP/1.1'
+    timeout = _TIMEOUT
 
     def do_OPTIONS(self) -> None:
         """Allow a page from elsewhere to ask for parts of the file."""
@@ -88,8 +108,16 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, *, with_content: bool) -> None:
         try:
-            stream = self.server.files[urlsplit(self.path).path].open('rb')
-        except (KeyError, OSError):
+            path = self.server.files[urlsplit(self.path).path]
+        except ValueError:
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return
+        except KeyError:
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        try:
+            stream = path.open('rb')
+        except OSError:
             self._refuse(HTTPStatus.NOT_FOUND)
             return
         with stream:

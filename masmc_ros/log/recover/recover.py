@@ -140,7 +140,10 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     if size:
         data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
     try:
-        contents = Salvage(data)
+        try:
+            contents = Salvage(data)
+        except InputError as error:
+            raise InputError(f'{path}: is left as it is: {error}') from None
         if _is_whole(data, contents):
             return None
         if contents.is_damaged:

@@ -25,6 +25,7 @@ from masmc_ros.log.chunks import index_messages, indexed_chunk, IndexedChunk, In
 from masmc_ros.log.record_stream import RecordStream
 from masmc_ros.log.records import (
     all_records,
+    check_chunk_size,
     chunk_at,
     cut_off_records,
     FoundChunk,
@@ -292,6 +293,7 @@ class Salvage:
         self._close_chunk()
         self._is_chunked |= opcode == Opcode.CHUNK
         if opcode == Opcode.CHUNK:
+            check_chunk_size(data, start, end)
             found = chunk_at(data, start)
             if found is None or found.end != end:
                 raise _DamagedError('a chunk')

@@ -52,6 +52,7 @@ from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.nodes.process.throttle import Throttle
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.registry import chosen
@@ -77,11 +78,14 @@ _LOOK = 0.5
 
 _KEPT = {
     'reference': 20,
-    '/rosout': DEEP,
+    '/rosout': 500,
     '/parameter_events': 0,
-    **{parameters_topic(node): DEEP for node in PARAMETER_NODES},
+    **{parameters_topic(node): 500 for node in PARAMETER_NODES},
 }
-"""How many messages a viewer that comes late is given, where it is not the last one."""
+"""How many messages a viewer that comes late is given, where it is not the last one.
+
+All together must fit into the queue of a viewer, which has 4096 places.
+"""
 
 
 class LiveNode(SuiteNode):
@@ -92,7 +96,12 @@ class LiveNode(SuiteNode):
     def __init__(self, *, context: Context, command_line: CommandLine) -> None:
         """Make the server; UserError where foxglove-sdk is not installed."""
         super().__init__(context=context, command_line=command_line)
-        self._server = LiveServer(self.node.get_fully_qualified_name())
+        throttle = Throttle(period=1.0)
+        self._server = LiveServer(
+            self.node.get_fully_qualified_name(),
+            most_viewers=self.values['max_viewers'],
+            complain=lambda text: throttle.is_due('viewers') and self.log.warning(text),
+        )
         self._samples = Samples(self.node)
         self._stamps: dict[str, StampReader] = {}
         self._transforms: StateTransforms | None = None

@@ -119,11 +119,13 @@ class LiveParameters:
 
     def _on_answer(self, pending: _Pending, response: Any) -> None:
         """Tell what a node says of a change, and ask for the value that is in force then."""
-        result = response.results[0]
-        if result.successful:
+        # Another node may answer in the place of the real one, with anything.
+        if not response.results:
+            self._refuse(pending.name, f'{pending.node} answers without a result')
+        elif response.results[0].successful:
             self._server.accept(pending.name)
         else:
-            self._refuse(pending.name, result.reason)
+            self._refuse(pending.name, response.results[0].reason)
         _, _, parameter = pending.name.partition('.')
         question = Question(partial(pending.client.get_parameters, [parameter]))
         self._pending.append(pending._replace(question=question, then=self._on_value))
@@ -131,7 +133,10 @@ class LiveParameters:
     def _on_value(self, pending: _Pending, response: Any) -> None:
         _, _, parameter = pending.name.partition('.')
         for value in response.values:
-            self._show(pending.node, {parameter: parameter_value_to_python(value)})
+            try:
+                self._show(pending.node, {parameter: parameter_value_to_python(value)})
+            except RuntimeError as error:
+                self._complain(f'{pending.name} is not shown: {error}')
         pending.left.count()
 
     def _refuse(self, name: str, reason: str) -> None:

@@ -37,8 +37,11 @@ if TYPE_CHECKING:
     from foxglove import Parameter
     from foxglove.websocket import ChannelView, Client
 
-_BACKLOG = 8192
-"""Messages that wait for a slow client before the oldest are dropped."""
+_BACKLOG = 4096
+"""Messages that wait for a slow client before the oldest are dropped; each client has its own."""
+
+_FULL = 'viewers'
+"""Identifier of the status that there are too many viewers."""
 
 _PATIENCE = 5.0
 """Longest time in s that a client waits for the answer to a change."""
@@ -69,6 +72,17 @@ class _Subscription:
     sent: int
 
 
+@dataclass(frozen=True)
+class _Unsubscription:
+    """A client that no longer wants a topic, or has disconnected."""
+
+    topic: str
+    client: int
+
+
+_Request = Change | _Subscription | _Unsubscription
+
+
 class _Topic:
     """A channel and the messages that a client is given when it comes."""
 
@@ -77,11 +91,15 @@ class _Topic:
         self.sent = 0
         self._kept: deque[tuple[int, bytes, int]] = deque(maxlen=kept)
 
-    def send(self, raw: bytes, time_ns: int) -> None:
-        """Send a message to all clients that are there."""
+    def send(self, raw: bytes, time_ns: int, clients: Sequence[int] | None) -> None:
+        """Send a message to these clients; None: to all that are connected."""
         self._kept.append((self.sent, raw, time_ns))
         self.sent += 1
-        self.channel.log(raw, log_time=time_ns)
+        if clients is None:
+            self.channel.log(raw, log_time=time_ns)
+            return
+        for client in clients:
+            self.channel.log(raw, log_time=time_ns, sink_id=client)
 
     def send_past(self, client: int, until: int) -> None:
         """Send what is kept of the first `until` messages to one client."""
@@ -91,13 +109,33 @@ class _Topic:
 
 
 class LiveServer:
-    """Serves topics and parameters; what it is told is sent to all who want it."""
+    """
+    Serves topics and parameters; what it is told is sent to all who want it.
 
-    def __init__(self, name: str) -> None:
+    The library accepts any number of clients and has a queue for each. Messages therefore go to
+    the first clients alone if there are more than a limit; others follow when one of those leaves.
+    """
+
+    def __init__(
+        self, name: str, *, most_viewers: int, complain: Callable[[str], object]
+    ) -> None:
         """
-        Make a server that does not listen yet.
+        Initialise a server that does not listen yet.
 
-        Raises UserError where foxglove-sdk is not installed.
+        Parameters
+        ----------
+        name
+            of the server, as viewers show it.
+        most_viewers
+            number of clients to which messages are sent.
+        complain
+            called with a line if there are more.
+
+        Raises
+        ------
+        UserError
+            if foxglove-sdk is not installed.
+
         """
         try:
             import foxglove
@@ -110,7 +148,13 @@ class LiveServer:
         self._name = name
         self._context = foxglove.Context()
         self._topics: dict[str, _Topic] = {}
-        self._requests: queue.SimpleQueue[Change | _Subscription] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[_Request] = queue.SimpleQueue()
+        self._most_viewers = most_viewers
+        self._complain = complain
+        self._viewers: dict[int, set[str]] = {}
+        """The topics that clients want, in the order in which the clients came."""
+        self._served: list[int] | None = None
+        """The clients to which messages are sent; None: all, as they are not too many."""
         self.in_force: Mapping[str, Any] = {}
         """Parameter values by names such as `/controller.k_s1`; replaced, never changed."""
         self.meshes: Mapping[str, Path] = {}
@@ -165,7 +209,7 @@ class LiveServer:
 
     def send(self, topic: str, raw: bytes, time_ns: int) -> None:
         """Send a message, as CDR with its encapsulation header, with its time in ns."""
-        self._topics[topic].send(raw, time_ns)
+        self._topics[topic].send(raw, time_ns, self._served)
 
     def tell_time(self, time_ns: int) -> None:
         """Tell the robot's time, by which viewers order what they are given."""
@@ -202,10 +246,56 @@ class LiveServer:
             request = self._requests.get()
             if isinstance(request, Change):
                 changes.append(request)
-                continue
-            self._topics[request.topic].send_past(request.client, request.sent)
-            self._server.broadcast_time(self._time_ns)
+            elif isinstance(request, _Subscription):
+                self._subscribe(request)
+            else:
+                self._unsubscribe(request)
         return changes
+
+    def _subscribe(self, request: _Subscription) -> None:
+        """Send a client what it missed of a topic, unless there are too many clients."""
+        is_new = request.client not in self._viewers
+        self._viewers.setdefault(request.client, set()).add(request.topic)
+        if is_new:
+            self._choose_served()
+        if self._served is None:
+            self._send_past(request.topic, request.client, request.sent)
+        elif request.client in self._served:
+            self._send_past(request.topic, request.client, self._topics[request.topic].sent)
+
+    def _unsubscribe(self, request: _Unsubscription) -> None:
+        """Forget a client that wants no topic any more; the next one takes its place."""
+        topics = self._viewers.get(request.client, set())
+        topics.discard(request.topic)
+        if topics or request.client not in self._viewers:
+            return
+        del self._viewers[request.client]
+        before = self._served
+        self._choose_served()
+        if before is None:
+            return
+        for client in set(self._viewers if self._served is None else self._served) - set(before):
+            for topic in self._viewers[client]:
+                self._send_past(topic, client, self._topics[topic].sent)
+
+    def _choose_served(self) -> None:
+        """Note to which clients messages are sent, and report if some are left out."""
+        count, most = len(self._viewers), self._most_viewers
+        if count > most:
+            self._served = list(self._viewers)[:most]
+            text = (
+                f'{count} viewers, of which {count - most} get no messages; expected at most '
+                f'{most}: close some, or start the node with a larger max_viewers'
+            )
+            self._server.publish_status(text, self._foxglove.StatusLevel.Warning, _FULL)
+            self._complain(text)
+        elif self._served is not None:
+            self._served = None
+            self._server.remove_status([_FULL])
+
+    def _send_past(self, topic: str, client: int, until: int) -> None:
+        self._topics[topic].send_past(client, until)
+        self._server.broadcast_time(self._time_ns)
 
     def stop(self) -> None:
         """Let all clients go."""
@@ -222,7 +312,7 @@ class _Listener:
 
     def __init__(
         self,
-        requests: queue.SimpleQueue[Change | _Subscription],
+        requests: queue.SimpleQueue[_Request],
         topics: Mapping[str, _Topic],
         parameters: Callable[[Sequence[str]], list[Parameter]],
     ) -> None:
@@ -235,7 +325,7 @@ class _Listener:
         self._requests.put(_Subscription(channel.topic, client.id, sent))
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
-        pass
+        self._requests.put(_Unsubscription(channel.topic, client.id))
 
     def on_get_parameters(
         self, client: Client, param_names: list[str], request_id: str | None = None

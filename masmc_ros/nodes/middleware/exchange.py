@@ -29,11 +29,13 @@ from collections import deque
 import time
 from typing import Any
 
+from masmc_ros.nodes.middleware.clock import clock_reader
 from masmc_ros.nodes.middleware.publisher import ExchangePublisher
 from masmc_ros.nodes.middleware.topic import Inbox, Take, Topic
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
 
 _LOG_TOPIC = '/rosout'
 
@@ -133,7 +135,9 @@ class ExchangeNode(Node):
         raw: bool = False,
         **options: Any,
     ) -> Any:
-        """Create a subscription as `Node` does."""
+        """Create a subscription as `Node` does; that of its time source reads checked times."""
+        if msg_type is Clock and not raw:
+            callback, raw = clock_reader(callback, self.get_logger()), True
         context = self.context
         create: Any = super().create_subscription
         if not isinstance(context, ProcessContext) or context.exchange is None:

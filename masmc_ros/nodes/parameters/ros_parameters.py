@@ -22,6 +22,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.exchange import ExchangeNode
+from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.text import yaml_text
@@ -82,7 +83,7 @@ class ParameterNode(ExchangeNode):
 
     def __init__(self, name: str, *, context: Context, command_line: CommandLine) -> None:
         """
-        Initialise the node.
+        Initialise the node, with parameter services that answer every request.
 
         Parameters
         ----------
@@ -100,7 +101,8 @@ class ParameterNode(ExchangeNode):
 
         """
         self._command_line = command_line
-        super().__init__(name, context=context)
+        super().__init__(name, context=context, start_parameter_services=False)
+        self._parameter_service = CheckedParameterService(self)
 
     def declare_parameter(
         self,

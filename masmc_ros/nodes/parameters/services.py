@@ -1,0 +1,62 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameter services that answer every request, whatever its values are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
+
+_TYPES = {kind.value: kind for kind in Parameter.Type}
+
+
+class CheckedParameterService(ParameterService):
+    """
+    The parameter services of rclpy, which reject values of unknown types.
+
+    The callbacks of rclpy raise ValueError for a type that ParameterType does not define. An
+    exception from a callback ends the executor, and with it the node.
+    """
+
+    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        response.results = [self._set([message]) for message in request.parameters]
+        return response
+
+    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        response.result = self._set(request.parameters)
+        return response
+
+    def _set(self, messages: Sequence[Any]) -> SetParametersResult:
+        """Set parameters at once, or none of them if one is rejected."""
+        for message in messages:
+            if message.value.type not in _TYPES:
+                return SetParametersResult(
+                    successful=False,
+                    reason=(
+                        f'{message.name}: type {message.value.type} is unknown; expected one of '
+                        f'rcl_interfaces/msg/ParameterType, {min(_TYPES)} to {max(_TYPES)}'
+                    ),
+                )
+        try:
+            return self._get_node().set_parameters_atomically(
+                [Parameter.from_parameter_msg(message) for message in messages]
+            )
+        except ParameterNotDeclaredException as error:
+            return SetParametersResult(successful=False, reason=str(error))

@@ -1,0 +1,74 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Processes that are interrupted while they end: their exit status stays the usual one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from surroundings import domain, domain_variables, surroundings
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = str(ROOT / 'config' / 'paper.yaml')
+PATIENCE = 180.0
+COMMANDS = {
+    'simulate': ('RMS', ['simulate', PAPER, '--set', 'duration=0.1']),
+    'node': (
+        'ticks in',
+        [
+            *('run', 'composed', '--ros-args', '--params-file', PAPER),
+            *('-p', 'duration:=0.2', '-p', 'plant:wait_for:=[controller, trajectory]'),
+        ],
+    ),
+}
+"""What each prints once its work is complete, and its arguments."""
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('command', COMMANDS)
+def test_process_signals_at_end_keep_status_0(
+    command: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    """Signals come again and again from the last line on, until the process is gone."""
+    line, arguments = COMMANDS[command]
+    output = tmp_path / 'output'
+    with domain() as own, output.open('wb') as stream:
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
+            env={**surroundings(), **domain_variables(own)},
+            stdin=subprocess.DEVNULL,
+            stdout=stream,
+            stderr=stream,
+        )
+        try:
+            limit = time.monotonic() + PATIENCE
+            while line not in output.read_text(encoding='utf-8'):
+                assert process.poll() is None, output.read_text(encoding='utf-8')
+                assert time.monotonic() < limit, f'{line} is not printed'
+                time.sleep(0.001)
+            while process.poll() is None:
+                assert time.monotonic() < limit, 'the process does not end'
+                os.kill(process.pid, number)
+                time.sleep(0.0005)
+        finally:
+            process.kill()
+            process.wait()
+    assert process.returncode == 0, output.read_text(encoding='utf-8')

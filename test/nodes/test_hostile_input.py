@@ -1,0 +1,156 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Random requests and messages to all services and topics of all nodes: none of them ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import signal
+import time
+
+from benchmarks.hostile import RandomInput
+from benchmarks.hostile_client import HostileClient
+from builtin_interfaces.msg import Time
+from processes import BOUNDED, Peer, peer, processes, ros_arguments
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rosgraph_msgs.msg import Clock
+
+NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
+
+COMPILED = ('law', 'switching', 'velocity_source')
+"""Parameters of which another value compiles code: that takes minutes, and is tested elsewhere."""
+
+
+def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> None:
+    """Send random input to a run of all nodes; each lives, responds, and ends with status 0."""
+    with processes(folder) as started, peer(started.domain) as tester:
+        arguments = ros_arguments(
+            duration=0.0,
+            control_period=0.002,
+            plant__wait_for='[]',
+            live__port=0,
+            recorder__output=folder / 'run.mcap',
+            **BOUNDED,
+            **settings,
+        )
+        nodes = started.start_all(*arguments, nodes=NODES)
+        client = HostileClient(tester.node, RandomInput(seed), NODES, COMPILED)
+        actions: list[str] = []
+        try:
+            for name in NODES:
+                tester.call(GetParameters, f'{name}/get_parameters', GetParameters.Request())
+                client.learn_parameters(name)
+                tester.until(lambda n=name: client.is_known(n), f'parameters of {name}')
+            client.discover()
+            assert {each.node for each in client.services} == set(NODES)
+            end, number = time.monotonic() + seconds, 0
+            while time.monotonic() < end:
+                actions.append(_act(client, number))
+                _spin(tester, 0.005)
+                number += 1
+                for name, node in nodes.items():
+                    assert node.process.poll() is None, f'{name} ended by itself'
+            untried = {each.name for each in client.services} - client.requests.keys()
+            untried |= {each.name for each in client.topics} - client.messages.keys()
+            assert untried == set()
+            for name in NODES:
+                request = GetParameters.Request(names=['use_sim_time'])
+                tester.call(GetParameters, f'{name}/get_parameters', request)
+        except BaseException:
+            print(f'seed {seed}; the last of {len(actions)} actions:', *actions[-20:], sep='\n')
+            raise
+        started.signal(signal.SIGINT)
+        assert started.wait() == dict.fromkeys(NODES, 0), started.output()
+        assert 'Traceback' not in started.output()
+
+
+def _act(client: HostileClient, number: int) -> str:
+    """Send one request or message; the first ones go to every service and topic in turn."""
+    if number < len(client.services):
+        return client.request(client.services[number])
+    number -= len(client.services)
+    if number < len(client.topics):
+        return client.publish(client.topics[number])
+    return client.random_request() if number % 3 == 0 else client.random_message()
+
+
+def _spin(tester: Peer, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    tester.until(lambda: time.monotonic() > end)
+
+
+def test_nodes_random_input_stay_alive(tmp_path: Path) -> None:
+    survive(tmp_path, seed=1, seconds=4.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(2, 6))
+@pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
+def test_nodes_long_random_input_stay_alive(pacing: str, seed: int, tmp_path: Path) -> None:
+    survive(tmp_path, seed=seed, seconds=60.0, pacing=pacing)
+
+
+def test_set_parameters_unknown_type_rejected(tmp_path: Path) -> None:
+    """Each parameter of a request has its result, the valid ones behind the wrong one too."""
+    wrong = Parameter(name='start_time', value=ParameterValue(type=77))
+    missing = Parameter(name='nothing', value=ParameterValue(type=2))
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        node = started.start('trajectory', *ros_arguments())
+        name = 'trajectory/get_parameters'
+        request = GetParameters.Request(names=['start_time'])
+        (value,) = tester.call(GetParameters, name, request).values
+        right = Parameter(name='start_time', value=value)
+        response = tester.call(
+            SetParameters,
+            'trajectory/set_parameters',
+            SetParameters.Request(parameters=[wrong, missing, right]),
+        )
+        told = [(each.successful, each.reason) for each in response.results]
+        assert told[0][1].startswith('start_time: type 77 is unknown; expected one of')
+        assert told[1][1].startswith("unknown parameter 'nothing'")
+        assert [successful for successful, _ in told] == [False, False, True]
+        result = tester.call(
+            SetParametersAtomically,
+            'trajectory/set_parameters_atomically',
+            SetParametersAtomically.Request(parameters=[right, wrong]),
+        ).result
+        assert (result.successful, result.reason) == (False, told[0][1])
+        node.signal(signal.SIGINT)
+        assert node.wait() == 0, started.output()
+
+
+def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
+    """With `use_sim_time`, a negative time and bytes that are no message leave the node alive."""
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        node = started.start('trajectory', *ros_arguments(use_sim_time='true'))
+        clock = tester.publisher(Clock, '/clock')
+        tester.wait_for_subscribers(clock)
+        wrong = (
+            (Clock(clock=Time(sec=-1)), '-1 s is negative'),
+            (b'\0\1\0\0\1', '8 bytes that are no Clock'),  # filled up by the middleware
+        )
+        for message, reason in wrong:
+
+            def is_rejected(message: object = message, reason: str = reason) -> bool:
+                clock.publish(message)
+                return bool(node.logged('ERROR', f'/clock rejected: {reason}'))
+
+            tester.until(is_rejected, reason)
+        clock.publish(Clock(clock=Time(sec=2**31 - 1, nanosec=2**32 - 1)))
+        tester.call(GetParameters, 'trajectory/get_parameters', GetParameters.Request())
+        node.signal(signal.SIGINT)
+        assert node.wait() == 0, started.output()
