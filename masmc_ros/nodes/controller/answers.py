@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from masmc_ros.loop.closed_loop import NOT_FINITE, SINGULAR
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED, RESUMED
 from masmc_ros.loop.simulated_robot import diverged
@@ -57,6 +59,9 @@ class Answers:
         self._may_finish = True
         self._was_singular = False
         self._untold: list[Recorded] = []
+        self.awaited: Callable[[], str] = lambda: ''
+        """Returns the code that the next tick waits for, '' for none."""
+        self._awaits_code = False
         self.pace(pacing)
 
     def pace(self, pacing: Pacing) -> None:
@@ -103,6 +108,12 @@ class Answers:
         if pending is not None:
             self.answer(pending)
 
+    def take_code(self) -> None:
+        """Answer a state that has waited for compiled code."""
+        if self._awaits_code:
+            self._awaits_code = False
+            self.take_reference()
+
     def _start_anew(self, order: Order) -> None:
         if order is Order.BACK:
             self._log.info('the robot was set back; the controller starts anew')
@@ -121,6 +132,10 @@ class Answers:
     def answer(self, stamp: int) -> None:
         """Compute and publish the command for the state at hand."""
         control, node = self._control, self._node
+        if control.supervisor.is_active and (awaited := self.awaited()):
+            control.stamps.pending, self._awaits_code = stamp, True
+            node.wait(awaited)
+            return
         reference = self._look_up(stamp)
         if control.supervisor.is_active:
             if reference is None:

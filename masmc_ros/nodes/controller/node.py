@@ -26,7 +26,7 @@ from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.controller_events import ADAPTATION_RESET
-from masmc_ros.loop.preparation import prepare
+from masmc_ros.loop.preparation import Effect, LawChange, prepare
 from masmc_ros.loop.supervisor import Supervisor
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
@@ -42,6 +42,7 @@ from masmc_ros.nodes.controller.supervision import Supervision
 from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
 from masmc_ros.nodes.controller.wall_clock import WallClock
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
@@ -85,6 +86,7 @@ class ControllerNode(SuiteNode):
             else TorqueOutput(self._controller, joints)
         )
         self._compile()
+        self._law_change = LawChange(self._controller)
         self._preparation = prepare(self._controller.mechanism)
 
     def connect(self) -> None:
@@ -101,6 +103,7 @@ class ControllerNode(SuiteNode):
             reset=self._reset_adaptation,
             stopped=lambda: self._answers.pacing.stopped(),
         )
+        self.parameters.on_request(self._request)
         self.parameters.on_change(self._change)
         self.node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
@@ -126,6 +129,7 @@ class ControllerNode(SuiteNode):
         self._answers = Answers(
             self, self._control, kind(self._control), self._timing, self._output, telemetry
         )
+        self._answers.awaited = self._awaited
         self._input = StateInput(
             self.node,
             self.values,
@@ -157,6 +161,7 @@ class ControllerNode(SuiteNode):
         if self._preparation is not None:
             self._preparation.kill()
             self._preparation.wait()
+        self._law_change.close()
         super().close(spin)
 
     def _compile(self) -> None:
@@ -172,8 +177,35 @@ class ControllerNode(SuiteNode):
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
 
+    def _request(self, values: dict[str, Any]) -> Pending:
+        """Let requested values take effect, those that need other code when it is ready."""
+        effect = self._law_change.request(values, waits=self._is_lockstep)
+        self._carry_out(effect)
+        return Pending(effect.text, effect.withdrawn)
+
+    def _carry_out(self, effect: Effect) -> None:
+        if effect.withdrawn:
+            self.log.warning(effect.text)
+        elif effect.text:
+            self.log.info(effect.text)
+        self.parameters.take_effect(effect.values)
+        if not self._law_change.is_pending:
+            self._answers.take_code()
+
+    @property
+    def _is_lockstep(self) -> bool:
+        return self._answers.pacing.name == LockStep.name
+
+    def _awaited(self) -> str:
+        """
+        Return the code that the next tick waits for, '' for none.
+
+        Lock-step takes its time, and a change counts from the next tick on. By the wall clock
+        the law in force continues.
+        """
+        return self._law_change.awaited if self._is_lockstep else ''
+
     def _change(self, values: dict[str, Any]) -> None:
-        self._controller.change(values)
         self._answers.note(changed=tuple(values))
         self._answers.pace(self._answers.pacing)
         self._layer.begin()
@@ -183,8 +215,14 @@ class ControllerNode(SuiteNode):
         self._answers.note(ADAPTATION_RESET)
 
     def _watch(self) -> None:
-        if not self.finished:
-            self._answers.pacing.watch()
+        if self.finished:
+            return
+        self._answers.pacing.watch()
+        effect = self._law_change.poll()
+        if effect is not None:
+            if effect.withdrawn:
+                self.parameters.withdraw(effect.withdrawn)
+            self._carry_out(effect)
 
     def _on_plant_parameters(self, raw: bytes) -> None:
         """
