@@ -23,6 +23,7 @@ from pathlib import Path
 import time
 from typing import Any
 
+from masmc_ros.cli.main import main
 from masmc_ros.law.registry import LAWS
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
@@ -137,23 +138,28 @@ class Watched:
         self._last = now
 
 
-@contextmanager
-def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watched]:
-    """Yield a controller in real time that finds the compiled code of no law on the disk."""
+def cold_environment(folder: Path) -> dict[str, str]:
+    """Return variables with which a node finds no compiled code, and a law that is broken."""
     site = folder / 'site'
     package = site / 'broken-1.0.dist-info'
     package.mkdir(parents=True)
     (site / 'broken.py').write_text(BROKEN, encoding='utf-8')
     (package / 'METADATA').write_text('Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n')
     (package / 'entry_points.txt').write_text('[masmc_ros.laws]\nbroken = broken:BROKEN\n')
-    environment = {
+    return {
         'XDG_CACHE_HOME': str(folder / 'cache'),
         'PYTHONPATH': os.pathsep.join([str(site), surroundings()['PYTHONPATH']]),
     }
+
+
+@contextmanager
+def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watched]:
+    """Yield a controller in real time that finds the compiled code of no law on the disk."""
     arguments = ros_arguments(
         file, pacing='realtime', control_period=0.01, duration=0.0, **PATIENT, **settings
     )
     with processes(folder) as started, peer(started.domain) as tester:
+        environment = cold_environment(folder)
         controller = Watched(
             tester, started.start('controller', *arguments, environment=environment)
         )
@@ -194,12 +200,48 @@ def check_changes(controller: Watched) -> None:
     assert controller.records[-1].parameters['k_s1'] != [7.0] * 4
     controller.continues(0.2)
     assert max(controller.gaps) < GAP
-    assert controller.states == ['active']
+    assert controller.states[-1] == 'active'
+    assert not controller.node.logged('ERROR', 'fault: ')
 
 
 def test_law_to_compile_previous_law_continues(tmp_path: Path) -> None:
     with running(tmp_path, None) as controller:
         check_changes(controller)
+    # What a tick may need for the first time later is compiled at the start.
+    assert list((tmp_path / 'cache').rglob('windows._between*'))
+
+
+def test_law_to_compile_in_lockstep_next_tick_waits(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / 'run.mcap'
+    arguments = ros_arguments(
+        PAPER,
+        plant__wait_for='[controller, trajectory, recorder, peer]',
+        recorder__output=log,
+    )
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        environment = cold_environment(tmp_path)
+        controller = Watched(
+            tester, started.start('controller', *arguments, environment=environment)
+        )
+        for name in ('trajectory', 'plant', 'recorder'):
+            started.start(name, *arguments)
+        controller.continues(0.1)
+        text = 'law = {}: compiling; the run waits until the code is ready'
+        assert controller.set_parameters(law='pid') == (True, text.format('pid'))
+        # The service answers while the run waits, and nothing is computed.
+        count = len(controller.gaps)
+        assert controller.set_parameters(k_s1=90.0) == (True, '')
+        assert controller.law() == 'pid'
+        assert len(controller.gaps) <= count + 1
+        controller.uses(law='pid', k_s1=[90.0] * 4)
+        assert set(started.wait().values()) == {0}, started.output()
+    laws = [(record.tick, record.parameters['law']) for record in controller.records]
+    first = next(tick for tick, law in laws if law == 'pid')
+    assert all(tick == first for tick, _ in laws[1:])
+    assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
+    assert 'are the same bits' in capfd.readouterr().out
 
 
 @pytest.mark.slow

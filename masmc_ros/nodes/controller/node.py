@@ -50,6 +50,7 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
@@ -176,6 +177,10 @@ class ControllerNode(SuiteNode):
             approach.begin()
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
+        # A reference between two samples, which a robot's own stamps ask for sooner or later.
+        windows = ReferenceWindows(len(self._controller.mechanism.axes))
+        windows.add(0, 1e-6, np.zeros((2, sizes['desired'])))
+        windows.at(500)
 
     def _request(self, values: dict[str, Any]) -> Pending:
         """Let requested values take effect, those that need other code when it is ready."""
