@@ -24,10 +24,12 @@ import time
 from typing import Any
 
 from masmc_ros.cli.main import main
+from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
 from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -246,7 +248,10 @@ def test_law_to_compile_in_lockstep_next_tick_waits(
 
 @pytest.mark.slow
 def test_law_of_tree_robot_previous_law_continues(tmp_path: Path) -> None:
-    pytest.importorskip('example_robot_data')
+    try:
+        load_scenario(str(TIAGO))
+    except UserError as missing:
+        pytest.skip(str(missing))
     with running(tmp_path, TIAGO) as controller:
         check_changes(controller)
 
