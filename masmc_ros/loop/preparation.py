@@ -398,12 +398,16 @@ class _Making(Thread):
             if self._is_stopped:
                 return 'given up'
             self._process = _started(self._mechanism, self._values)
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
         try:
-            assert self._process.stdout is not None
-            said = self._process.stdout.read().decode(errors='replace').strip()
+            said = process.stdout.read().decode(errors='replace').strip()
         finally:
-            self._process.kill()
-            status = self._process.wait()
+            process.kill()
+            status = process.wait()
+            process.stdout.close()
+            process.stdin.close()
         if said:
             return said
         if not self.code.is_whole_on_disk:
