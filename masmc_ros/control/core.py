@@ -179,6 +179,7 @@ class ControllerCore:
         self._has_plant = False
         self._has_guided = False
         self._action = VOID
+        self._awaited = ''
         self._halted: int | None = None
         self._gap_reported = -math.inf
         self._published = ''
@@ -291,13 +292,30 @@ class ControllerCore:
         return self.arrival + self._silence
 
     def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
-        """Use checked values from the next tick on, which records them."""
+        """Use checked values, which the controller has, from the next tick on; record them."""
         self._values.update(changed)
-        self.controller.change(changed)
         self._queue_record(changed=tuple(changed))
         self._set_pacing(self.pacing)
         self._layer.begin()
         self._watch.restart()
+        return NOTHING
+
+    def on_code(self, awaited: str, now: float) -> Actions:
+        """
+        Wait for the compiled code of a law, or continue.
+
+        Parameters
+        ----------
+        awaited
+            The code that the next tick needs; empty for none. In lock-step the state is pending
+            until it is ready, so that a change is in effect from the next tick on.
+        now
+            Time in s.
+
+        """
+        was_awaited, self._awaited = self._awaited, awaited
+        if was_awaited and not awaited:
+            return self._respond_to_pending(now)
         return NOTHING
 
     def on_plant(self, pacing: str) -> Actions:
@@ -314,7 +332,7 @@ class ControllerCore:
         self._has_plant = True
         if pacing != 'realtime' or self.pacing.is_timed:
             return NOTHING
-        self._held_since = None
+        self._held_since, self._awaited = None, ''
         self._set_pacing(PACINGS[pacing])
         if self._pending is None:
             signals = self.controller.now[0]
@@ -377,6 +395,8 @@ class ControllerCore:
 
     def _respond(self, stamp: int, position: Array, velocity: Array, now: float) -> Actions:
         supervisor = self.supervisor
+        if self._awaited and supervisor.is_active:
+            return self._wait(stamp, position, velocity, self._awaited)
         reference = self.windows.at(stamp)
         if reference is not None:
             self._held_since = None
@@ -389,7 +409,7 @@ class ControllerCore:
             self._held_since = None
         if supervisor.is_active:
             if reference is None:
-                return self._wait(stamp, position, velocity)
+                return self._wait(stamp, position, velocity, 'the trajectory (reference)')
             error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
                 return (*self._taken(), Failure(error))
@@ -445,13 +465,13 @@ class ControllerCore:
                 self._fail(REFERENCE, f'{NO_REFERENCE} for {patience:g} s')
         return reference
 
-    def _wait(self, stamp: int, position: Array, velocity: Array) -> Actions:
-        """Keep a state until its reference arrives."""
+    def _wait(self, stamp: int, position: Array, velocity: Array, reason: str) -> Actions:
+        """Keep a state until its reference arrives, or the code of its law is ready."""
         self._pending = stamp
         if position is not self._position:
             self._position[:], self._velocity[:] = position, velocity
         self._is_waiting = True
-        self._more.append(Wait('the trajectory (reference)'))
+        self._more.append(Wait(reason))
         # A robot that was moved before must not continue with its last torque.
         if self.pacing.is_timed and self._computed is not None and self._halted != stamp:
             self._halted = stamp

@@ -233,15 +233,15 @@ class Controller:
             plug_in = law()
             # The parts that plain Python shares with the built-in laws are theirs.
             law = registry.LAWS['smc']
-        self._law = law
-        self._of_tick_before = records.of_tick_before(law)
         settings = records.law_settings(self.mechanism, law, values['switching'])
         records.write_law(settings, self.robot, self.period, values)
-        self.settings, self._plug_in = settings, plug_in
-        self._read = records.read_by(settings, self.mechanism)
-        self._kernel = None
-        before, self.memory = self.memory, self._new_memory()
-        take_over(self.memory, before)
+        read = records.read_by(settings, self.mechanism)
+        memory = records.law_memory(self.mechanism, law)
+        take_over(memory, self.memory)
+        # A law that cannot be made has raised by now, and the one in force is unchanged.
+        self._law, self._plug_in, self._kernel = law, plug_in, None
+        self._of_tick_before = records.of_tick_before(law)
+        self.settings, self._read, self.memory = settings, read, memory
 
     def _new_memory(self) -> records.Records:
         return records.law_memory(self.mechanism, self._law)

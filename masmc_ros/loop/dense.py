@@ -59,7 +59,8 @@ def _regressor_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
 
 
 @kernel
-def _dense(settings: Any, now: Any) -> Any:
+def dense(settings: Any, now: Any) -> Any:
+    """Compute the numbers and the columns of the matrices that `tick_input` hands over."""
     gains, signals = settings[0], now[0]
     position = get(signals, 'position', 0)
     model = mechanism.model_of(gains, 0)
@@ -107,7 +108,7 @@ def tick_input(
         the last tick's torque in N m.
 
     """
-    error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = _dense(
+    error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = dense(
         settings, now
     )
     return TickInput(

@@ -13,35 +13,139 @@
 # limitations under the License.
 
 """
-The kernels of all laws and switchings, compiled before a live change asks for one.
+Compiled code of the control laws: made beforehand, or when a live change needs it.
 
-To compile one takes some seconds, in which a controller would stand still; to load machine code
-from disk takes a thirtieth of one. So a node loads that of the paper's laws and of a user's own
-while it starts; that of the others is loaded when `law` first names them. Where it is not on disk
-yet, once on a machine, a process beside the node makes it, at the lowest priority.
+To compile a law takes seconds, on a tree robot up to a minute, and to load its code from disk up
+to a fifth of a second. A controller that did either between two ticks would stand still, so both
+are done next to it. The code of the paper's laws and of a user's own is loaded while the node
+starts. Code that is not on the disk yet is made by a process of the lowest priority, once per
+machine. A live change of `law` or `switching` whose code the node has not loaded is a `LawChange`:
+a process compiles, a thread loads, and the change takes effect between two ticks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import redirect_stdout, suppress
 import json
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
-from threading import Thread
+from threading import Lock, Thread
+import time
+from typing import Any, NamedTuple
 
 from masmc_ros.law import registry
+from masmc_ros.law.command_interface import COMMAND_INTERFACE, takes_rates
 from masmc_ros.law.law import Law
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick, settle
+from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.dense import dense
 from masmc_ros.loop.signals import inputs
-from masmc_ros.numerics.compiled import bound, is_interpreted, machine_code
+from masmc_ros.numerics.compiled import (
+    bound,
+    is_interpreted,
+    is_loaded,
+    is_on_disk,
+    is_whole_on_disk,
+    machine_code,
+)
+from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
+
+CHOOSES_CODE = ('law', 'switching')
+"""Parameters that change while a node runs and for which other code is compiled."""
+
+_NICE_OF_REQUEST, _NICE_OF_PREPARATION = 10, 19
+"""Priorities of the processes that compile; nodes, which must not be late, have 0."""
+
+_LONGEST_REASON = 200
+"""Characters that are logged of the cause of an error."""
+
+_NUMBA_FAILED = 'Failed in nopython mode pipeline'
+_PLACE = re.compile(r'File "(?:.*/)?([^/"]+)", line (\d+)')
+"""How Numba introduces a cause, and where it says that it is."""
+
+Values = Mapping[str, Any]
+
+
+class Code(NamedTuple):
+    """The compiled code of one law with one switching term."""
+
+    name: tuple[str, str]
+    """Of the law and of the switching term; empty for a law that has none."""
+    calls: tuple[tuple[Any, tuple[Any, ...]], ...]
+    """Kernels, each with arguments of the types that it is called with."""
+
+    @property
+    def is_loaded(self) -> bool:
+        """Return True if this process can compute a tick without compiling or loading."""
+        return all(is_loaded(kernel, *arguments) for kernel, arguments in self.calls)
+
+    @property
+    def is_on_disk(self) -> bool:
+        """Return True if the disk has a file for each kernel, which may be damaged."""
+        return all(is_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
+
+    @property
+    def is_whole_on_disk(self) -> bool:
+        """Return True if loading compiles nothing; the files are read."""
+        return all(is_whole_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
+
+    @property
+    def _to_load(self) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+        return (call for call in self.calls if not is_loaded(call[0], *call[1]))
+
+    def load(self) -> None:
+        """Load the code, and compile what is not on the disk."""
+        for kernel, arguments in self.calls:
+            bound(kernel, *arguments)
+
+
+def code_of_law(mechanism: Mechanism, law: Law, switching: str) -> Code:
+    """Return the code of a compiled law for a robot of this kind."""
+    now = records.signals(mechanism)
+    memory = records.law_memory(mechanism, law)
+    settings = records.law_settings(mechanism, law, switching)
+    return Code(
+        (law.name, switching if law.uses_switching else ''),
+        (
+            (control_tick, (settings, memory, now, *inputs(now))),
+            # Called when a parameter changes while a projection is in force.
+            (settle, (settings, memory)),
+        ),
+    )
+
+
+def code_of_plain_law(mechanism: Mechanism, name: str, switching: str) -> Code:
+    """Return the code around a user's law in plain Python for a robot of this kind."""
+    now = records.signals(mechanism)
+    memory = records.law_memory(mechanism, SMC)
+    settings = records.law_settings(mechanism, SMC, switching)
+    return Code(
+        (name, switching),
+        (
+            (estimate_velocity, (settings, memory, now)),
+            (dense, (settings, now)),
+            (limit_torque, (settings, memory, now)),
+        ),
+    )
+
+
+def code_for(mechanism: Mechanism, values: Values) -> Code:
+    """Return the code that a controller with these values of its parameters needs."""
+    if takes_rates(values):
+        return code_of_law(mechanism, registry.OF_RATES, values['switching'])
+    law = registry.load_for(values['law'], mechanism)
+    if isinstance(law, Law):
+        return code_of_law(mechanism, law, values['switching'])
+    return code_of_plain_law(mechanism, values['law'], values['switching'])
 
 
 def fitting(mechanism: Mechanism) -> tuple[Law, ...]:
@@ -61,21 +165,30 @@ def laws_at_hand() -> tuple[Law, ...]:
     return tuple(law for law in laws() if law.name not in others)
 
 
+def plain_laws() -> tuple[str, ...]:
+    """Return the names of users' laws in plain Python."""
+    return tuple(name for name in registry.names() if not isinstance(registry.load(name), Law))
+
+
 def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
-    """Have the kernels of laws with all switchings at hand, compiled where they were not."""
-    now = records.signals(mechanism)
+    """
+    Load the code of laws with all switching terms, compiled where it is not on the disk.
+
+    If a user's law in plain Python is installed, the code around it is loaded as well.
+    """
     for law in which:
-        memory = records.law_memory(mechanism, law)
         for switching in registry.SWITCHING if law.uses_switching else ('',):
-            settings = records.law_settings(mechanism, law, switching)
-            bound(control_tick, settings, memory, now, *inputs(now))
-            bound(settle, settings, memory)
+            code_of_law(mechanism, law, switching).load()
+    for name in plain_laws()[:1]:  # the same code for all of them
+        for switching in registry.SWITCHING:
+            code_of_plain_law(mechanism, name, switching).load()
 
 
 def mark(mechanism: Mechanism) -> Path:
     """Return the file that tells that the kernels of these laws are on this machine's disk."""
     name = f'prepared-{mechanism.tag}'.replace(' ', '-')
-    return machine_code(name, *map(records.law_tag, laws()))
+    plain = ('plain',) if plain_laws() else ()
+    return machine_code(name, *map(records.law_tag, laws()), *plain)
 
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
@@ -85,29 +198,306 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
     if mark(mechanism).exists():
         load(mechanism, laws_at_hand())
         return None
+    return _started(mechanism, None)
+
+
+class Effect(NamedTuple):
+    """What becomes of requested values of parameters."""
+
+    values: dict[str, Any]
+    """Those with which the next tick is computed."""
+    withdrawn: tuple[str, ...] = ()
+    """Names of parameters that keep their values because the change has failed."""
+    text: str = ''
+    """For the log and for the response to the request; empty if all is as requested."""
+
+
+class LawChange:
+    """
+    Changes of a controller's parameters, of which `law` and `switching` may need other code.
+
+    A change whose code is loaded is applied at once, and so is one of other parameters. Any
+    other change is pending: its code is compiled by a process and loaded by a thread, while the
+    controller continues with the law in force. A later change of `law` or `switching` replaces
+    one that is pending. Values that are requested together are applied together.
+
+    The caller requests, polls between two ticks, and carries out the `Effect` of both. Nothing
+    here waits, except `close`.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        """Initialise the changes of a controller whose code is loaded here; none is pending."""
+        self._controller = controller
+        self._known: dict[tuple[str, str], Code] = {}
+        self._code_of(controller.values).load()
+        self._wanted: dict[str, Any] = {}
+        self._making: _Making | None = None
+
+    @property
+    def is_pending(self) -> bool:
+        """Return True while a change has not taken effect yet."""
+        return self._making is not None
+
+    @property
+    def awaited(self) -> str:
+        """Name the code for which a change is pending; '' if none is."""
+        return f'the compiled code of {_text(self._wanted)}' if self.is_pending else ''
+
+    def request(self, values: Values, *, waits: bool = False) -> Effect:
+        """
+        Apply checked values from the next tick on, or prepare the code that they need.
+
+        Parameters
+        ----------
+        values
+            of some parameters, by name.
+        waits
+            True if the caller computes no tick while a change is pending, for the text.
+
+        Returns
+        -------
+        Effect
+            with a text if something of the values does not take effect from the next tick on.
+
+        """
+        in_force = self._controller.values
+        wanted = {**self._wanted, **values}
+        self._wanted = {name: v for name, v in wanted.items() if v != in_force[name]}
+        code = self._code_of({**in_force, **self._wanted})
+        if code.is_loaded:
+            self._drop()
+            return self._apply()
+        if self._making is None or self._making.code.name != code.name:
+            self._drop()
+            self._making = _Making(
+                self._controller.mechanism, code, {**in_force, **self._wanted}
+            )
+        elif not any(name in values for name in CHOOSES_CODE):
+            # For the law in force and, since it is in force then, for the one that comes.
+            at_once = {n: self._wanted.pop(n) for n in values if n in self._wanted}
+            self._controller.change(at_once)
+            return Effect(at_once)
+        doing = 'loading' if code.is_on_disk else 'compiling'
+        meanwhile = 'the run waits' if waits else f'{self._present} continues'
+        text = f'{_text(self._wanted)}: {doing}; {meanwhile} until the code is ready'
+        return Effect({}, text=text)
+
+    def poll(self) -> Effect | None:
+        """Apply a pending change whose code is ready; None while there is nothing to do."""
+        making = self._making
+        if making is None or making.is_alive():
+            return None
+        self._making = None
+        if making.failure is not None:
+            return self._failed(making.failure)
+        text = f'{_text(self._wanted)}: ready after {making.duration:.1f} s; now in force'
+        effect = self._apply()
+        return effect if effect.withdrawn else effect._replace(text=text)
+
+    def close(self) -> None:
+        """Give up a pending change, and wait until its thread has ended."""
+        making = self._making
+        self._drop()
+        if making is not None:
+            making.join()
+
+    def _code_of(self, values: Values) -> Code:
+        """Return the code that the controller needs with values of its parameters."""
+        # Its records take milliseconds to make.
+        name = values['law'], values['switching']
+        if name not in self._known:
+            self._known[name] = code_for(self._controller.mechanism, values)
+        return self._known[name]
+
+    @property
+    def _present(self) -> str:
+        """Name what continues while a change is pending."""
+        changed = [name for name in CHOOSES_CODE if name in self._wanted]
+        return str(self._controller.values[changed[0] if changed else 'law'])
+
+    def _apply(self) -> Effect:
+        values, old = dict(self._wanted), self._controller.values
+        if not values:
+            return Effect({})
+        try:
+            self._controller.change(values)
+        except Exception as error:
+            # A plugged-in law may fail in any way when it is made, before anything has changed.
+            if self._controller.values is not old:
+                raise
+            return self._failed(_one_line(error))
+        self._wanted = {}
+        return Effect(values)
+
+    def _failed(self, reason: str) -> Effect:
+        names, text = tuple(self._wanted), f'{_text(self._wanted)}: failed: {reason}'
+        present = self._present
+        self._wanted = {}
+        return Effect(
+            {},
+            withdrawn=names,
+            text=f'{text}; {present} continues; correct the law, then set it again',
+        )
+
+    def _drop(self) -> None:
+        if self._making is not None:
+            self._making.stop()
+            self._making = None
+
+
+class _Making(Thread):
+    """
+    Has code compiled by a process unless the disk has it, then loads it.
+
+    Attributes
+    ----------
+    code
+        what is made.
+    failure
+        why there is no code; None if it is loaded, or until then.
+    duration
+        time in s from the start to the end.
+
+    """
+
+    def __init__(self, mechanism: Mechanism, code: Code, values: Values) -> None:
+        """Start."""
+        super().__init__(name='law code', daemon=True)
+        self.code = code
+        self.failure: str | None = None
+        self.duration = 0.0
+        self._mechanism = mechanism
+        self._values = {name: values[name] for name in (*CHOOSES_CODE, COMMAND_INTERFACE.name)}
+        self._lock = Lock()
+        self._is_stopped = False
+        self._process: subprocess.Popen[bytes] | None = None
+        self.start()
+
+    def run(self) -> None:
+        """Make the code, then load it."""
+        start = time.monotonic()
+        try:
+            if not self.code.is_whole_on_disk:
+                self.failure = self._compile()
+            if self.failure is None and not self._is_stopped:
+                self.code.load()
+        except Exception as error:
+            self.failure = _one_line(error)
+        self.duration = time.monotonic() - start
+
+    def stop(self) -> None:
+        """End the process that compiles; the thread ends soon after."""
+        with self._lock:
+            self._is_stopped = True
+            if self._process is not None:
+                self._process.kill()
+
+    def _compile(self) -> str | None:
+        """Wait for the process that compiles; return why there is no code, if there is none."""
+        with self._lock:
+            if self._is_stopped:
+                return 'given up'
+            self._process = _started(self._mechanism, self._values)
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            said = process.stdout.read().decode(errors='replace').strip()
+        finally:
+            process.kill()
+            status = process.wait()
+            process.stdout.close()
+            process.stdin.close()
+        if said:
+            return said
+        if not self.code.is_whole_on_disk:
+            return f'the process that compiles has ended with status {status}'
+        return None
+
+
+def _text(values: Values) -> str:
+    """Return parameters with their values, those first that choose the code."""
+    names = sorted(values, key=lambda name: (name not in CHOOSES_CODE, name))
+    return ', '.join(f'{name} = {yaml_text(values[name])}' for name in names)
+
+
+def _one_line(error: BaseException) -> str:
+    """
+    Return the innermost cause of an error in one line.
+
+    Numba's errors are pages long: an error for each function on the way to the cause, each with
+    the types of all arguments.
+    """
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    starts = [k for k, line in enumerate(lines) if _NUMBA_FAILED in line]
+    if starts and starts[-1] + 1 < len(lines):
+        lines = lines[starts[-1] + 1:]
+        ends = [k for k, line in enumerate(lines) if line.startswith('raised from')]
+        lines = lines[: ends[0]] if ends and ends[0] else lines
+        place = next((match for match in map(_PLACE.search, lines) if match), None)
+        where = f' ({place[1]}, line {place[2]})' if place else ''
+        return f'{_shortened(lines[0])}{where}'
+    return _shortened(f'{type(error).__name__}: {" ".join(lines)}')
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_REASON else f'{text[:_LONGEST_REASON]} ...'
+
+
+def _started(mechanism: Mechanism, values: Values | None) -> subprocess.Popen[bytes]:
+    """Start a process that makes the code for values of parameters, for None all code."""
     process = subprocess.Popen(
-        [sys.executable, '-m', __name__], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
+        [sys.executable, '-m', __name__],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL if values is None else subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
     )
     assert process.stdin is not None
     with suppress(BrokenPipeError):
-        process.stdin.write(json.dumps(mechanism.choice).encode() + b'\n')
+        request = {'robot': mechanism.choice, 'values': values}
+        process.stdin.write(json.dumps(request).encode() + b'\n')
         process.stdin.flush()
     return process
 
 
 def main() -> None:
-    """Make the kernels of the mechanism in the first line of the input, unless another does."""
-    mechanism = chosen(json.loads(sys.stdin.readline()))
+    """
+    Make the code that the first line of the input names, and print one line if that fails.
+
+    The code of all laws is made unless another process does so already.
+    """
+    request = json.loads(sys.stdin.readline())
     # Standard input is the node that asked: it is closed when that ends, however it does.
     Thread(target=_end_with_parent, daemon=True).start()
+    values = request['values']
     if hasattr(os, 'nice'):
-        os.nice(19)
+        os.nice(_NICE_OF_PREPARATION if values is None else _NICE_OF_REQUEST)
+    try:
+        # A user's law may print while it is imported.
+        with redirect_stdout(sys.stderr):
+            mechanism = chosen(request['robot'])
+            if values is None:
+                _prepare_all(mechanism)
+            else:
+                code_for(mechanism, values).load()
+    except Exception as error:
+        print(_one_line(error))
+        sys.exit(1)
+
+
+def _prepare_all(mechanism: Mechanism) -> None:
     done = mark(mechanism)
     at_work = done.with_suffix('.lock')
     with at_work.open('w') as file:
         if _is_first(file.fileno()):
-            load(mechanism, fitting(mechanism))
-            done.touch()
+            failed = False
+            for law in fitting(mechanism):
+                try:
+                    load(mechanism, [law])
+                except Exception:  # a user's law, which its node reports when it is chosen
+                    failed = True
+            if not failed:
+                done.touch()
 
 
 def _is_first(file: int) -> bool:

@@ -61,6 +61,10 @@ class CodeFiles:
             return None
         return data if made_of == self._made_of and found == key else None
 
+    def has(self, key: Any) -> bool:
+        """Return True if there is a file for a key, whole or damaged."""
+        return self._path(key).exists()
+
     def save(self, key: Any, data: Any) -> None:
         """Save what was made under a key."""
         content = dumps((self._made_of, key, data))

@@ -157,7 +157,36 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """
     if is_interpreted(kernel):
         return cast(Callable[..., Any], kernel)
-    return cast(Callable[..., Any], kernel.compile(tuple(map(typeof, arguments))))
+    types = tuple(map(typeof, arguments))
+    # Numba's lock is not taken for code that is loaded: another thread may hold it for long.
+    loaded = kernel.overloads.get(types)
+    code = kernel.compile(types) if loaded is None else loaded.entry_point
+    return cast(Callable[..., Any], code)
+
+
+def is_loaded(kernel: Any, *arguments: Any) -> bool:
+    """Return True if this process has the compiled code for the types of these arguments."""
+    return is_interpreted(kernel) or tuple(map(typeof, arguments)) in kernel.overloads
+
+
+def is_on_disk(kernel: Any, *arguments: Any) -> bool:
+    """Return True if the disk has a file of the compiled code, which may be damaged."""
+    return _code_files(kernel).has(_code_key(kernel, arguments))
+
+
+def is_whole_on_disk(kernel: Any, *arguments: Any) -> bool:
+    """Return True if the disk has the compiled code; the file is read."""
+    return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
+
+
+def _code_files(kernel: Any) -> CodeFiles:
+    files: CodeFiles = kernel._cache._cache_file
+    return files
+
+
+def _code_key(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return the key under which Numba keeps the code for the types of arguments."""
+    return kernel._cache._index_key(tuple(map(typeof, arguments)), kernel.targetctx.codegen())
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:

@@ -305,6 +305,7 @@ class Core(RuleBasedStateMachine):
         )
     )
     def parameters(self, changed: dict[str, Any]) -> None:
+        self.controller.change(changed)
         self.perform(self.core.on_parameters(changed))
 
     @goes_on

@@ -45,7 +45,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.preparation import prepare
+from masmc_ros.loop.preparation import Effect, LawChange, prepare
 from masmc_ros.loop.safe_stop import HOLD, SafeStop
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.parameter_record import record_of
@@ -56,6 +56,7 @@ from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
 from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import Recorded, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import publish_health
@@ -63,6 +64,7 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
+from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
@@ -114,6 +116,7 @@ class ControllerNode(SuiteNode):
             Finish: self._finish,
         }
         self._compile()
+        self._law_change = LawChange(controller)
         self._preparation = prepare(controller.mechanism)
 
     def connect(self) -> None:
@@ -131,6 +134,7 @@ class ControllerNode(SuiteNode):
         node.create_service(Trigger, '~/clear_fault', self._on_clear)
         node.create_service(Trigger, '~/reset_adaptation', self._on_reset)
         self._perform(core.begin())
+        self.parameters.on_request(self._request)
         self.parameters.on_change(lambda changed: self._perform(core.on_parameters(changed)))
         node.create_timer(_WATCH, self._watch, clock=self.steady)
         publish_health(
@@ -154,6 +158,7 @@ class ControllerNode(SuiteNode):
             self._preparation.wait()
         if not self.finished:
             self._perform(self._core.on_shutdown())
+        self._law_change.close()
         super().close(spin)
 
     def _compile(self) -> None:
@@ -171,8 +176,31 @@ class ControllerNode(SuiteNode):
             approach.begin()
             approach.watch(stamp, reference.copy())
             approach.follow(stamp, position, np.zeros(sizes['joints']), reference)
+        # A reference between two samples, which a robot's own stamps ask for sooner or later.
+        windows = ReferenceWindows(len(self._controller.mechanism.axes))
+        windows.add(0, 1e-6, np.zeros((2, sizes['desired'])))
+        windows.at(500)
 
-    # What happens.
+    def _request(self, values: dict[str, Any]) -> Pending:
+        """Let requested values take effect, those that need other code when it is ready."""
+        effect = self._law_change.request(values, waits=self._is_lockstep)
+        self._carry_out(effect)
+        return Pending(effect.text, effect.withdrawn)
+
+    def _carry_out(self, effect: Effect) -> None:
+        if effect.withdrawn:
+            self.log.warning(effect.text)
+        elif effect.text:
+            self.log.info(effect.text)
+        self.parameters.take_effect(effect.values)
+        awaited = self._law_change.awaited if self._is_lockstep else ''
+        self._perform(self._core.on_code(awaited, time.monotonic()))
+
+    @property
+    def _is_lockstep(self) -> bool:
+        return not self._core.pacing.is_timed
+
+    # Events.
 
     def _on_state(
         self, stamp: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
@@ -183,8 +211,14 @@ class ControllerNode(SuiteNode):
         self._perform(self._core.on_reference(window, time.monotonic()))
 
     def _watch(self) -> None:
-        if not self.finished:
-            self._perform(self._core.on_timer(time.monotonic()))
+        if self.finished:
+            return
+        self._perform(self._core.on_timer(time.monotonic()))
+        effect = self._law_change.poll()
+        if effect is not None:
+            if effect.withdrawn:
+                self.parameters.withdraw(effect.withdrawn)
+            self._carry_out(effect)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         actions = self._core.on_enable(time.monotonic(), enabled=request.data)
@@ -244,7 +278,7 @@ class ControllerNode(SuiteNode):
                     'not take what is sent here; start both with the same'
                 )
 
-    # What is done.
+    # Actions.
 
     def _perform(self, actions: Actions) -> None:
         for action in actions:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.nodes.middleware.exchange import ExchangeNode
@@ -81,6 +81,9 @@ class ParameterNode(ExchangeNode):
     accepts the output of `ros2 param dump`.
     """
 
+    outcome: Callable[[Iterable[str]], SetParametersResult] | None = None
+    """Return the response to a request that is right, by the names in it."""
+
     def __init__(self, name: str, *, context: Context, command_line: CommandLine) -> None:
         """
         Initialise the node, with parameter services that answer every request.
@@ -129,12 +132,15 @@ class ParameterNode(ExchangeNode):
         self, parameter_list: list[rclpy.parameter.Parameter]
     ) -> SetParametersResult:
         """Set what is new."""
-        new = [each for each in parameter_list if not self._is_in_force(each)]
-        if parameter_list and not new:
-            return SetParametersResult(successful=True)
-        return super().set_parameters_atomically(new)
+        new = [each for each in parameter_list if not self._is_set(each)]
+        result = SetParametersResult(successful=True)
+        if new or not parameter_list:
+            result = super().set_parameters_atomically(new)
+        if result.successful and self.outcome is not None:
+            return self.outcome([each.name for each in parameter_list])
+        return result
 
-    def _is_in_force(self, wanted: rclpy.parameter.Parameter) -> bool:
+    def _is_set(self, wanted: rclpy.parameter.Parameter) -> bool:
         if not self.has_parameter(wanted.name):
             return False
         present = self.get_parameter(wanted.name)
@@ -149,8 +155,23 @@ def _checked_bool(what: str, value: object) -> bool:
     return value
 
 
+class Pending(NamedTuple):
+    """The response to a request that does not take effect at once."""
+
+    text: str = ''
+    """When it does, or why it never does; empty for a request that takes effect at once."""
+    withdrawn: tuple[str, ...] = ()
+    """Names of parameters that keep their values because the change has failed."""
+
+
 class RosParameters:
-    """The parameters of one node: values in force, and changes while running."""
+    """
+    The parameters of one node: values in force, and changes while running.
+
+    A parameter that is set has the new value for all who read it by a service. `values`, with
+    which the node works, has it from when it takes effect: at once, unless the node decides
+    (`on_request`).
+    """
 
     def __init__(
         self,
@@ -169,6 +190,11 @@ class RosParameters:
         self._node = node
         self._check = check
         self._listeners: list[Callable[[dict[str, Any]], None]] = []
+        self._decide: Callable[[dict[str, Any]], Pending] | None = None
+        self._requested: dict[str, Any] = {}
+        self._pending: dict[str, Pending] = {}
+        if isinstance(node, ParameterNode):
+            node.outcome = self._outcome
         name = node.get_name()
         start = command_line.for_node(name, node.get_namespace())
         given = dict(start.values)
@@ -197,6 +223,40 @@ class RosParameters:
         """Call the listener with the checked values that a change brings, after it."""
         self._listeners.append(listener)
 
+    def on_request(self, decide: Callable[[dict[str, Any]], Pending]) -> None:
+        """
+        Let the node decide when requested values take effect.
+
+        `decide` is called with the checked values of a request. It lets those take effect that
+        do so at once, and returns the response for the others. These take effect by
+        `take_effect`, or never by `withdraw`.
+        """
+        self._decide = decide
+
+    def take_effect(self, values: Mapping[str, Any]) -> None:
+        """Work with checked values from now on."""
+        self._forget(values)
+        new = {name: v for name, v in values.items() if v != self.values[name]}
+        if new:
+            self.values.update(new)
+            for listener in self._listeners:
+                listener(new)
+
+    def withdraw(self, names: Iterable[str]) -> None:
+        """Set parameters back to the values in force: those requested never take effect."""
+        names = tuple(names)
+        self._forget(names)
+        if not names:
+            return
+        self._node.set_parameters_atomically(
+            [
+                rclpy.parameter.Parameter(
+                    name, value=_as_ros(self._declarations[name], _plain(self.values[name]))
+                )
+                for name in names
+            ]
+        )
+
     def _coerce(self, changes: list[Any]) -> list[Any]:
         """Turn integers into doubles where a double is declared; touch nothing else."""
         for change in changes:
@@ -211,7 +271,7 @@ class RosParameters:
 
     def _refuse(self, changes: list[Any]) -> SetParametersResult:
         try:
-            self._check({**self.values, **self._checked(changes)})
+            self._check({**self.values, **self._requested, **self._checked(changes)})
         except InputError as error:
             self._restore_types(changes)
             return SetParametersResult(successful=False, reason=str(error))
@@ -225,11 +285,35 @@ class RosParameters:
                 self._node.describe_parameter(change.name).type = in_force.type_.value
 
     def _commit(self, changes: list[Any]) -> None:
-        new = {n: v for n, v in self._checked(changes).items() if v != self.values[n]}
-        if new:
-            self.values.update(new)
-            for listener in self._listeners:
-                listener(new)
+        values = self._checked(changes)
+        if self._decide is None:
+            self.take_effect(values)
+            return
+        self._requested.update(values)
+        pending = self._decide(values)
+        # Those that have taken effect meanwhile, and those that are as before, are not pending.
+        for name, value in tuple(self._requested.items()):
+            if value == self.values[name]:
+                self._forget([name])
+        if pending.text:
+            self._pending.update(dict.fromkeys(values.keys() & self._requested.keys(), pending))
+
+    def _outcome(self, names: Iterable[str]) -> SetParametersResult:
+        """Return the response to a request that has been carried out, or repeats one."""
+        for name in names:
+            pending = self._pending.get(name)
+            if pending is not None:
+                self.withdraw(pending.withdrawn)
+                return SetParametersResult(
+                    successful=not pending.withdrawn, reason=pending.text
+                )
+        return SetParametersResult(successful=True)
+
+    def _forget(self, names: Iterable[str]) -> None:
+        """Note that requested values are pending no longer."""
+        for name in names:
+            self._requested.pop(name, None)
+            self._pending.pop(name, None)
 
     def _checked(self, changes: list[Any]) -> dict[str, Any]:
         return {

@@ -1,0 +1,267 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A live change of the law whose code must be compiled first: the law in force continues."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from masmc_ros.cli.main import main
+from masmc_ros.errors import UserError
+from masmc_ros.law.registry import LAWS
+from masmc_ros.messages.parameter_record import ParameterRecord, read_record
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
+from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
+import pytest
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from surroundings import surroundings
+
+TIAGO = PAPER.parent / 'tiago.yaml'
+RESPONSE = 1.0
+"""Longest time in s until a service answers; a law takes several times as long to compile."""
+
+GAP = 1.0
+"""Longest time in s without a command, on a machine that compiles and runs other tests."""
+
+PATIENT = {'controller__state_timeout': GAP, 'plant__command_timeout': GAP}
+
+CHANGED_TOGETHER = 'law = broken, k_s1 = [7.0, '
+
+BROKEN = '''
+from dataclasses import replace
+
+from masmc_ros.law.law import register
+from masmc_ros.law.smc import SMC
+from masmc_ros.numerics.compiled import formula
+
+
+@formula
+def torque(settings, tick, memory, lane):
+    return no_such_name + 1.0
+
+
+BROKEN = register(replace(SMC, name='broken', torque=torque))
+'''
+
+
+class Watched:
+    """A running controller, whose commands, states and records the test watches."""
+
+    def __init__(self, tester: Peer, node: NodeProcess) -> None:
+        self.node = node
+        self._tester = tester
+        self.states: list[str] = []
+        self.records: list[ParameterRecord] = []
+        self.gaps: list[float] = []
+        self._stamp = 0
+        self._last: float | None = None
+        tester.subscribe(String, 'controller/state', self._on_state, raw=True)
+        tester.subscribe(String, 'controller/parameters', self._on_record)
+        tester.subscribe(JointState, 'joint_states', self._on_joint_states, raw=True, past=False)
+        tester.subscribe(
+            Float64MultiArray, 'effort_commands', self._on_command, raw=True, past=False
+        )
+
+    def set_parameters(self, **values: Any) -> tuple[bool, str]:
+        """Return whether a request is successful, and the reason; the response comes soon."""
+        new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        client = self._tester.known_client(
+            SetParametersAtomically, '/controller/set_parameters_atomically'
+        )
+        start = time.monotonic()
+        future = client.call_async(SetParametersAtomically.Request(parameters=new))
+        self._tester.until(future.done, 'a response')
+        assert time.monotonic() - start < RESPONSE
+        result = future.result().result
+        return result.successful, result.reason
+
+    def law(self) -> str:
+        """Return the value that the parameter service has for the law."""
+        request = GetParameters.Request(names=['law'])
+        response = self._tester.call(GetParameters, '/controller/get_parameters', request)
+        value: str = response.values[0].string_value
+        return value
+
+    def continues(self, seconds: float) -> None:
+        """Wait until it has commanded for a while of the robot's time."""
+        self._tester.until(lambda: self._stamp > 0, 'a state')
+        end, count = self._stamp + seconds * 1e9, len(self.gaps)
+        self._tester.until(lambda: self._stamp > end and len(self.gaps) > count + 2, 'commands')
+
+    def until(self, holds: Any, what: str) -> None:
+        self._tester.until(holds, what)
+
+    def uses(self, **values: Any) -> None:
+        """Wait until a tick has been computed with values of parameters."""
+
+        def holds() -> bool:
+            if not self.records:
+                return False
+            found = self.records[-1].parameters
+            return all(found[name] == value for name, value in values.items())
+
+        self._tester.until(holds, f'{values}')
+
+    def _on_state(self, raw: bytes) -> None:
+        self.states.append(text_of(raw))
+
+    def _on_record(self, message: String) -> None:
+        self.records.append(read_record(message.data))
+
+    def _on_joint_states(self, raw: bytes) -> None:
+        self._stamp = header_stamp(raw)
+
+    def _on_command(self, raw: bytes) -> None:
+        now = time.monotonic()
+        if self._last is not None:
+            self.gaps.append(now - self._last)
+        self._last = now
+
+
+def cold_environment(folder: Path) -> dict[str, str]:
+    """Return variables with which a node finds no compiled code, and a law that is broken."""
+    site = folder / 'site'
+    package = site / 'broken-1.0.dist-info'
+    package.mkdir(parents=True)
+    (site / 'broken.py').write_text(BROKEN, encoding='utf-8')
+    (package / 'METADATA').write_text('Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n')
+    (package / 'entry_points.txt').write_text('[masmc_ros.laws]\nbroken = broken:BROKEN\n')
+    return {
+        'XDG_CACHE_HOME': str(folder / 'cache'),
+        'PYTHONPATH': os.pathsep.join([str(site), surroundings()['PYTHONPATH']]),
+    }
+
+
+@contextmanager
+def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watched]:
+    """Yield a controller in real time that finds the compiled code of no law on the disk."""
+    arguments = ros_arguments(
+        file, pacing='realtime', control_period=0.01, duration=0.0, **PATIENT, **settings
+    )
+    with processes(folder) as started, peer(started.domain) as tester:
+        environment = cold_environment(folder)
+        controller = Watched(
+            tester, started.start('controller', *arguments, environment=environment)
+        )
+        for name in ('trajectory', 'plant'):
+            started.start(name, *arguments)
+        controller.continues(0.5)
+        controller.gaps.clear()
+        yield controller
+
+
+def check_changes(controller: Watched) -> None:
+    """Change the law to one that must be compiled, others meanwhile, and to a broken one."""
+    controller.uses(law='rasmc')
+    text = 'law = {}: compiling; rasmc continues until the code is ready'
+    assert controller.set_parameters(law='terminal') == (True, text.format('terminal'))
+    # A later change replaces it; a request that is repeated is answered as the first was.
+    for _ in range(2):
+        assert controller.set_parameters(law='pid') == (True, text.format('pid'))
+    assert controller.law() == 'pid'
+    # Other parameters count at once, for the law in force and for the one that comes.
+    assert controller.set_parameters(observer_gain=0.25) == (True, '')
+    controller.uses(observer_gain=0.25, law='rasmc')
+    controller.uses(observer_gain=0.25, law='pid')
+    assert controller.records[-1].changed == ('law',)
+    assert 'terminal' not in [record.parameters['law'] for record in controller.records]
+    controller.continues(0.2)
+    # A law that cannot be compiled changes nothing, nor does what was requested with it.
+    successful, reason = controller.set_parameters(law='broken', k_s1=7.0)
+    assert successful
+    assert reason.startswith(CHANGED_TOGETHER)
+    controller.until(lambda: controller.law() == 'pid', 'the law in force')
+    (line,) = controller.node.logged('WARN', CHANGED_TOGETHER)
+    assert 'no_such_name' in line
+    assert 'pid continues' in line
+    # Its code is loaded: nothing is to be waited for.
+    assert controller.set_parameters(law='rasmc') == (True, '')
+    controller.uses(law='rasmc')
+    assert controller.records[-1].parameters['k_s1'] != [7.0] * 4
+    controller.continues(0.2)
+    assert max(controller.gaps) < GAP
+    assert controller.states[-1] == 'active'
+    assert not controller.node.logged('ERROR', 'fault: ')
+
+
+def test_law_to_compile_previous_law_continues(tmp_path: Path) -> None:
+    with running(tmp_path, None) as controller:
+        check_changes(controller)
+    # What a tick may need for the first time later is compiled at the start.
+    assert list((tmp_path / 'cache').rglob('windows._between*'))
+
+
+def test_law_to_compile_in_lockstep_next_tick_waits(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / 'run.mcap'
+    arguments = ros_arguments(
+        PAPER,
+        plant__wait_for='[controller, trajectory, recorder, peer]',
+        recorder__output=log,
+    )
+    with processes(tmp_path) as started, peer(started.domain) as tester:
+        environment = cold_environment(tmp_path)
+        controller = Watched(
+            tester, started.start('controller', *arguments, environment=environment)
+        )
+        for name in ('trajectory', 'plant', 'recorder'):
+            started.start(name, *arguments)
+        controller.continues(0.1)
+        text = 'law = {}: compiling; the run waits until the code is ready'
+        assert controller.set_parameters(law='pid') == (True, text.format('pid'))
+        # The service answers while the run waits, and nothing is computed.
+        count = len(controller.gaps)
+        assert controller.set_parameters(k_s1=90.0) == (True, '')
+        assert controller.law() == 'pid'
+        assert len(controller.gaps) <= count + 1
+        controller.uses(law='pid', k_s1=[90.0] * 4)
+        assert set(started.wait().values()) == {0}, started.output()
+    laws = [(record.tick, record.parameters['law']) for record in controller.records]
+    first = next(tick for tick, law in laws if law == 'pid')
+    assert all(tick == first for tick, _ in laws[1:])
+    assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
+    assert 'are the same bits' in capfd.readouterr().out
+
+
+@pytest.mark.slow
+def test_law_of_tree_robot_previous_law_continues(tmp_path: Path) -> None:
+    try:
+        load_scenario(str(TIAGO))
+    except UserError as missing:
+        pytest.skip(str(missing))
+    with running(tmp_path, TIAGO) as controller:
+        check_changes(controller)
+
+
+@pytest.mark.slow
+def test_all_laws_in_turn_each_is_used(tmp_path: Path) -> None:
+    with running(tmp_path, None) as controller:
+        for law in (*LAWS, *LAWS):
+            successful, _ = controller.set_parameters(law=law)
+            assert successful
+            controller.uses(law=law)
+            controller.continues(0.1)
+        assert max(controller.gaps) < GAP
