@@ -57,9 +57,10 @@ from masmc_ros.loop.controller_events import (
     DEACTIVATED,
     GUIDED,
     RESUMED,
+    UNFOLDED,
 )
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, VOID
+from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNFOLD, VOID
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
@@ -73,6 +74,9 @@ STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 
 SECOND_LOOK = 0.01
 """Time in s after which missing states are checked again; this process may have been late."""
+
+UNFOLDING_TIME = 5.0
+"""Longest time in s to leave a singular posture."""
 
 _QUIET = 1.0
 """Time in s between two lines about missing states."""
@@ -180,6 +184,7 @@ class ControllerCore:
         self._has_guided = False
         self._action = VOID
         self._awaited = ''
+        self._is_unfolding, self._unfolded_by = False, 0
         self._halted: int | None = None
         self._gap_reported = -math.inf
         self._published = ''
@@ -410,7 +415,9 @@ class ControllerCore:
         if supervisor.is_active:
             if reference is None:
                 return self._wait(stamp, position, velocity, 'the trajectory (reference)')
-            error = self._compute(stamp, position, velocity, reference, now)
+            error = None
+            if not self._unfolds(stamp, position, velocity):
+                error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
                 return (*self._taken(), Failure(error))
         self._pending = None
@@ -419,7 +426,10 @@ class ControllerCore:
             self._more.append(Wait(None))
         tick = round(stamp / self._period_ns)
         # Read again: the computation may have raised a fault.
-        if supervisor.is_active:
+        if self._is_unfolding and supervisor.is_active:
+            self._stop_command.stamp = stamp
+            actions = self._stop_only
+        elif supervisor.is_active:
             self._command.stamp = stamp
             actions = self._command_only
             if self._decimation and not tick % self._decimation:
@@ -478,6 +488,26 @@ class ControllerCore:
             self._halt()
             self._approach.begin()
         return self._taken()
+
+    def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
+        """Move from a singular posture to a regular one before the law starts; False if it can."""
+        if not self._is_unfolding:
+            is_start = self._computed is None or not self._was_computed
+            if (
+                not (is_start or self._activation != self.supervisor.activations)
+                or not self.pacing.approaches(was_off=self._was_computed is False)
+                or not self._stop.is_singular(position)
+            ):
+                return False
+            self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
+            self._unfolded_by = stamp + round(1e9 * UNFOLDING_TIME)
+            self._queue_record(UNFOLDED)
+            self._stop.start(UNFOLD, stamp, position, velocity)
+        elif not self._stop.is_singular(position) or stamp >= self._unfolded_by:
+            self._is_unfolding = False
+            return False
+        self._is_unfolding = self._stop.update(stamp, position, velocity)
+        return self._is_unfolding
 
     def _compute(
         self, stamp: int, position: Array, velocity: Array, reference: Array, now: float
@@ -547,7 +577,7 @@ class ControllerCore:
 
     def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Compute the torque of the safe stop for a state; False for a void command."""
-        action = self._stop_action()
+        action, self._is_unfolding = self._stop_action(), False
         is_new = self._was_computed is not False or action != self._action
         if is_new:
             self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
@@ -622,6 +652,7 @@ class ControllerCore:
         self._pending = None
         self._activation = -1
         self._was_computed = None
+        self._is_unfolding = False
 
     def _after_change(self, now: float) -> Actions:
         """Return the actions after the supervisor may have changed between two states."""

@@ -28,7 +28,10 @@ DEACTIVATED = 'deactivated'
 GUIDED = 'hand guiding'
 """The law is not computed; gravity is compensated, and a hand moves the arm."""
 
+UNFOLDED = 'leaving a singular posture'
+"""Before an activation: the joints move to a posture in which the law can start."""
+
 ADAPTATION_RESET = 'adaptation reset'
 """What was learned is forgotten; what was commanded is not."""
 
-EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, ADAPTATION_RESET)
+EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED, ADAPTATION_RESET)

@@ -38,7 +38,7 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.arrays import taken, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
-from masmc_ros.numerics.limits import limited
+from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.record import fill, get, new_record, put
 from masmc_ros.numerics.scalars import minus, moved, zero
 from masmc_ros.numerics.tuples import dot, each, tail
@@ -54,6 +54,9 @@ VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
 
 GUIDE = 'guide'
 """Action while the arm is guided by hand: gravity torque and light damping."""
+
+UNFOLD = 'unfold'
+"""Action before a law starts in a singular posture: the joints move to a regular one."""
 
 BALANCE = 'balance'
 """Action after a loss of the states: the gravity torque of the last state, no damping."""
@@ -84,6 +87,10 @@ _GUIDE_GAIN = 5.0
 _BRAKING = 8.0
 """Rate in 1/s at which the reference comes to rest."""
 
+_UNFOLDING = 4.0
+"""Rate in 1/s at which the reference goes to a regular posture, and its largest speed in rad/s."""
+_UNFOLDING_SPEED = 0.5
+
 _FILTER = 0.005
 """Time constant in s of velocities that are differences of joint angles."""
 
@@ -100,6 +107,7 @@ _FIELDS = (
     Field('angles', 'joints', 'Joint angles of the last state', 'rad'),
     Field('rates', 'joints', 'Joint velocities of the last state', 'rad/s'),
     Field('reference_angles', 'joints', 'q_r', 'rad'),
+    Field('goal', 'joints', 'Joint angles to go to', 'rad'),
     Field('reference_rates', 'joints', 'v_r', 'rad/s'),
     Field('torque', 'joints', 'Torque commanded last', 'N·m'),
 )
@@ -113,6 +121,7 @@ def _stop_torque(
     elapsed: float,
     gain: float,
     stiffness: float,
+    pull: float,
     is_estimated: bool,
     out: Any,
 ) -> bool:
@@ -127,7 +136,14 @@ def _stop_torque(
         share = elapsed / (elapsed + _FILTER)
         before = get(body, 'angles', 0)
         rates = each(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
-    v_r = each(_braked, get(body, 'reference_rates', 0), 1.0 / (1.0 + _BRAKING * elapsed))
+    v_r = each(
+        _led,
+        get(body, 'reference_rates', 0),
+        get(body, 'reference_angles', 0),
+        get(body, 'goal', 0),
+        1.0 / (1.0 + _BRAKING * elapsed),
+        pull,
+    )
     q_r = each(moved, get(body, 'reference_angles', 0), v_r, elapsed)
     put(body, 'position', 0, at)
     put(body, 'angles', 0, angles)
@@ -140,7 +156,7 @@ def _stop_torque(
     motion = mechanism.motion(model, apart)
     weight = mechanism.coriolis(model, bend, theta, each(zero, motion))
     inertia = mechanism.inertia(model, bend, theta)
-    feedback = mechanism.inertia_times(model, inertia, each(_braked, motion, gain))
+    feedback = mechanism.inertia_times(model, inertia, each(_scaled, motion, gain))
     raw = mechanism.joint_torques(model, each(minus, weight, feedback))
     torque = each(
         limited,
@@ -159,7 +175,13 @@ def _stop_torque(
 
 
 @formula
-def _braked(rate: float, factor: float) -> float:
+def _led(rate: float, angle: float, goal: float, share: float, pull: float) -> float:
+    """Return a velocity that is braked, and led to a goal if `pull` is not zero."""
+    return rate * share + (1.0 - share) * clipped(pull * (goal - angle), _UNFOLDING_SPEED)
+
+
+@formula
+def _scaled(rate: float, factor: float) -> float:
     return rate * factor
 
 
@@ -183,7 +205,7 @@ class SafeStop:
     Attributes
     ----------
     action
-        Current action: VOID, GRAVITY, HOLD, GUIDE or BALANCE.
+        Current action: VOID, GRAVITY, HOLD, GUIDE, UNFOLD or BALANCE.
 
     """
 
@@ -203,7 +225,7 @@ class SafeStop:
         fill(self._record, 'geometry', controller.robot.geometry)
         fill(self._record, 'nominal', controller.nominal)
         fill(self._record, 'period', controller.period)
-        self._gain = self._stiffness = 0.0
+        self._gain = self._stiffness = self._pull = 0.0
         self._stamp = 0
         self.action = VOID
 
@@ -219,7 +241,7 @@ class SafeStop:
         Parameters
         ----------
         action
-            VOID, GRAVITY, HOLD, GUIDE or BALANCE. Commanded rates always end with VOID.
+            VOID, GRAVITY, HOLD, GUIDE, UNFOLD or BALANCE. Commanded rates always end with VOID.
         stamp
             Stamp of the state in ns.
         position, velocity
@@ -240,14 +262,17 @@ class SafeStop:
             gain = min(gain, _GUIDE_GAIN)
             rates[:] = 0.0
         self._gain = 0.0 if action == BALANCE else gain
-        self._stiffness = 0.25 * gain if action == HOLD else 0.0
+        self._stiffness = 0.25 * gain if action in (HOLD, UNFOLD) else 0.0
+        self._pull = _UNFOLDING if action == UNFOLD else 0.0
         angles = position[-len(rates):]
+        goal = self._regular_posture(angles) if action == UNFOLD else None
         for name, value in (
             ('limit', controller.values['torque_limit']),
             ('rate_limit', controller.values['torque_rate_limit']),
             ('angles', angles),
             ('rates', rates),
             ('reference_angles', angles),
+            ('goal', angles if goal is None else goal),
             ('reference_rates', rates),
             ('torque', commanded),
         ):
@@ -284,6 +309,7 @@ class SafeStop:
             elapsed,
             self._gain,
             self._stiffness,
+            self._pull,
             is_estimated,
             controller.torque,
         ):
@@ -291,6 +317,17 @@ class SafeStop:
             return False
         controller.commanded[:] = controller.torque
         return True
+
+    def is_singular(self, position: Array) -> bool:
+        """Return True if the law should not start in this position (positions)."""
+        if self._controller.commands_rates:
+            return False
+        return self._regular_posture(position[-len(self._controller.torque):]) is not None
+
+    def _regular_posture(self, angles: Array) -> Array | None:
+        find = getattr(self._controller.mechanism.formulas, 'regular_posture', None)
+        posture: Array | None = None if find is None else find(angles)
+        return posture
 
     def release(self) -> None:
         """Command nothing from now on; the commanded torque is zero."""

@@ -30,8 +30,9 @@ from masmc_ros.loop.controller_events import (
     DEACTIVATED,
     GUIDED,
     RESUMED,
+    UNFOLDED,
 )
-from masmc_ros.loop.safe_stop import GUIDE, SafeStop, VOID
+from masmc_ros.loop.safe_stop import GUIDE, SafeStop, UNFOLD, VOID
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.stretch import Change, Stretch
@@ -139,14 +140,14 @@ class Simulation:
             self.controller.forget()
         elif change.event == RESUMED:
             self._stop.end()
-        elif change.event in (DEACTIVATED, GUIDED):
-            action = GUIDE
+        elif change.event in (DEACTIVATED, GUIDED, UNFOLDED):
+            action = GUIDE if change.event == GUIDED else UNFOLD
             if change.event == DEACTIVATED:
                 action = self.controller.values['fault_action'] if self._has_moved else VOID
             plant, stamp = self.plant, self.timing.stamp(change.tick)
             self._stop.start(action, stamp, plant.position, plant.velocity)
-            self._has_moved |= change.event == GUIDED
-        if change.event in (ACTIVATED, RESUMED, DEACTIVATED, GUIDED):
+            self._has_moved |= change.event != DEACTIVATED
+        if change.event in (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED):
             self._is_active = change.event in (ACTIVATED, RESUMED)
 
     def _followed(self, first: int, reference: Array) -> Array:

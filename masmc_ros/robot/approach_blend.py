@@ -22,13 +22,26 @@ from masmc_ros.numerics.hermite import quintic, Sample
 SHORTEST = 0.5
 """Shortest duration of an approach in s, and the time in which a moving robot is braked."""
 
+_LEAD = 2.0
+"""Longest time in s in which the velocity of the reference is reached."""
+
 
 @formula
 def decayed(
     distance: float, rate: float, change: float, duration: float, part: float
 ) -> Sample:
-    """Return the remaining distance and its derivatives at `part` (0 to 1) of `duration` s."""
-    return quintic((distance, rate, change), (0.0, 0.0, 0.0), duration, part)
+    """
+    Return the remaining distance and its derivatives at `part` (0 to 1) of `duration` s.
+
+    The distance decays over the whole duration. The velocity and acceleration of the reference,
+    from which a robot at rest differs, are reached within 2 s: over a longer time, a polynomial
+    that starts with them leads far away.
+    """
+    lead = min(duration, _LEAD)
+    led = min(part * duration / lead, 1.0)
+    x, v, a = quintic((distance, 0.0, 0.0), (0.0, 0.0, 0.0), duration, part)
+    dx, dv, da = quintic((0.0, rate, change), (0.0, 0.0, 0.0), lead, led)
+    return x + dx, v + dv, a + da
 
 
 @formula

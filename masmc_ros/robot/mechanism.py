@@ -47,6 +47,12 @@ Beside the formulas the module has, in plain Python or as kernels over arrays:
     description(values, driven, frame_prefix)   URDF, of all values by their whole names, with
                                       these names of the driven joints, a prefix before all links
     outline(lengths, position)        an `Outline`: what it looks like from above
+
+It may have, where a straight line to the reference could leave the robot's reach:
+
+    approach_start, approach_sample   kernels in place of those of `reference/approach.py`
+    regular_posture(angles)           joint angles from which a law in task space can start; None
+                                      if those given are
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from masmc_ros.control.actions import (
@@ -36,10 +36,25 @@ from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.params.declaration import check_all
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
+from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
+from masmc_ros.scenario.node_parameters import declared
 import numpy as np
+
+
+def node_values(
+    shared: Mapping[str, Any] | None = None, **nodes: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """Return checked values of plant, trajectory and controller, in real time by default."""
+    values = {'pacing': 'realtime', **(shared or {})}
+    mechanism = chosen(values)
+    return {
+        name: check_all(declared(name, mechanism), {**values, **nodes.get(name, {})})
+        for name in ('plant', 'trajectory', 'controller')
+    }
 
 
 class CoreLoop:
@@ -54,6 +69,8 @@ class CoreLoop:
         Text on `controller/state`.
     reports
         Every text of `controller/state` so far, with its time in s.
+    drives
+        Torque (joints) that the drives make of a command; the command itself by default.
 
     """
 
@@ -76,6 +93,7 @@ class CoreLoop:
         self.torque: np.ndarray | None = None
         self.state, self.reports = '', []
         self.is_over = False
+        self.drives: Callable[[np.ndarray], np.ndarray] = lambda torque: torque
         self.perform(self.core.begin())
 
     @property
@@ -120,7 +138,7 @@ class CoreLoop:
             self.perform(self.core.on_state(stamp, plant.position, plant.velocity, self.now))
         if self.core.deadline <= self.now:
             self.perform(self.core.on_timer(self.now))
-        self.plant.advance(self.torque)
+        self.plant.advance(None if self.torque is None else self.drives(self.torque))
         self.tick += 1
 
     def run(self, seconds: float, **what: bool) -> dict[str, np.ndarray]:

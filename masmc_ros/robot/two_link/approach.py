@@ -38,6 +38,11 @@ from masmc_ros.numerics.portable_math import angle_of, sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.approach_blend import decayed, returned
+import numpy as np
+from numpy.typing import NDArray
+
+_STRETCHED, _BENT = 0.2, 0.4
+"""Angles in rad from a stretched or folded elbow: too close to it, and regular."""
 
 _SMALLEST = 1e-9
 """Distance in m below which a direction is undefined."""
@@ -167,3 +172,17 @@ def approach_sample(
     out[5] = out[7] + r_rate * s + r * turn * c
     out[8] = out[10] + along * c - across * s
     out[9] = out[11] + along * s + across * c
+
+
+def regular_posture(angles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """
+    Return joint angles (4) with a bent elbow; None if the elbow is bent.
+
+    A law in task space cannot start with a stretched or folded arm that moves.
+    """
+    singular = round(float(angles[3]) / math.pi) * math.pi
+    if abs(angles[3] - singular) >= _STRETCHED:
+        return None
+    bent = angles.copy()
+    bent[3] = singular + math.copysign(_BENT, angles[3] - singular)
+    return bent

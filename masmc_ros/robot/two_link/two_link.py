@@ -36,7 +36,11 @@ from masmc_ros.robot.square_task import (
     tracking,
 )
 from masmc_ros.robot.two_link import consistency, dynamics, geometry, kinematics
-from masmc_ros.robot.two_link.approach import approach_sample, approach_start
+from masmc_ros.robot.two_link.approach import (
+    approach_sample,
+    approach_start,
+    regular_posture,
+)
 from masmc_ros.robot.two_link.constants import constants, out_of_reach, start
 from masmc_ros.robot.two_link.description import description
 from masmc_ros.robot.two_link.drawing import outline
@@ -59,6 +63,7 @@ __all__ = [
     'out_of_reach',
     'outline',
     'reference_motion',
+    'regular_posture',
     'start',
     'task_error',
     'task_inertia',

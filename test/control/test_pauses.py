@@ -1,0 +1,130 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Activation after a pause: the approach keeps the robot within its reach and its limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from core_loop import CoreLoop, node_values
+from hypothesis import assume, given, HealthCheck, settings
+from hypothesis import strategies as st
+from masmc_ros.errors import InputError
+from masmc_ros.messages.reference_window import ReferenceWindow
+import numpy as np
+import pytest
+
+WHEEL_SPEED, ARM_SPEED = 30.0, 12.0
+"""Bounds in rad/s: 1.5 m/s of a wheel of 0.0508 m, and ten times the paper's motion."""
+
+pauses = st.floats(-1.0, math.log10(600.0)).map(lambda exponent: 10.0**exponent)
+
+
+def worst_speeds(signals: dict[str, np.ndarray]) -> tuple[float, float]:
+    rates = np.abs(signals['velocity'][:, 3:])
+    return float(rates[:, :2].max()), float(rates[:, 2:].max())
+
+
+def check(loop: CoreLoop, seconds: float) -> None:
+    signals = loop.run(seconds)
+    wheels, arm = worst_speeds(signals)
+    assert wheels < WHEEL_SPEED, (loop.now, loop.reports[-3:])
+    assert arm < ARM_SPEED, (loop.now, loop.reports[-3:])
+    torque = np.nan_to_num(signals['torque'])
+    assert (np.abs(torque) <= [8.0, 8.0, 20.0, 10.0]).all()
+
+
+def pause_and_continue(loop: CoreLoop, off_at: float, pause: float, after: float) -> None:
+    check(loop, off_at)
+    loop.perform(loop.core.on_enable(loop.now, enabled=False))
+    check(loop, pause)
+    loop.perform(loop.core.on_enable(loop.now, enabled=True))
+    check(loop, after)
+    assert loop.state == 'active', loop.reports
+
+
+@pytest.mark.parametrize('pause', [0.1, 2.0, 20.0, 40.0])
+def test_enable_after_a_pause_reaches_the_reference(pause: float) -> None:
+    loop = CoreLoop(node_values())
+    pause_and_continue(loop, 5.0, pause, 5.0)
+    # Half the reference is approached at 0.25 m/s; then the error is that of the law.
+    while loop.core._approach.is_on:
+        check(loop, 1.0)
+    check(loop, 5.0)
+    assert np.abs(loop.controller.error).max() < 0.01
+
+
+def test_enable_after_ten_minutes_stays_bounded() -> None:
+    pause_and_continue(CoreLoop(node_values()), 5.0, 600.0, 30.0)
+
+
+def scenario_of(data: st.DataObject) -> dict[str, dict[str, Any]]:
+    """Return a robot anywhere, and a path within the reach of its arm."""
+
+    def numbers(low: float, high: float, count: int) -> list[float]:
+        return data.draw(st.lists(st.floats(low, high), min_size=count, max_size=count))
+
+    speed = numbers(-0.2, 0.2, 2)
+    return {
+        'trajectory': {
+            'line_sine.offset': [*numbers(-0.6, 0.6, 2), 0.0, 0.0],
+            'line_sine.slope': [*speed, *speed],
+            'line_sine.amplitude': numbers(0.0, 0.3, 4),
+            'line_sine.frequency': numbers(0.0, 1.0, 4),
+            'line_sine.phase': numbers(0.0, 6.0, 4),
+        },
+        'plant': {
+            'initial_joints': [0.0, 0.0, *numbers(-3.0, 3.0, 2)],
+            'initial_pose': numbers(-3.0, 3.0, 3),
+        },
+    }
+
+
+def check_any_pause(data: st.DataObject, pause: float) -> None:
+    loop = CoreLoop(node_values(**scenario_of(data)))
+    try:
+        loop.trajectory.sample(0, round((pause + 60.0) / loop.period))
+    except InputError:
+        assume(False)
+    pause_and_continue(loop, data.draw(st.floats(0.1, 30.0)), pause, 30.0)
+
+
+@settings(max_examples=4, suppress_health_check=list(HealthCheck))
+@given(st.data(), st.floats(0.1, 20.0))
+def test_enable_anywhere_after_a_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
+    check_any_pause(data, pause)
+
+
+@pytest.mark.slow
+@settings(max_examples=200, suppress_health_check=list(HealthCheck))
+@given(st.data(), pauses)
+def test_enable_anywhere_after_any_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
+    check_any_pause(data, pause)
+
+
+def test_reference_out_of_reach_is_rejected_and_the_position_held() -> None:
+    loop = CoreLoop(node_values())
+    check(loop, 2.0)
+    far = np.zeros((200, 3, 4))
+    far[:, 0, 0] = 2.0
+    with pytest.raises(InputError, match='cannot be reached'):
+        loop.core.on_reference(
+            ReferenceWindow(loop.timing.stamp(loop.tick), loop.period, far), loop.now
+        )
+    # No other reference arrives: the last position is held.
+    signals = loop.run(10.0, has_reference=False)
+    assert loop.state == 'active'
+    assert np.abs(signals['velocity'][-1, 3:]).max() < 1.0

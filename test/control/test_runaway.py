@@ -1,0 +1,89 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Detection of a run-away: true alarms, no false ones, and rest afterwards."""
+
+from __future__ import annotations
+
+from core_loop import CoreLoop, node_values
+from masmc_ros.law.registry import LAWS, SWITCHING
+import numpy as np
+import pytest
+
+PAPER = {
+    'control_period': 0.001,
+    'robot.speed_limits': [
+        'wheel_right_joint 40.0', 'wheel_left_joint 40.0', 'arm_joint_1 8.0', 'arm_joint_2 8.0',
+    ],
+}
+
+
+def rests_after_a_runaway(loop: CoreLoop) -> None:
+    """Wait for the fault, let the cause end, and check the hold."""
+    for _ in range(round(5.0 / loop.period)):
+        if loop.state.startswith('fault'):
+            break
+        loop.step()
+    assert loop.state.startswith('fault: run-away'), loop.reports
+    assert np.abs(loop.plant.true_velocity[3:]).max() < 60.0
+    loop.drives = lambda torque: torque
+    signals = loop.run(10.0)
+    assert loop.state.startswith('fault: run-away')
+    assert np.abs(signals['velocity'][:, 3:]).max() < 60.0
+    assert np.abs(signals['velocity'][-100:, 3:]).max() < 10.0
+
+
+def test_late_states_of_an_accurate_law_are_detected() -> None:
+    """With states 5 ms old at 1 kHz the disturbance estimate diverges."""
+    rests_after_a_runaway(CoreLoop(node_values(PAPER, plant={'measurement_delay': 0.005})))
+
+
+@pytest.mark.parametrize('joint', [2, 3])
+def test_reversed_joint_is_detected(joint: int) -> None:
+    loop = CoreLoop(node_values(PAPER))
+    loop.run(1.0)
+    sign = np.ones(4)
+    sign[joint] = -1.0
+    loop.drives = lambda torque: sign * torque
+    began = loop.now
+    rests_after_a_runaway(loop)
+    at = next(time for time, text in loop.reports if text.startswith('fault'))
+    assert at - began < 0.4
+
+
+def test_fault_is_latched_until_it_is_cleared() -> None:
+    loop = CoreLoop(node_values(PAPER, plant={'measurement_delay': 0.005}))
+    loop.run(3.0)
+    assert loop.core.guide_refusal(enabled=True)
+    loop.perform(loop.core.on_clear(loop.now))
+    assert loop.state == 'inactive: a fault was cleared'
+
+
+@pytest.mark.parametrize('law', ['smc', 'rasmc'])
+@pytest.mark.parametrize('period', [0.001, 0.01])
+def test_ordinary_run_raises_no_alarm(law: str, period: float) -> None:
+    loop = CoreLoop(node_values({**PAPER, 'control_period': period}, controller={'law': law}))
+    loop.run(20.0)
+    assert loop.state == 'active'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('law', list(LAWS))
+@pytest.mark.parametrize('switching', SWITCHING)
+def test_ordinary_run_of_every_law_raises_no_alarm(law: str, switching: str) -> None:
+    """1 kHz, the limits of the default drives; sign is a run-away under them, as it is."""
+    control = {'law': law, 'switching': switching}
+    loop = CoreLoop(node_values(PAPER, controller=control))
+    loop.run(10.0)
+    assert loop.state == 'active', loop.reports

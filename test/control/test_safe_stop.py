@@ -1,0 +1,232 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Safe end of torque control: every cause, three mechanisms, wrong masses, a minute long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from core_loop import CoreLoop, node_values
+from masmc_ros.errors import InputError
+from masmc_ros.loop.controller import Controller
+from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
+from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.robot.robot import robot_of
+import numpy as np
+import pytest
+import small_tree
+
+LIMIT = np.array([8.0, 8.0, 20.0, 10.0])
+ROBOTS = 'package://example-robot-data/robots'
+TREES: dict[str, tuple[dict[str, Any], tuple[float, ...]]] = {
+    'small': (small_tree.parameters(), small_tree.START),
+    'ur5': (
+        {
+            'robot.urdf': f'{ROBOTS}/ur_description/urdf/ur5_robot.urdf',
+            'robot.base': 'fixed',
+            'robot.tip_frame': 'tool0',
+        },
+        (0.0, -1.2, 1.3, -0.5, 1.0, 0.0),
+    ),
+    'tiago': (
+        {
+            'robot.urdf': f'{ROBOTS}/tiago_description/robots/tiago.urdf',
+            'robot.base': 'differential',
+            'robot.wheels': ('wheel_right_joint', 'wheel_left_joint'),
+            'robot.joints': ('torso_lift_joint', *(f'arm_{i}_joint' for i in range(1, 8))),
+            'robot.tip_frame': 'arm_tool_link',
+        },
+        (0.0, 0.0, 0.15, 1.4, -0.2, -1.6, 1.6, 0.2, 0.3, 0.0),
+    ),
+}
+
+
+def fail_law(loop: CoreLoop) -> None:
+    compute = loop.controller.answer
+
+    def answer(*arrays: Any) -> int:
+        loop.controller.answer = compute  # type: ignore[method-assign]
+        raise InputError('law failed')
+
+    loop.controller.answer = answer  # type: ignore[method-assign]
+
+
+CAUSES: dict[str, tuple[Callable[[CoreLoop], object], dict[str, bool], str]] = {
+    'disabled': (
+        lambda loop: loop.perform(loop.core.on_enable(loop.now, enabled=False)),
+        {},
+        'inactive: disabled',
+    ),
+    'emergency stop': (
+        lambda loop: loop.perform(loop.core.on_stop(loop.now)), {}, 'fault: emergency stop',
+    ),
+    'law': (fail_law, {}, 'fault: law failed'),
+    'reference': (lambda loop: None, {'has_reference': False}, 'fault: no reference for 0.1 s'),
+    'states': (lambda loop: None, {'has_state': False}, 'fault: no usable joint_states'),
+}
+
+
+@pytest.mark.parametrize('scale', [0.5, 1.0, 2.0])
+@pytest.mark.parametrize('cause', list(CAUSES))
+def test_safe_stop_of_every_cause_stays_bounded(cause: str, scale: float) -> None:
+    """The planar robot under the paper's disturbance, 60 s."""
+    act, what, state = CAUSES[cause]
+    control = {'model_scale': scale, 'reference_timeout': 0.1}
+    loop = CoreLoop(node_values(controller=control), ahead=0.2)
+    loop.run(3.0)
+    act(loop)
+    signals = loop.run(60.0, **what)
+    assert loop.state.startswith(state), loop.reports
+    rates = np.abs(signals['velocity'][:, 3:])
+    assert rates[:, :2].max() < 15.0
+    # Without states the last torque is held for 0.1 s, which nothing can stop.
+    assert rates[:, 2:].max() < (15.0 if cause == 'states' else 4.0)
+    torque = signals['torque']
+    assert (np.abs(np.nan_to_num(torque)) <= LIMIT).all()
+    if cause == 'states':
+        # Held until the timeout, the gravity torque for 0.1 s, then nothing.
+        is_void = np.isnan(torque[:, 0])
+        first = int(np.argmax(is_void))
+        assert is_void[first:].all()
+        assert 0.2 < first * loop.period < 0.3
+    else:
+        assert np.isfinite(torque[1:]).all()
+        # The stiffness is that of the assumed inertia: the disturbance of 3 N·m bends the elbow.
+        angles = signals['position'][200:, 5:]
+        assert np.ptp(angles, axis=0).max() < 1.3 / scale
+
+
+def test_void_action_commands_nothing() -> None:
+    loop = CoreLoop(node_values(controller={'fault_action': 'void'}))
+    loop.run(1.0)
+    loop.perform(loop.core.on_stop(loop.now))
+    assert np.isnan(loop.run(1.0)['torque']).all()
+
+
+def test_controller_that_never_moved_the_robot_commands_nothing() -> None:
+    loop = CoreLoop(node_values(controller={'active_on_start': False}))
+    assert np.isnan(loop.run(1.0)['torque']).all()
+    loop.perform(loop.core.on_stop(loop.now))
+    assert np.isnan(loop.run(1.0)['torque']).all()
+
+
+def test_torque_is_continuous_when_the_law_ends_and_returns() -> None:
+    loop = CoreLoop(node_values())
+    rate = np.array([400.0, 400.0, 1000.0, 500.0])
+    torques = [loop.run(2.0)['torque']]
+    for enabled in (False, True):
+        loop.perform(loop.core.on_enable(loop.now, enabled=enabled))
+        torques.append(loop.run(1.0)['torque'])
+    change = np.abs(np.diff(np.concatenate(torques), axis=0))
+    assert (change <= rate * loop.period * (1.0 + 1e-9)).all()
+
+
+def test_hand_guiding_ends_with_an_approach() -> None:
+    loop = CoreLoop(node_values(plant={'disturbance.amplitude': [0.0] * 4}))
+    loop.run(3.0)
+    loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    assert loop.state == 'inactive: hand guiding'
+    before = loop.plant.true_position[6]
+    # A hand bends the elbow with 2 N·m for a second.
+    hand = np.array([0.0, 0.0, 0.0, 2.0])
+    loop.drives = lambda torque: torque + hand
+    loop.run(1.0)
+    loop.drives = lambda torque: torque
+    assert loop.plant.true_position[6] - before > 0.3
+    assert np.abs(loop.run(5.0)['velocity'][-1]).max() < 0.05
+    loop.perform(loop.core.on_guide(loop.now, enabled=False))
+    signals = loop.run(30.0)
+    assert loop.state == 'active'
+    assert np.abs(signals['velocity'][:, 5:]).max() < 3.0
+    assert np.abs(loop.controller.error).max() < 0.01
+
+
+def test_missing_states_while_guided_end_the_torque() -> None:
+    loop = CoreLoop(node_values())
+    loop.run(2.0)
+    loop.perform(loop.core.on_guide(loop.now, enabled=True))
+    loop.run(1.0)
+    torque = loop.run(1.0, has_state=False)['torque']
+    assert np.isnan(torque[30:]).all()
+    assert np.isfinite(loop.run(1.0)['torque'][1:]).all()
+
+
+def held(name: str, action: str, scale: float, period: float, seed: int) -> dict[str, float]:
+    """Return figures of a safe stop of a tree from a random motion, 60 s long."""
+    given, start = TREES[name]
+    shared = {**given, 'control_period': period}
+    joints = len(start)
+    speed = 0.5 * np.random.default_rng(seed).uniform(-1.0, 1.0, joints)
+    values = node_values(
+        shared,
+        plant={
+            'initial_joints': start,
+            'initial_velocity': speed.tolist(),
+            'disturbance.amplitude': [0.0] * joints,
+        },
+        controller={'model_scale': scale, 'fault_action': action},
+    )
+    plant = plant_of(values['plant'], period)
+    controller = Controller(robot_of(values['controller']), period, values['controller'])
+    stop = SafeStop(controller)
+    stop.start(action, 0, plant.position, plant.velocity)
+    heights, peak = [], 0.0
+    for tick in range(round(60.0 / period)):
+        is_commanded = stop.update(round(tick * period * 1e9), plant.position, plant.velocity)
+        plant.advance(controller.torque if is_commanded else None)
+        peak = max(peak, float(np.abs(plant.true_velocity[-joints:]).max()))
+        heights.append(plant.robot.task_positions(plant.true_position[None])[0, 2])
+    return {
+        'sink': heights[0] - min(heights),
+        'rise': max(heights) - heights[0],
+        'peak': peak,
+        'end': float(np.abs(plant.true_velocity[-joints:]).max()),
+    }
+
+
+@pytest.mark.parametrize('scale', [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'small',
+        pytest.param('ur5', marks=pytest.mark.slow),
+        pytest.param('tiago', marks=pytest.mark.slow),
+    ],
+)
+def test_hold_of_a_tree_comes_to_rest(name: str, scale: float) -> None:
+    if name != 'small':
+        pytest.importorskip('example_robot_data')
+    figures = held(name, HOLD, scale, 0.01, seed=1)
+    assert figures['end'] < 1e-3
+    assert figures['peak'] < 6.0
+    assert max(figures['sink'], figures['rise']) < 0.3
+
+
+def test_hold_with_wrong_masses_sinks_less_than_gravity_alone() -> None:
+    sinks = {
+        action: held('small', action, 0.5, 0.01, seed=2)['sink'] for action in (HOLD, GRAVITY)
+    }
+    assert sinks[HOLD] < 0.3 < sinks[GRAVITY]
+
+
+def test_action_of_commanded_rates_is_void() -> None:
+    rates = {'command_interface': 'velocity'}
+    values = node_values(controller=rates, plant=rates)
+    controller = Controller(robot_of(values['controller']), 0.01, values['controller'])
+    stop = SafeStop(controller)
+    stop.start(HOLD, 0, np.ones(7), np.zeros(7))
+    assert stop.action == VOID
+    assert not stop.update(0, np.ones(7), np.zeros(7))
