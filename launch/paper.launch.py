@@ -96,7 +96,7 @@ def generate_launch_description() -> LaunchDescription:
             'use_sim_time',
             default_value='false',
             choices=SWITCH,
-            description="Whether the nodes' own clock follows /clock.",
+            description="Whether the nodes' own clock follows the topic of the argument clock.",
         ),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])

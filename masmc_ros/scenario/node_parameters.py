@@ -80,13 +80,22 @@ _PLANT_NODE = (
     Parameter(
         'odom_decimation',
         2,
-        'Ticks between two messages on odom and base_twist',
+        'Ticks between two messages on odom and base_twist, and on plant/contact with MuJoCo',
         minimum=1,
     ),
     Parameter(
-        'clock_decimation', 1, 'Ticks between two messages on /clock; 0 is none', minimum=0
+        'clock_decimation',
+        1,
+        'Ticks between two messages on clock, which is /clock without a namespace; 0: no messages',
+        minimum=0,
     ),
-    Parameter('tf_decimation', 1, 'Ticks between two messages on /tf; 0 is none', minimum=0),
+    Parameter(
+        'tf_decimation',
+        1,
+        'Ticks between two messages on /tf, or on tf in a namespace without a frame_prefix; '
+        '0: no messages',
+        minimum=0,
+    ),
 )
 
 _LATEST_START = 2e9
@@ -130,7 +139,8 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'telemetry_decimation',
             1,
-            'Ticks between two messages on each controller/... topic; 0 is none',
+            'Ticks between two messages on each telemetry topic, such as '
+            'controller/tracking_error; 0: no messages',
             minimum=0,
         ),
         Parameter(

@@ -73,6 +73,22 @@ def test_and_stay_bounded_where_they_are_100_ms_late(most: float) -> None:
     assert run.most(PLATFORM, 1000) < 40.0
 
 
+@pytest.mark.parametrize(
+    ('share', 'most', 'overdue', 'error'),
+    [(0.01, 0.05, 0.02, 5.0), (0.10, 0.02, 0.05, 5.0), (0.05, 0.10, 0.18, 20.0)],
+)
+def test_late_ticks_cost_what_the_documentation_says(
+    share: float, most: float, overdue: float, error: float
+) -> None:
+    """The plant warns from the first of these shares on; the largest errors grow with them."""
+    for seed in range(3):
+        delays = (up_to(most, seed + begin, share=share) for begin in (0, 1000))
+        run = delayed_run(defaults(), 60.0, *delays)
+        due = len(run.error) + run.behind / 0.01
+        assert run.overdue / due == pytest.approx(overdue, rel=0.35)
+        assert 3.8 < run.most(END_EFFECTOR, 1000) < error
+
+
 def busy(values: dict[str, Values], seed: int) -> DelayedRun:
     """Run 20 s at 1 kHz while three answers in ten are late by up to 20 ms."""
     return delayed_run(values, 20.0, up_to(0.0003, seed), up_to(0.02, seed + 1000, share=0.3))
