@@ -15,7 +15,7 @@ help:
 	@echo 'make test-oldest   the numerical tests and a live node with the oldest Numba and NumPy'
 	@echo 'make lint   style and types'
 	@echo 'make bench  speeds, as ratios within one run'
-	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try'
+	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try, HOSTILE=SEED with random input'
 	@echo 'make clean  remove what make and the demo made'
 
 $(VENV)/.installed: $(SOURCES)
@@ -76,7 +76,7 @@ bench: $(VENV)/.installed-dev
 
 SECONDS := 600
 soak: $(VENV)/.installed-dev
-	@$(BIN)/python -m benchmarks.soak $(SECONDS)
+	@$(BIN)/python -m benchmarks.soak $(SECONDS) $(if $(HOSTILE),--hostile --seed $(HOSTILE))
 
 clean:
 	rm -rf $(VENV) $(OLDEST) build install demo report *.egg-info

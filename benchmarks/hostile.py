@@ -55,6 +55,7 @@ _INTEGERS = {
 } | {'octet': (0, 255), 'char': (0, 255)}
 
 _LARGEST_ARRAY = 20_000
+_MOST_TEXTS = 500
 _LONGEST_TEXT = 200_000
 
 _FIELDS = {
@@ -79,9 +80,18 @@ def interface_class(type_name: str) -> Any:
 class RandomInput:
     """Makes random values of ROS types."""
 
-    def __init__(self, seed: int) -> None:
-        """Initialise the generator with a seed."""
+    def __init__(self, seed: int, *, is_tame: bool = False) -> None:
+        """
+        Initialise the generator with a seed.
+
+        A tame one requests no parameter values that are extreme and valid: those are a user's
+        own decision, and with some a robot may move as fast as it can. Its messages are smaller,
+        as the middleware keeps buffers of the size of the largest message.
+        """
         self.random = random.Random(seed)
+        self._is_tame = is_tame
+        self._largest_array = 500 if is_tame else _LARGEST_ARRAY
+        self._longest_text = 2000 if is_tame else _LONGEST_TEXT
 
     # Values.
 
@@ -101,7 +111,7 @@ class RandomInput:
         """Return a string, rarely a very long one."""
         if self.random.random() < 0.05:
             unit = self.random.choice(('x', '[', '{"a":'))
-            return (unit * self.random.randint(1, _DEEP))[:longest]
+            return (unit * self.random.randint(1, _DEEP))[: min(longest, self._longest_text)]
         return self.random.choice(TEXTS)[:longest]
 
     def json_text(self, text: str) -> str:
@@ -135,7 +145,7 @@ class RandomInput:
     def length(self, most: int | None = None) -> int:
         """Return the length of an array, rarely a very large one."""
         usual = self.random.choice((0, 1, 2, 3, 4, 5, 7, 12))
-        large = self.random.randint(0, _LARGEST_ARRAY)
+        large = self.random.randint(0, self._largest_array)
         length = large if self.random.random() < 0.05 else usual
         return length if most is None else min(length, most)
 
@@ -155,6 +165,8 @@ class RandomInput:
             count = int(fixed) if fixed else self.length(most)
             if '/' in element:
                 count = min(count, 3 if depth else 40)
+            elif 'string' in element and not fixed:
+                count = min(count, _MOST_TEXTS)
             values = [self.field(element, depth + 1) for _ in range(count)]
             if fixed and element in ('double', 'float'):
                 return np.array(values, np.float64 if element == 'double' else np.float32)
@@ -224,6 +236,22 @@ class RandomInput:
         setattr(value, name, self.field(kind))
         return value
 
+    def invalid_value(self, present: ParameterValue) -> ParameterValue:
+        """Return a value that no parameter accepts in the place of a present one."""
+        wrong = self.random.choice((float('nan'), float('inf'), float('-inf')))
+        value = ParameterValue(type=present.type)
+        kind = self.random.randrange(3)
+        if kind == 0:
+            value.type = self.random.randint(10, 255)
+        elif present.type == ParameterType.PARAMETER_DOUBLE and kind == 1:
+            value.double_value = wrong
+        elif present.type == ParameterType.PARAMETER_DOUBLE_ARRAY and kind == 1:
+            value.double_array_value = [wrong] * len(present.double_array_value)
+        else:
+            value.type = ParameterType.PARAMETER_BYTE_ARRAY
+            value.byte_array_value = [bytes((self.random.randrange(256),))]
+        return value
+
     # Requests.
 
     def request(self, service: Any, known: Mapping[str, ParameterValue]) -> Any:
@@ -255,6 +283,8 @@ class RandomInput:
         kind = self.random.random()
         if name in known and kind < 0.3:
             return Parameter(name=name, value=known[name])
+        if name in known and self._is_tame:
+            return Parameter(name=name, value=self.invalid_value(known[name]))
         if name in known and kind < 0.7:
             return Parameter(name=name, value=self.wrong_value(known[name]))
         return Parameter(name=name, value=self.parameter_value())
@@ -283,7 +313,7 @@ class RandomInput:
     def garbage(self) -> bytes:
         """Return bytes that are no message, often behind a right encapsulation header."""
         head = self.random.choice((b'', b'\0\1\0\0', b'\0\0\0\0', b'\0\1\0'))
-        sizes = (0, 1, 3, 4, 8, 100, 70_000)
+        sizes = (0, 1, 3, 4, 8, 100, 2000 if self._is_tame else 70_000)
         body = self.random.randbytes(self.random.choice(sizes))
         if self.random.random() < 0.3:
             body = b'\xff\xff\xff\x7f' + body

@@ -162,6 +162,12 @@ class HostileClient:
         """Return True if the parameters of a node have been learned."""
         return target in self._changeable
 
+    def limit_choices(self, name: str, choices: Sequence[str]) -> None:
+        """Choose a parameter of any node among fewer strings than it accepts."""
+        for known in self._choices.values():
+            if name in known:
+                known[name] = tuple(choices)
+
     def _watch(self, topic: Topic) -> None:
         """Keep the latest message of a topic as a template."""
 

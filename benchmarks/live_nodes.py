@@ -63,6 +63,14 @@ def realtime_nodes(
                 process.wait()
 
 
+def memory(pid: int) -> float:
+    """Return the resident memory of a process in MiB."""
+    for line in Path(f'/proc/{pid}/status').read_text(encoding='ascii').splitlines():
+        if line.startswith('VmRSS:'):
+            return int(line.split()[1]) / 1024.0
+    return 0.0
+
+
 def end(processes: dict[str, subprocess.Popen[bytes]]) -> dict[str, int]:
     """Ask all to end and return their exit statuses."""
     for process in processes.values():

@@ -104,14 +104,27 @@ _LATEST_START = 2e9
 _MOST = 1e9
 """Size in MB or time in s that no recording reaches."""
 
+_LEAST_PART = 1.0
+"""Size in MB and time in s of a part of a recording: less makes a file of every message."""
+
+
+def _is_part(value: float) -> bool:
+    """Return True for the size or the time of a part, and for 0, which is one file."""
+    return value == 0.0 or value >= _LEAST_PART
+
+
+_PART_TEXT = f'0, or a number in [{_LEAST_PART:g}, {_MOST:g}]'
+
+_SHORTEST_WINDOW = 0.001
+"""Time in s: with a horizon of 10 s there are then 10 000 windows ahead of the robot."""
+
 _TRAJECTORY_NODE = (
     Parameter(
         'window',
         0.5,
         'Length of the reference windows',
         unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
+        minimum=_SHORTEST_WINDOW,
         maximum=5.0,
     ),
     Parameter(
@@ -119,8 +132,7 @@ _TRAJECTORY_NODE = (
         2.0,
         'How far ahead of the robot the reference is sent',
         unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
+        minimum=_SHORTEST_WINDOW,
         maximum=10.0,
     ),
     Parameter(
@@ -199,6 +211,7 @@ _RECORDER_NODE = (
         'Time after which what came is on the disk, whatever happens to the recorder',
         unit='s',
         minimum=0.01,
+        maximum=3600.0,
     ),
     Parameter(
         'max_size',
@@ -207,6 +220,8 @@ _RECORDER_NODE = (
         unit='MB',
         minimum=0.0,
         maximum=_MOST,
+        rule=_is_part,
+        rule_text=_PART_TEXT,
     ),
     Parameter(
         'max_duration',
@@ -215,6 +230,8 @@ _RECORDER_NODE = (
         unit='s',
         minimum=0.0,
         maximum=_MOST,
+        rule=_is_part,
+        rule_text=_PART_TEXT,
     ),
     Parameter(
         'queue_size',

@@ -19,10 +19,12 @@ from __future__ import annotations
 from pathlib import Path
 import signal
 import time
+import tracemalloc
 
 from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
+from masmc_ros.nodes.middleware.qos import _Once
 from processes import BOUNDED, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -154,3 +156,20 @@ def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
         tester.call(GetParameters, 'trajectory/get_parameters', GetParameters.Request())
         node.signal(signal.SIGINT)
         assert node.wait() == 0, started.output()
+
+
+def test_once_large_messages_are_not_kept() -> None:
+    """What two subscriptions received is remembered, however large the messages are."""
+    passed: list[int] = []
+    once = _Once(lambda raw: passed.append(raw[0]), most=200)
+    tracemalloc.start()
+    try:
+        for number in range(100):
+            once.take(bytes([number]) * 10**6, once.by_volatile, once.by_past)
+        now, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert now < 2 * 10**6
+    for number in range(100):
+        once.take(bytes([number]) * 10**6, once.by_past, once.by_volatile)
+    assert passed == list(range(100))

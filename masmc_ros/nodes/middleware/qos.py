@@ -106,25 +106,27 @@ class _Once:
     Passes on what two subscriptions to one topic receive, every message once.
 
     Messages of latched publishers come to both, in any order; those of volatile publishers
-    come to the volatile one alone. A copy is known by its bytes: as many of the same are
-    passed on as the one that received more of them has received.
+    come to the volatile one alone. A copy is known by the hash of its bytes, which takes little
+    memory whatever the size of the message: as many of the same are passed on as the one that
+    received more of them has received.
     """
 
     def __init__(self, callback: Callable[..., None], most: int) -> None:
         self._callback = callback
         self._most = most
-        self.by_past: dict[bytes, int] = {}
+        self.by_past: dict[int, int] = {}
         """Number of messages of which only the first copy has come, from that subscription."""
-        self.by_volatile: dict[bytes, int] = {}
+        self.by_volatile: dict[int, int] = {}
 
-    def take(self, raw: bytes, mine: dict[bytes, int], others: dict[bytes, int]) -> None:
+    def take(self, raw: bytes, mine: dict[int, int], others: dict[int, int]) -> None:
         """Pass a message on unless the other subscription has brought it already."""
-        count = others.pop(raw, 0)
+        key = hash(raw)
+        count = others.pop(key, 0)
         if count:
             if count > 1:
-                others[raw] = count - 1
+                others[key] = count - 1
             return
-        mine[raw] = mine.get(raw, 0) + 1
+        mine[key] = mine.get(key, 0) + 1
         if len(mine) > self._most:
             del mine[next(iter(mine))]
         self._callback(raw)

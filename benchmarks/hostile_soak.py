@@ -1,0 +1,506 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A run of nodes in real time under random input, with nodes that are killed and started again.
+
+Plant, trajectory, controller and recorder are real processes. A client sends random requests to
+all their services and random messages to all their topics, changes parameters, and enables, stops
+and clears. The run fails if a node ends that was not killed, if a torque or a speed is beyond its
+limit, or if the memory of a node grows.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, ExitStack, suppress
+from dataclasses import dataclass, field
+import math
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+from benchmarks.hostile import RandomInput
+from benchmarks.hostile_client import HostileClient
+from benchmarks.live_nodes import memory
+from masmc_ros.cli.endings import child_environment
+from masmc_ros.cli.private_domain import private_domain
+from masmc_ros.errors import InputError
+from masmc_ros.messages.commands import EffortCdr
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.parameter_record import record_of
+from masmc_ros.messages.text import text_of
+from masmc_ros.nodes.middleware.transport import prepare_transport
+from masmc_ros.share import shared_file
+import rclpy
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+NODES = ('trajectory', 'controller', 'plant', 'recorder')
+KILLED = ('trajectory', 'controller', 'recorder')
+"""Nodes that are killed; the plant stands for the robot."""
+
+LIMITS = (6.0, 6.0, 20.0, 10.0)
+"""Torque limits in N·m, with which the paper's robot cannot diverge however late commands come."""
+
+_QUEUE = 4.0
+"""Size in MB of the recorder's queue: what waits there is no leak."""
+
+_START = 90.0
+_END = 30.0
+_TOLERANCE = 1e-9
+_TURN = 0.01
+"""Time in s between two actions."""
+
+_REPAIR = 0.5
+"""Time in s after which the robot is set in motion again."""
+
+_LOOK = 2.0
+"""Time in s between two looks at the services and topics that there are."""
+
+_KILL = 0.04
+_LAST_KILL = 0.6
+"""Parts of the run: between two kills, and after which no node is killed."""
+
+_WARM = 0.25
+"""Part of the run after which the memory of a node that was not started again must be flat."""
+
+_WARM_AGAIN = 0.15
+"""Part of the run after which that of a node that was started again must be."""
+
+_GROWTH = 0.05
+_GROWTH_MIB = 10.0
+_SAMPLE = 1.0
+
+
+class Failure(Exception):  # noqa: N818
+    """What is wrong with a run."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    What a hostile run is made of.
+
+    Attributes
+    ----------
+    seconds
+        length of the run.
+    seed
+        of all random choices.
+    period
+        control period in s.
+    wheel_speed
+        largest speed of a wheel in rad/s.
+    arm_speed
+        largest speed of a joint of the arm in rad/s.
+    laws
+        the laws among which the controller changes; others would have to be compiled.
+
+    """
+
+    seconds: float
+    seed: int
+    period: float = 0.002
+    wheel_speed: float = 60.0
+    arm_speed: float = 25.0
+    laws: tuple[str, ...] = ('rasmc', 'smc')
+
+
+@dataclass
+class NodeRun:
+    """A node: its process, its memory in MiB, and how often it was started and killed."""
+
+    process: subprocess.Popen[bytes]
+    started: float
+    output: Path
+    starts: int = 1
+    kills: int = 0
+    baseline: float = math.nan
+    present: float = 0.0
+    largest: float = 0.0
+    files: list[Path] = field(default_factory=list)
+
+
+class Watch:
+    """
+    Follows states and commands, and compares them with their limits.
+
+    Attributes
+    ----------
+    states
+        number of states.
+    commands
+        number of commands of the controller.
+    torque
+        largest torque as a part of its limit, applied or commanded.
+    wheel
+        largest speed of a wheel in rad/s.
+    arm
+        largest speed of a joint of the arm in rad/s.
+    wrong
+        what was beyond a limit first; empty for nothing.
+    told
+        the latest state of the controller, such as `active`.
+
+    """
+
+    def __init__(self, node: Node, options: Options, is_foreign: Callable[[bytes], bool]) -> None:
+        """Subscribe; `is_foreign` returns True for messages that no node has sent."""
+        self._options = options
+        self._is_foreign = is_foreign
+        self._state, self._command = JointStateCdr(), EffortCdr()
+        self._wheels = [i for i, name in enumerate(self._state.names) if 'wheel' in name]
+        self._arm = [i for i, name in enumerate(self._state.names) if 'arm' in name]
+        self._limits: deque[tuple[float, ...]] = deque([LIMITS], maxlen=3)
+        self.states = self.commands = 0
+        self.torque = self.wheel = self.arm = 0.0
+        self.active = 0
+        self.wrong = ''
+        self.told = ''
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        deep = QoSProfile(depth=1000)
+        for kind, topic, take, qos in (
+            (JointState, 'joint_states', self._on_state, deep),
+            (Float64MultiArray, 'effort_commands', self._on_command, deep),
+            (String, 'controller/parameters', self._on_parameters, latched),
+            (String, 'controller/state', self._on_told, latched),
+        ):
+            node.create_subscription(kind, topic, self._checked(take), qos, raw=True)
+
+    def _checked(self, take: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        def take_own(raw: bytes) -> None:
+            if not self._is_foreign(raw):
+                take(raw)
+
+        return take_own
+
+    def _on_state(self, raw: bytes) -> None:
+        state = self._state
+        if not state.load(raw):
+            return
+        self.states += 1
+        self.active += self.told == 'active'
+        torques = state.effort[-len(LIMITS):]
+        self._compare('torque', torques, LIMITS, 'N·m applied')
+        speed = abs(state.velocity)
+        self.wheel = max(self.wheel, *speed[self._wheels].tolist())
+        self.arm = max(self.arm, *speed[self._arm].tolist())
+        # A number that is not finite is beyond every limit.
+        if not self.wheel <= self._options.wheel_speed:
+            self._note(f'a wheel turns at {self.wheel} rad/s')
+        if not self.arm <= self._options.arm_speed:
+            self._note(f'a joint of the arm turns at {self.arm} rad/s')
+
+    def _on_command(self, raw: bytes) -> None:
+        if not self._command.load(raw):
+            return
+        self.commands += 1
+        limits = tuple(map(max, *self._limits)) if len(self._limits) > 1 else self._limits[0]
+        self._compare('command', self._command.data, limits, 'N·m commanded')
+
+    def _compare(self, what: str, torques: Any, limits: tuple[float, ...], unit: str) -> None:
+        for torque, limit in zip(torques.tolist(), limits, strict=True):
+            part = abs(torque) / limit if limit else 0.0
+            self.torque = max(self.torque, part)
+            if not part <= 1.0 + _TOLERANCE:
+                self._note(f'{torque} {unit}; expected at most {limit}')
+
+    def _on_parameters(self, raw: bytes) -> None:
+        with suppress(InputError):
+            limits = record_of(raw).parameters.get('torque_limit', LIMITS)
+            many = limits if isinstance(limits, list) else [limits] * len(LIMITS)
+            # 0 is no limit.
+            self._limits.append(tuple(float(each) or math.inf for each in many))
+
+    def _on_told(self, raw: bytes) -> None:
+        with suppress(InputError):
+            self.told = text_of(raw)
+
+    def _note(self, text: str) -> None:
+        self.wrong = self.wrong or text
+
+
+class HostileRun:
+    """One run: its processes, its client and what it has done."""
+
+    def __init__(self, folder: Path, environment: Mapping[str, str], options: Options) -> None:
+        """Initialise a run without processes."""
+        self._folder = folder
+        self._environment = environment
+        self.options = options
+        self.nodes: dict[str, NodeRun] = {}
+        self.actions: deque[tuple[float, str]] = deque(maxlen=20)
+        self.counts: dict[str, int] = {}
+        self._source = RandomInput(options.seed, is_tame=True)
+        self._again: list[tuple[float, str]] = []
+        self._begin = math.inf
+        """When the nodes were ready, by the monotonic clock."""
+
+    # Processes.
+
+    def start(self, name: str) -> None:
+        """Start a node, or start it again."""
+        known = self.nodes.get(name)
+        number = known.starts if known else 0
+        output = self._folder / f'{name}_{number}.txt'
+        arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+        limits = ', '.join(map(str, LIMITS))
+        for setting in (
+            'pacing:=realtime',
+            'duration:=0.0',
+            f'control_period:={self.options.period}',
+            'plant:wait_for:=[]',
+            f'plant:torque_limit:=[{limits}]',
+            f'controller:torque_limit:=[{limits}]',
+            'trajectory:start_time:=-1.0',
+            f'recorder:queue_size:={_QUEUE}',
+            f'recorder:output:={self._folder / f"run_{number}.mcap"}',
+        ):
+            arguments += ['-p', setting]
+        with output.open('wb') as stream:
+            process = subprocess.Popen(
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', name, *arguments],
+                env={**os.environ, **self._environment, **child_environment()},
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=stream,
+            )
+        if known is None:
+            self.nodes[name] = NodeRun(process, time.monotonic(), output)
+        else:
+            known.process, known.started, known.output = process, time.monotonic(), output
+            known.starts += 1
+            known.baseline = math.nan
+
+    def kill(self, name: str) -> None:
+        """Kill a node; it is started again a moment later."""
+        node = self.nodes[name]
+        node.process.kill()
+        node.process.wait()
+        node.kills += 1
+        self._again.append((time.monotonic() + self._source.random.uniform(0.2, 2.0), name))
+
+    def end(self) -> dict[str, int | None]:
+        """Ask all nodes to end; return their statuses, None for one that does not end."""
+        statuses: dict[str, int | None] = {}
+        for node in self.nodes.values():
+            node.process.send_signal(signal.SIGINT)
+        for name, node in self.nodes.items():
+            try:
+                statuses[name] = node.process.wait(_END)
+            except subprocess.TimeoutExpired:
+                statuses[name] = None
+        return statuses
+
+    def stop(self) -> None:
+        """End whatever still runs."""
+        for node in self.nodes.values():
+            node.process.kill()
+            node.process.wait()
+
+    # Course.
+
+    def run(self, node: Node, spin: Callable[[float], None]) -> Watch:
+        """Run to the end; Failure if something is wrong."""
+        client = HostileClient(node, self._source, NODES, ('torque_limit',))
+        watch = Watch(node, self.options, client.has_sent)
+        for name in NODES:
+            self.start(name)
+        self._learn(client, spin)
+        watch.states = watch.commands = watch.active = 0
+        seconds = self.options.seconds
+        self._begin = begin = time.monotonic()
+        repair, kill, sample, look = begin, begin + _KILL * seconds, begin, begin
+        while (now := time.monotonic()) < begin + seconds:
+            if now >= look:
+                client.discover()
+                look = now + _LOOK
+            if now >= sample:
+                self._check(now)
+                sample = now + _SAMPLE
+            for due, name in tuple(self._again):
+                if now >= due:
+                    self._again.remove((due, name))
+                    self.start(name)
+                    self._note(f'{name} is started again')
+            if now >= kill and now < begin + _LAST_KILL * seconds:
+                self._kill_one()
+                kill = now + _KILL * seconds
+            if now >= repair:
+                self._repair(client)
+                repair = now + _REPAIR
+            self._act(client)
+            spin(_TURN)
+            if watch.wrong:
+                raise Failure(watch.wrong)
+        self._check(time.monotonic())
+        self.counts['requests'] = sum(client.requests.values())
+        self.counts['messages'] = sum(client.messages.values())
+        self.counts['responses'] = sum(client.responses.values())
+        statuses = self.end()
+        if set(statuses.values()) != {0}:
+            raise Failure(f'exit statuses {statuses}; expected 0')
+        return watch
+
+    def _learn(self, client: HostileClient, spin: Callable[[float], None]) -> None:
+        limit = time.monotonic() + _START
+        asked: dict[str, float] = {}
+        while not all(map(client.is_known, NODES)):
+            if time.monotonic() > limit:
+                raise Failure('the nodes do not answer')
+            client.discover()
+            for name in {each.node for each in client.services}:
+                if not client.is_known(name) and time.monotonic() > asked.get(name, 0.0) + 3.0:
+                    client.learn_parameters(name)
+                    asked[name] = time.monotonic()
+            spin(0.2)
+            self._check(time.monotonic())
+        client.limit_choices('law', self.options.laws)
+
+    def _act(self, client: HostileClient) -> None:
+        """Do one random thing."""
+        draw = self._source.random.random()
+        if draw < 0.5 and client.topics:
+            self._note(client.random_message())
+        elif draw < 0.8 and client.services:
+            self._note(client.random_request())
+        else:
+            name = self._source.random.choice(('controller', 'controller', 'plant'))
+            text = client.valid_change(name, scale=1.5)
+            if text is not None:
+                self._note(text)
+
+    def _repair(self, client: HostileClient) -> None:
+        """Let the robot move again, whatever was stopped."""
+        for target, service, fields in (
+            ('plant', 'pause', {'data': False}),
+            ('controller', 'clear_fault', {}),
+            ('controller', 'enable', {'data': True}),
+        ):
+            text = client.call(target, service, **fields)
+            if text is not None:
+                self._note(text)
+
+    def _kill_one(self) -> None:
+        waiting = {name for _, name in self._again}
+        names = [name for name in KILLED if name not in waiting]
+        if names:
+            name = self._source.random.choice(names)
+            self._note(f'{name} is killed')
+            self.kill(name)
+
+    def _check(self, now: float) -> None:
+        """Compare processes and their memory with what is expected."""
+        waiting = {name for _, name in self._again}
+        seconds = self.options.seconds
+        for name, node in self.nodes.items():
+            if name in waiting:
+                continue
+            if node.process.poll() is not None:
+                raise Failure(f'{name} ended by itself with status {node.process.returncode}')
+            node.present = memory(node.process.pid)
+            node.largest = max(node.largest, node.present)
+            part = _WARM if node.starts == 1 else _WARM_AGAIN
+            flat = max(self._begin + _WARM * seconds, node.started + part * seconds)
+            if math.isnan(node.baseline):
+                if now >= flat:
+                    node.baseline = node.present
+            elif node.present > node.baseline * (1.0 + _GROWTH) + _GROWTH_MIB:
+                raise Failure(
+                    f'{name} has grown from {node.baseline:.1f} to {node.present:.1f} MiB; '
+                    f'expected at most {_GROWTH:.0%} and {_GROWTH_MIB:g} MiB more'
+                )
+
+    def _note(self, text: str) -> None:
+        self.actions.append((time.monotonic() - self._begin, text))
+
+    # Report.
+
+    def report(self, watch: Watch) -> None:
+        """Print what has happened."""
+        print('node        starts  kills  baseline  present  largest (MiB)')
+        for name, node in self.nodes.items():
+            print(
+                f'{name:<10}  {node.starts:>6}  {node.kills:>5}  {node.baseline:>8.1f}'
+                f'  {node.present:>7.1f}  {node.largest:>7.1f}'
+            )
+        counts = ', '.join(f'{number} {name}' for name, number in self.counts.items())
+        share = watch.active / max(1, watch.states)
+        print(f'{watch.states} states, {watch.commands} commands, {share:.0%} active; {counts}')
+        print(
+            f'largest torque {watch.torque:.3f} of its limit; wheels {watch.wheel:.1f} rad/s, '
+            f'arm {watch.arm:.1f} rad/s; seed {self.options.seed}'
+        )
+
+    def tell(self, failure: BaseException) -> None:
+        """Print what is wrong, what was done before, and what the nodes have printed."""
+        print(f'FAILED: {failure}; seed {self.options.seed}')
+        for when, text in self.actions:
+            print(f'  {when:9.3f} s  {text}')
+        for name, node in self.nodes.items():
+            lines = node.output.read_text(encoding='utf-8', errors='replace').splitlines()
+            for line in lines[-8:]:
+                print(f'  {name}: {line[:200]}')
+
+
+@contextmanager
+def _watching(domain: Mapping[str, str]) -> Iterator[tuple[Node, Callable[[float], None]]]:
+    """Yield a node in a domain, and what spins it for some s."""
+    os.environ.update(domain)
+    prepare_transport()
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node('hostile', context=context, enable_rosout=False)
+    # It is told of every subscription that does not match its own publishers.
+    node.get_logger().set_level(LoggingSeverity.ERROR)
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield node, lambda seconds: executor.spin_until_future_complete(Future(), seconds)
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()
+
+
+def hostile_soak(options: Options) -> bool:
+    """Run, print a summary, and return True if all is well."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        domain = stack.enter_context(private_domain())
+        node, spin = stack.enter_context(_watching(domain))
+        run = HostileRun(folder, domain, options)
+        stack.callback(run.stop)
+        try:
+            watch = run.run(node, spin)
+        except Failure as failure:
+            run.tell(failure)
+            return False
+        run.report(watch)
+    return True

@@ -1,0 +1,48 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bounds of the nodes' own parameters: extreme values are rejected with what is expected."""
+
+from __future__ import annotations
+
+from masmc_ros.errors import InputError
+from masmc_ros.scenario.node_parameters import declared
+import pytest
+
+
+@pytest.mark.parametrize(
+    ('node', 'name', 'value', 'expected'),
+    [
+        ('trajectory', 'window', 1e-300, 'a number in [0.001, 5]'),
+        ('trajectory', 'horizon', 5e-324, 'a number in [0.001, 10]'),
+        ('recorder', 'flush_period', 1e300, 'a number in [0.01, 3600]'),
+        ('recorder', 'max_size', 1e-300, '0, or a number in [1, 1e+09]'),
+        ('recorder', 'max_duration', 0.999, '0, or a number in [1, 1e+09]'),
+        ('live', 'max_viewers', 2**62, 'an integer in [1, 1000]'),
+    ],
+)
+def test_parameter_extreme_value_rejected(
+    node: str, name: str, value: float, expected: str
+) -> None:
+    (parameter,) = (each for each in declared(node) if each.name == name)
+    with pytest.raises(InputError, match=f'^{name} = ') as raised:
+        parameter.check(value)
+    assert str(raised.value).endswith(f': expected {expected}')
+
+
+@pytest.mark.parametrize('name', ['max_size', 'max_duration'])
+@pytest.mark.parametrize('value', [0.0, 1.0, 1e9])
+def test_recorder_parts_usual_value_accepted(name: str, value: float) -> None:
+    (parameter,) = (each for each in declared('recorder') if each.name == name)
+    assert parameter.check(value) == value
