@@ -62,7 +62,7 @@ from masmc_ros.robot.registry import chosen
 CHOOSES_CODE = ('law', 'switching')
 """Parameters that change while a node runs and for which other code is compiled."""
 
-_NICE_OF_REQUEST, _NICE_OF_PREPARATION = 10, 19
+_NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
 """Priorities of the processes that compile; nodes, which must not be late, have 0."""
 
 _LONGEST_REASON = 200
@@ -267,6 +267,8 @@ class LawChange:
         if code.is_loaded:
             self._drop()
             return self._apply()
+        # Before the thread starts, with which this one would share the interpreter.
+        doing = 'loading' if code.is_on_disk else 'compiling'
         if self._making is None or self._making.code.name != code.name:
             self._drop()
             self._making = _Making(
@@ -277,7 +279,6 @@ class LawChange:
             at_once = {n: self._wanted.pop(n) for n in values if n in self._wanted}
             self._controller.change(at_once)
             return Effect(at_once)
-        doing = 'loading' if code.is_on_disk else 'compiling'
         meanwhile = 'the run waits' if waits else f'{self._present} continues'
         text = f'{_text(self._wanted)}: {doing}; {meanwhile} until the code is ready'
         return Effect({}, text=text)

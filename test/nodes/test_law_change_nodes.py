@@ -43,9 +43,10 @@ RESPONSE = 1.0
 """Longest time in s until a service answers; a law takes several times as long to compile."""
 
 GAP = 1.0
-"""Longest time in s without a command, on a machine that compiles and runs other tests."""
+"""Longest time in s until a state is answered, on a machine that compiles and runs other tests."""
 
-PATIENT = {'controller__state_timeout': GAP, 'plant__command_timeout': GAP}
+PATIENT = {'controller__state_timeout': 10.0, 'plant__command_timeout': 10.0}
+"""Timeouts with which a machine that is held up is no fault."""
 
 CHANGED_TOGETHER = 'law = broken, k_s1 = [7.0, '
 
@@ -75,8 +76,9 @@ class Watched:
         self.states: list[str] = []
         self.records: list[ParameterRecord] = []
         self.gaps: list[float] = []
+        """Times in s until a state was answered."""
         self._stamp = 0
-        self._last: float | None = None
+        self._unanswered_since: float | None = None
         tester.subscribe(String, 'controller/state', self._on_state, raw=True)
         tester.subscribe(String, 'controller/parameters', self._on_record)
         tester.subscribe(JointState, 'joint_states', self._on_joint_states, raw=True, past=False)
@@ -132,12 +134,13 @@ class Watched:
 
     def _on_joint_states(self, raw: bytes) -> None:
         self._stamp = header_stamp(raw)
+        if self._unanswered_since is None:
+            self._unanswered_since = time.monotonic()
 
     def _on_command(self, raw: bytes) -> None:
-        now = time.monotonic()
-        if self._last is not None:
-            self.gaps.append(now - self._last)
-        self._last = now
+        if self._unanswered_since is not None:
+            self.gaps.append(time.monotonic() - self._unanswered_since)
+            self._unanswered_since = None
 
 
 def cold_environment(folder: Path) -> dict[str, str]:
