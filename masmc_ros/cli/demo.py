@@ -70,7 +70,7 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
     parameters = scenarios().get(robot) or Path(scenario_file(robot))
     values = load_scenario(str(parameters))['plant']
     duration = values['duration']
-    start = _START if chosen(values) is DEFAULT else _FIRST_START
+    start = _START if chosen(values).name == DEFAULT.name else _FIRST_START
     logs = []
     for law in LAWS:
         log = folder / f'{law}.mcap'

@@ -26,9 +26,11 @@ from functools import cached_property
 import hashlib
 from importlib import import_module
 from importlib.util import find_spec
+import math
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,14 @@ BASE_FRAME = 'base_link'
 
 URDF = 'robot.urdf'
 """Parameter of every node that needs the robot, which describes any; it chooses then."""
+
+SPEED_LIMITS = Parameter(
+    'robot.speed_limits',
+    (),
+    'Largest speeds of joints in rad/s or m/s, each as a name and a number, such as '
+    '[arm_joint_1 2.0]; they replace those of the URDF, and 0 is no limit',
+)
+"""Parameter of every node that needs the robot, whatever kind of robot it is."""
 
 
 class Coordinate(NamedTuple):
@@ -218,6 +228,8 @@ class Mechanism:
         when it does.
     is_planar
         whether odometry can stand for the base's positions.
+    speed_settings
+        checked values of SPEED_LIMITS.
 
     """
 
@@ -242,11 +254,15 @@ class Mechanism:
     lost: str = 'the robot'
     singular: str = 'its task cannot be inverted'
     is_planar: bool = False
+    speed_settings: tuple[str, ...] = ()
 
     @property
     def choice(self) -> dict[str, Any]:
         """Values of parameters by which it is chosen, also in another process."""
-        return {'robot.mechanism': self.name}
+        chosen: dict[str, Any] = {'robot.mechanism': self.name}
+        if self.speed_settings:
+            chosen[SPEED_LIMITS.name] = self.speed_settings
+        return chosen
 
     @cached_property
     def sizes(self) -> dict[str, int]:
@@ -300,8 +316,59 @@ class Mechanism:
 
     @property
     def joint_limits(self) -> Mapping[str, Array]:
-        """What joints cannot exceed, (joints) each: `lower`, `upper` and `speed`, SI units."""
-        return {}
+        """
+        Return the limits of the joints, (joints) each: `lower`, `upper` and `speed`, SI units.
+
+        A limit that no joint has is missing; the others are infinite for joints without it.
+        """
+        if not self.speed_settings:
+            return {}
+        return {'speed': self.limited_speeds(np.full(len(self.joints), math.inf))}
+
+    @cached_property
+    def speed_limits(self) -> Numbers:
+        """Return the largest speed of each joint in rad/s or m/s; infinite without a limit."""
+        return self._limit('speed', math.inf)
+
+    @cached_property
+    def position_limits(self) -> tuple[tuple[float, float], ...]:
+        """Return the ends of each joint's range in rad or m; infinite without a limit."""
+        lower, upper = self._limit('lower', -math.inf), self._limit('upper', math.inf)
+        return tuple(zip(lower, upper, strict=True))
+
+    def _limit(self, name: str, otherwise: float) -> Numbers:
+        """Return a limit of every joint, `otherwise` for all where none has one."""
+        found = self.joint_limits.get(name)
+        return (otherwise,) * len(self.joints) if found is None else tuple(found.tolist())
+
+    def limited_speeds(self, speeds: Array) -> Array:
+        """
+        Return the speeds (joints) with those that the parameter gives in their places.
+
+        Raises InputError for a setting that is not the name of a joint and a speed.
+        """
+        names = [joint.name for joint in self.joints]
+        found, named = speeds.copy(), set()
+        for setting in self.speed_settings:
+            name, _, text = setting.strip().partition(' ')
+            if name not in names:
+                raise InputError(
+                    f"{SPEED_LIMITS.name}: no joint '{name}'; expected a name and a speed, such "
+                    f"as '{names[-1]} 2.0', the name one of {', '.join(names)}"
+                )
+            try:
+                speed = float(text)
+            except ValueError:
+                speed = math.nan
+            if not 0.0 <= speed < math.inf or name in named:
+                again = ' again' if name in named else ''
+                raise InputError(
+                    f"{SPEED_LIMITS.name}: '{setting}'{again}: expected each joint once, as its "
+                    f"name and a speed >= 0, such as '{name} 2.0'; 0 is no limit"
+                )
+            named.add(name)
+            found[names.index(name)] = speed or math.inf
+        return found
 
     @cached_property
     def tag(self) -> str:

@@ -22,13 +22,14 @@ an entry point.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from dataclasses import replace
+from functools import cache, lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
-from masmc_ros.robot.declaration import Mechanism, register, URDF
+from masmc_ros.robot.declaration import Mechanism, register, SPEED_LIMITS, URDF
 from masmc_ros.robot.two_link.names import TWO_LINK
 
 DEFAULT = TWO_LINK
@@ -64,7 +65,8 @@ def chosen(values: Mapping[str, Any]) -> Mechanism:
     """
     Return the mechanism that values name, checked or not; the default one for no known name.
 
-    Where they have a URDF, it is that robot.
+    Where they have a URDF, it is that robot; where they have speed limits, it has those. Raises
+    InputError for what is no robot.
     """
     urdf = values.get(URDF)
     if isinstance(urdf, str) and urdf:
@@ -73,7 +75,18 @@ def chosen(values: Mapping[str, Any]) -> Mechanism:
 
         return tree_mechanism(values)
     name = values.get(NAME)
-    return load(name) if isinstance(name, str) and name in names() else DEFAULT
+    mechanism = load(name) if isinstance(name, str) and name in names() else DEFAULT
+    settings: Any = SPEED_LIMITS.check(values.get(SPEED_LIMITS.name, ()))
+    return _limited(mechanism, settings) if settings else mechanism
+
+
+@lru_cache(maxsize=16)
+def _limited(mechanism: Mechanism, settings: tuple[str, ...]) -> Mechanism:
+    """Return a mechanism with speed limits of its joints, the same one for the same limits."""
+    limited = replace(mechanism, speed_settings=settings)
+    # An unknown joint is found now, not when a limit is first asked for.
+    assert len(limited.speed_limits) == len(limited.joints)
+    return limited
 
 
 def parameters() -> tuple[Parameter, ...]:
@@ -86,4 +99,5 @@ def parameters() -> tuple[Parameter, ...]:
             choices=names(),
         ),
         Parameter(URDF, '', 'File of a URDF, or its text: any robot, in place of those kinds'),
+        SPEED_LIMITS,
     )

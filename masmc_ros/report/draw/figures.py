@@ -76,7 +76,7 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     for run in runs:
         law = law_of(run)
         kinds = _kinds(run.mechanism)
-        is_paper = run.mechanism is DEFAULT
+        is_paper = run.mechanism.name == DEFAULT.name
         first = numbers.pop(law, None) if law is not None and is_paper else None
         if first is None:
             stem = file_stem(run.path.stem, taken)

@@ -35,6 +35,7 @@ from masmc_ros.robot.declaration import (
     Quantity,
     register,
     Shape,
+    SPEED_LIMITS,
     URDF,
     Velocity,
 )
@@ -132,6 +133,8 @@ PARAMETERS = (
 )  # fmt: skip
 """Of a tree, beside URDF, which chooses it."""
 
+_DESCRIBING = (*PARAMETERS, SPEED_LIMITS)
+
 _LAW_PARAMETERS = (
     Parameter(
         'adaptation',
@@ -202,15 +205,19 @@ class TreeMechanism(Mechanism):
 
     @property
     def joint_limits(self) -> Mapping[str, Array]:
-        """What joints cannot exceed, by the URDF; infinite where it says nothing."""
+        """
+        Return the limits of the joints: those of the URDF, speeds also by `robot.speed_limits`.
+
+        Infinite where neither gives one. A speed of 0 in a URDF means that none is known.
+        """
         limits = self.robot.limits
-        found = {'lower': limits.lower, 'upper': limits.upper, 'speed': limits.speed}
         # A base without wheels is driven as it is, by joints that are none of the URDF's.
         free = len(self.joints) - len(limits.lower)
-        signs = {'lower': -np.inf, 'upper': np.inf, 'speed': np.inf}
+        speed = np.where(limits.speed > 0.0, limits.speed, np.inf)
         return {
-            name: np.concatenate([np.full(free, signs[name]), each])
-            for name, each in found.items()
+            'lower': np.concatenate([np.full(free, -np.inf), limits.lower]),
+            'upper': np.concatenate([np.full(free, np.inf), limits.upper]),
+            'speed': self.limited_speeds(np.concatenate([np.full(free, np.inf), speed])),
         }
 
     @cached_property
@@ -352,13 +359,13 @@ def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
 
     Raises InputError for what is no robot.
     """
-    own = tuple(p.check(values.get(p.name, p.default)) for p in PARAMETERS)
+    own = tuple(p.check(values.get(p.name, p.default)) for p in _DESCRIBING)
     return _made(values[URDF], own)
 
 
 @lru_cache(maxsize=16)
 def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
-    values: dict[str, Any] = {p.name: value for p, value in zip(PARAMETERS, own, strict=True)}
+    values: dict[str, Any] = {p.name: value for p, value in zip(_DESCRIBING, own, strict=True)}
     text, description, where = described(urdf)
     names, wheels = values['robot.held_joints'], values['robot.wheels']
     angles = _as_many(values['robot.held_positions'], len(names), 'robot.held_positions')
@@ -451,6 +458,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         origin='origin of the base',
         singular='its least pivot is below robot.least_pivot',
         is_planar=base != 'fixed',
+        speed_settings=values[SPEED_LIMITS.name],
         robot=robot,
         description=description,
         text=text,
@@ -459,6 +467,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         held=held,
         made_of={URDF: urdf, **values},
     )
+    # What the parameter names is checked now, not when a limit is first asked for.
+    assert len(mechanism.speed_limits) == joints
     register(mechanism)
     return mechanism
 

@@ -1,0 +1,123 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Limits of the joints' speeds and positions: of a URDF, and by `robot.speed_limits`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from masmc_ros.errors import InputError
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import chosen, DEFAULT
+from masmc_ros.scenario.scenario import load_scenario
+import pytest
+from small_tree import parameters, URDF, write_scenario
+
+PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
+UNLIMITED = (-math.inf, math.inf)
+
+
+def mechanism(*settings: str, **values: Any) -> Mechanism:
+    """Return the small robot with limits that the parameter names."""
+    return chosen({**parameters(), 'robot.speed_limits': settings, **values})
+
+
+def test_limits_of_urdf_are_per_driven_joint() -> None:
+    small = mechanism()
+    assert small.speed_limits == (math.inf, math.inf, 3.0, 3.0, 3.0, 3.0, 3.0)
+    assert small.position_limits == (UNLIMITED, UNLIMITED, *((-3.0, 3.0),) * 5)
+
+
+def test_speed_of_zero_in_urdf_is_no_limit() -> None:
+    unknown = URDF.replace('velocity="3"', 'velocity="0"')
+    missing = URDF.replace(' velocity="3"', '')
+    for text in (unknown, missing):
+        assert mechanism(**{'robot.urdf': text}).speed_limits == (math.inf,) * 7
+
+
+def test_speed_limits_replace_those_of_urdf() -> None:
+    limits = mechanism('lift_joint 0.07', 'wheel_left_joint 9', 'hand_joint 0').speed_limits
+    assert limits == (math.inf, 9.0, 3.0, 0.07, 3.0, 3.0, math.inf)
+
+
+def test_base_without_wheels_has_speed_limits() -> None:
+    values = {
+        'robot.base': 'omnidirectional',
+        'robot.wheels': (),
+        'robot.held_joints': ('wheel_right_joint', 'wheel_left_joint'),
+    }
+    limits = mechanism('base_turn_joint 0.5', **values).speed_limits
+    assert limits[:4] == (math.inf, math.inf, 0.5, 3.0)
+
+
+def test_planar_robot_has_no_limits_unless_named() -> None:
+    assert chosen({}) is DEFAULT
+    assert DEFAULT.speed_limits == (math.inf,) * 4
+    assert DEFAULT.position_limits == (UNLIMITED,) * 4
+    limited = chosen({'robot.speed_limits': ['arm_joint_2 1.5']})
+    assert limited.speed_limits == (math.inf, math.inf, math.inf, 1.5)
+    assert limited.tag == DEFAULT.tag
+    # Another process that is told this choice makes the same mechanism of it.
+    assert chosen(limited.choice) is limited
+
+
+@pytest.mark.parametrize(
+    ('setting', 'expected'),
+    [
+        ('elbow 1.0', "no joint 'elbow'; expected"),
+        ('lift_joint', 'a speed >= 0'),
+        ('lift_joint fast', 'a speed >= 0'),
+        ('lift_joint -1', 'a speed >= 0'),
+        ('lift_joint nan', 'a speed >= 0'),
+        ('lift_joint inf', 'a speed >= 0'),
+        ('', "no joint ''"),
+    ],
+)
+def test_wrong_speed_limit_is_one_line(setting: str, expected: str) -> None:
+    for values in ({'robot.urdf': URDF}, {}):
+        name = 'lift_joint' if values else 'arm_joint_1'
+        with pytest.raises(InputError) as raised:
+            chosen({
+                **(parameters() if values else {}),
+                'robot.speed_limits': (setting.replace('lift_joint', name),),
+            })
+        assert expected in str(raised.value)
+        if expected.startswith('no joint'):
+            for joint in chosen(parameters() if values else {}).joints:
+                assert joint.name in str(raised.value)
+
+
+def test_speed_limit_given_twice_is_rejected() -> None:
+    with pytest.raises(InputError, match=r"'lift_joint 2\.0' again"):
+        mechanism('lift_joint 1.0', 'lift_joint 2.0')
+
+
+def test_speed_limits_are_set_by_file_and_command_line(tmp_path: Path) -> None:
+    path = write_scenario(tmp_path, [0.0] * 6, 1.0)
+    text = path.read_text(encoding='utf-8')
+    path.write_text(
+        text.replace('      base: ', '      speed_limits: [lift_joint 0.07]\n      base: '),
+        encoding='utf-8',
+    )
+    for settings, lift in (((), 0.07), (('robot.speed_limits=[lift_joint 0.1]',), 0.1)):
+        values = load_scenario(str(path), settings)
+        for node in ('plant', 'trajectory', 'controller'):
+            assert chosen(values[node]).speed_limits[3] == lift
+    with pytest.raises(InputError, match="no joint 'elbow'"):
+        load_scenario(str(path), ('robot.speed_limits=[elbow 0.1]',))
+    values = load_scenario(PAPER, ('robot.speed_limits=[arm_joint_1 2.0]',))
+    assert chosen(values['controller']).speed_limits[2] == 2.0
