@@ -38,6 +38,7 @@ OF_LANES = (
     ('plant.velocity_noise=0.01', 'plant.seed=5', 'controller.robot.posture_gain=1.0'),
     (
         'controller.robot.armature=0.02',
+        'controller.robot.drift_rate=0.0',
         'controller.observer_gain=0.2',
     ),
 )
