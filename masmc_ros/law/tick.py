@@ -44,7 +44,7 @@ class Tick(NamedTuple):
     error: Numbers  # e of the task, x - x_d
     error_derivative: Numbers  # de/dt
     error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
-    surface: Numbers  # s = edot + sigma e
+    surface: Numbers  # s = edot + sigma e, or less where v_r cannot be J^-1 xdot_r
     regressor: Any  # Y(q, v, v_r, a_r)
     is_singular: bool  # whether J is close to it, and v_r and a_r are damped
 
@@ -58,11 +58,13 @@ def tick_of(
     position: Numbers,
     position_rates: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
+    drift: Numbers,
 ) -> Tick:
     """
     Return the tick of a measured state, v being its rates, and of x_d, xdot_d and xddot_d.
 
-    xdot_r and xddot_r by (14); v_r and a_r, for which J v_r = xdot_r, are the mechanism's.
+    xdot_r and xddot_r by (14); v_r and a_r, for which J v_r = xdot_r, are the mechanism's, which
+    also estimates the `drift`.
     """
     model = mechanism.model_of(settings, lane)
     sigma = get(settings, 'sigma', lane)
@@ -75,6 +77,8 @@ def tick_of(
         each(reference_velocity, follows.velocity, follows.error, sigma),
         each(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
     )
+    a_r = mechanism.compensated(model, a_r, drift)
+    surface = each(sliding_surface, follows.error, follows.velocity_error, sigma)
     return Tick(
         get(settings, 'period', lane),
         model,
@@ -90,7 +94,7 @@ def tick_of(
         follows.error,
         follows.error_derivative,
         follows.velocity_error,
-        each(sliding_surface, follows.error, follows.velocity_error, sigma),
+        mechanism.reachable_surface(model, posture, v, v_r, surface),
         mechanism.regressor(model, posture, v, v_r, a_r),
         is_singular,
     )

@@ -27,8 +27,9 @@ from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, lane_count, put
+from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, tail, thirds
-from masmc_ros.robot import mechanism
+from masmc_ros.robot import drift, mechanism
 
 Numbers = tuple[float, ...]
 
@@ -44,6 +45,7 @@ SETTINGS = (
 MEMORY = (
     ESTIMATE,
     *velocity_estimator.MEMORY,
+    *drift.MEMORY,
     Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
     Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
 )
@@ -90,12 +92,24 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
         position,
         get(now, 'velocity', lane),
         thirds(get(now, 'reference', lane)),
+        get(memory, 'drift', lane),
     )
     put(now, 'estimate', lane, get(memory, 'estimate', lane))
     raw = law.torque(settings, tick, memory, lane)
     torque = within_limits(settings, raw, before, lane)
     put(memory, 'commanded', lane, torque)
     law.learn(settings, tick, memory, lane, raw, torque)
+    mechanism.follow_drift(
+        model,
+        posture,
+        settings,
+        memory,
+        lane,
+        tick.velocity,
+        tick.reference_velocity,
+        tick.surface,
+        each(minus, raw, torque),
+    )
     put(now, 'raw_torque', lane, raw)
     put(now, 'torque', lane, torque)
     put(now, 'rates', lane, get(memory, 'velocity_command', lane))

@@ -23,7 +23,8 @@ from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import tabulate, tail, thirds, unit
+from masmc_ros.numerics.scalars import zero
+from masmc_ros.numerics.tuples import each, tabulate, tail, thirds, unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,8 @@ def dense(settings: Any, now: Any) -> Any:
     rates = tail(get(signals, 'velocity', 0), get(signals, 'torque', 0))
     desired = thirds(get(signals, 'reference', 0))
     v = mechanism.motion(model, rates)
-    tick = tick_of(gains, 0, posture, v, position, get(signals, 'velocity', 0), desired)
+    rates_of_all = get(signals, 'velocity', 0)
+    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, each(zero, v))
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,

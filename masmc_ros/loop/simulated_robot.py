@@ -308,9 +308,9 @@ def write_plant(
         'bandwidth': bandwidth,
     }.items():
         fill(settings, name, value, lane)
-    angles = np.array(values['initial_joints'])[:, None] + np.zeros(settings['inertia'][0].shape)
-    inertias = joint_inertias(settings, angles)
-    fill(settings, 'inertia', inertias[:, lane or 0], lane)
+    # All lanes are the same where none is named.
+    inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
+    fill(settings, 'inertia', inertias, lane)
 
 
 def write_start(

@@ -54,18 +54,28 @@ def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
     return choose
 
 
-def contract(choose: Finder) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorate a function without a body to stand for the formulas of its name."""
+def contract(
+    choose: Finder, otherwise: Callable[..., Any] | None = None
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """
+    Decorate a function without a body to stand for the formulas of its name.
+
+    `otherwise` is the formula of an object that has none of this name.
+    """
 
     def decorate(stub: Callable[..., Any]) -> Callable[..., Any]:
         name = stub.__name__
 
+        def formula_of(first: Any) -> Any:
+            owner = choose(first)
+            return getattr(owner, name) if otherwise is None else getattr(owner, name, otherwise)
+
         @wraps(stub)
         def plain(*arguments: Any) -> Any:
-            return getattr(choose(arguments[0]), name)(*arguments)
+            return formula_of(arguments[0])(*arguments)
 
         def target(context: Any, kinds: Any) -> types.Type:
-            return context.resolve_value_type(getattr(choose(kinds[0]), name))
+            return context.resolve_value_type(formula_of(kinds[0]))
 
         def result(context: Any, *kinds: Any) -> types.Type:
             found: types.Type = called(context, target(context, kinds), kinds).return_type

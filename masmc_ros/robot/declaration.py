@@ -156,6 +156,38 @@ class Group(NamedTuple):
         return slice(self.first, self.end)
 
 
+def limited_speeds(
+    speeds: Array, joints: Sequence[Coordinate], settings: Sequence[str]
+) -> Array:
+    """
+    Return the speeds (joints) in rad/s or m/s, with those of SPEED_LIMITS in their places.
+
+    Raises InputError for a setting that is not the name of a joint and a speed.
+    """
+    names = [joint.name for joint in joints]
+    found, named = speeds.copy(), set()
+    for setting in settings:
+        name, _, text = setting.strip().partition(' ')
+        if name not in names:
+            raise InputError(
+                f"{SPEED_LIMITS.name}: no joint '{name}'; expected a name and a speed, such as "
+                f"'{names[-1]} 2.0', the name one of {', '.join(names)}"
+            )
+        try:
+            speed = float(text)
+        except ValueError:
+            speed = math.nan
+        if not 0.0 <= speed < math.inf or name in named:
+            again = ' again' if name in named else ''
+            raise InputError(
+                f"{SPEED_LIMITS.name}: '{setting}'{again}: expected each joint once, as its name "
+                f"and a speed >= 0, such as '{name} 2.0'; 0 is no limit"
+            )
+        named.add(name)
+        found[names.index(name)] = speed or math.inf
+    return found
+
+
 class Shape(NamedTuple):
     """A part of a drawing seen from above."""
 
@@ -323,7 +355,8 @@ class Mechanism:
         """
         if not self.speed_settings:
             return {}
-        return {'speed': self.limited_speeds(np.full(len(self.joints), math.inf))}
+        speeds = np.full(len(self.joints), math.inf)
+        return {'speed': limited_speeds(speeds, self.joints, self.speed_settings)}
 
     @cached_property
     def speed_limits(self) -> Numbers:
@@ -340,35 +373,6 @@ class Mechanism:
         """Return a limit of every joint, `otherwise` for all where none has one."""
         found = self.joint_limits.get(name)
         return (otherwise,) * len(self.joints) if found is None else tuple(found.tolist())
-
-    def limited_speeds(self, speeds: Array) -> Array:
-        """
-        Return the speeds (joints) with those that the parameter gives in their places.
-
-        Raises InputError for a setting that is not the name of a joint and a speed.
-        """
-        names = [joint.name for joint in self.joints]
-        found, named = speeds.copy(), set()
-        for setting in self.speed_settings:
-            name, _, text = setting.strip().partition(' ')
-            if name not in names:
-                raise InputError(
-                    f"{SPEED_LIMITS.name}: no joint '{name}'; expected a name and a speed, such "
-                    f"as '{names[-1]} 2.0', the name one of {', '.join(names)}"
-                )
-            try:
-                speed = float(text)
-            except ValueError:
-                speed = math.nan
-            if not 0.0 <= speed < math.inf or name in named:
-                again = ' again' if name in named else ''
-                raise InputError(
-                    f"{SPEED_LIMITS.name}: '{setting}'{again}: expected each joint once, as its "
-                    f"name and a speed >= 0, such as '{name} 2.0'; 0 is no limit"
-                )
-            named.add(name)
-            found[names.index(name)] = speed or math.inf
-        return found
 
     @cached_property
     def tag(self) -> str:

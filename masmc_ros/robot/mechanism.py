@@ -28,6 +28,9 @@ units, radians; world frame and REP-103 where a formula speaks of a task. `like`
 long as the result. Built-in mechanisms stand beside this file, others come by entry points
 (`registry.py`).
 
+A mechanism without redundancy and without speed limits needs neither `reachable_surface` nor
+`compensated` nor `follow_drift`: those of `drift.py` stand in.
+
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
 
@@ -61,6 +64,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.dispatch import by_class, by_tag, contract
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
+from masmc_ros.robot.drift import acceleration_itself, no_drift, surface_itself
 
 Numbers = tuple[float, ...]
 """
@@ -170,6 +174,37 @@ def reference_motion(
     J v_r is the task's velocity where nothing is singular, and a_r the derivative of v_r along the
     true motion while the task's acceleration is that given. What the task leaves free is the
     mechanism's, with what damps it in a_r.
+    """
+
+
+@contract(by_class(formulas_of_model), otherwise=surface_itself)
+def reachable_surface(
+    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+) -> Numbers:
+    """Return J (v - v_r): s, less what limits and singularities keep v_r from."""
+
+
+@contract(by_class(formulas_of_model), otherwise=acceleration_itself)
+def compensated(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
+    """Return a_r less the estimated drift."""
+
+
+@contract(by_class(formulas_of_model), otherwise=no_drift)
+def follow_drift(
+    model: Any,
+    posture: Any,
+    settings: Any,
+    memory: Any,
+    lane: int,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
+    missing: Numbers,
+) -> None:
+    """
+    Update the estimated drift in the memory after a tick.
+
+    `settings` are the law's, `surface` is s, `missing` are the torques that limits take away.
     """
 
 

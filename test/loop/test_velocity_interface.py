@@ -153,7 +153,7 @@ def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
     settings = records.plant_settings(TWO_LINK)
     fill(settings, 'geometry', robot.geometry)
     fill(settings, 'theta', robot.theta)
-    felt = joint_inertias(settings, np.array([[0.0], [0.0], [0.3], [-1.2]]))[:, 0]
+    felt = joint_inertias(settings, np.array([0.0, 0.0, 0.3, -1.2]), 0)
     plant = SimulatedRobot(
         robot,
         1e-5,

@@ -95,7 +95,7 @@ def check_inertia(values: dict[str, Any], angles: tuple[float, ...]) -> None:
     settings = records.plant_settings(robot.mechanism)
     fill(settings, 'geometry', robot.geometry)
     fill(settings, 'theta', robot.theta)
-    expected = joint_inertias(settings, at[:, None])[:, 0]
+    expected = joint_inertias(settings, at, 0)
     np.testing.assert_allclose(np.diag(rolling_inertia(values, at)), expected, rtol=1e-7)
 
 

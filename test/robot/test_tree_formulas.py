@@ -26,11 +26,13 @@ from masmc_ros.loop.records import plant_settings
 from masmc_ros.numerics.record import tag_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
+from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.formulas import model_of_axes
 from masmc_ros.robot.tree.friction import CREEP
 from masmc_ros.robot.tree.model import axes_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
+from masmc_ros.robot.tree.task.drift import _unseen
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +70,7 @@ class Drawn:
     """The small robot in a random state that is not singular."""
 
     def __init__(
-        self, seed: int, task: tuple[str, ...] = ('pose',), friction: bool = False, **given: float
+        self, seed: int, task: tuple[str, ...] = ('pose',), friction: bool = False, **given: Any
     ) -> None:
         """Draw it; `given` are parameters of the robot."""
         values: dict[str, Any] = {**parameters(), 'robot.task': task}
@@ -85,7 +87,8 @@ class Drawn:
             rest = (0.0, 0.0, 0.0, *START[2:5])
         self.mechanism = tree_mechanism(values)
         values = {p.name: p.default for p in self.mechanism.parameters} | values
-        self.robot = robot_of(values | {f'robot.{name}': each for name, each in given.items()})
+        self.values = values | {f'robot.{name}': each for name, each in given.items()}
+        self.robot = robot_of(self.values)
         numbers = self.robot.geometry[:, None]
         axes = axes_of(numbers, 0, (0.0,) * len(self.mechanism.axes))
         self.model = TreeModel(numbers, 0, axes)
@@ -94,6 +97,8 @@ class Drawn:
         self.position += draw.uniform(-0.3, 0.3, len(self.position))
         self.rates, self.force, self.torques = draw.normal(size=(3, len(rest)))
         self.twist, self.change, self.pull = draw.normal(size=(3, len(axes)))
+        # So slow that no speed limit matters.
+        self.twist *= 0.02
         self.theta = self.robot.theta
         self.like = tuple(self.rates.tolist())
 
@@ -202,14 +207,14 @@ def test_the_jacobian_is_that_of_the_task(
 def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
     seed: int, task: tuple[str, ...]
 ) -> None:
-    drawn = Drawn(seed, task, damping=0.0, base_mobility=0.3, posture_gain=0.7)
+    drawn = Drawn(seed, task, damping=0.0, base_mobility=0.3, posture_gain=0.02)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
     v_r, a_r = drawn.reference(0.0)
     assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-11)
     size = 1.0 + np.abs(a_r).max()
     assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-6 * size)
     # What damps is in proportion to what the motion is off by.
-    damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.7)
+    damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.02)
     _, less, _ = mechanism.reference_motion(
         damped.model, damped.posture(), numbers(damped.position), nu,
         numbers(damped.twist), numbers(damped.change),
@@ -223,7 +228,7 @@ def test_near_its_end_a_joint_moves_less_for_the_task(
     seed: int, part: float, is_upper: bool
 ) -> None:
     """Down to nothing at the end, and a_r is the derivative of what it does there."""
-    drawn = Drawn(seed, ('position',), damping=0.0, limit_margin=0.1)
+    drawn = Drawn(seed, ('position',), damping=0.0, limit_margin=0.1, posture_gain=0.02)
     lower, upper = (drawn.mechanism.joint_limits[name][5] for name in ('lower', 'upper'))
     margin = 0.1 * (upper - lower)
     place = 3 + 5
@@ -236,7 +241,62 @@ def test_near_its_end_a_joint_moves_less_for_the_task(
     drawn.position[place] = upper if is_upper else lower
     v_r, _ = drawn.reference(0.0)
     rest = parameters()['robot.posture'][3]
-    assert v_r[5] == pytest.approx(-0.5 * (drawn.position[place] - rest), abs=1e-12)
+    assert v_r[5] == pytest.approx(-0.02 * (drawn.position[place] - rest), abs=1e-12)
+
+
+@FEW
+@given(SEED, TASK)
+def test_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ...]) -> None:
+    drawn = Drawn(seed, task, speed_limits=('lift_joint 0.07',))
+    drawn.twist *= 100.0
+    v_r, _ = drawn.reference(0.0)
+    rates = np.abs(mechanism.joint_rates(drawn.model, numbers(v_r)))
+    limits = 0.9 * np.array(chosen(drawn.values).speed_limits)
+    assert (rates <= limits * (1.0 + 1e-12)).all()
+    assert rates.max() > 0.01
+
+
+@FEW
+@given(SEED)
+def test_limited_reference_motion_has_its_derivative(seed: int) -> None:
+    limits = ('wheel_right_joint 0.01', 'wheel_left_joint 0.01')
+    drawn = Drawn(seed, damping=0.0, posture_gain=0.02, speed_limits=limits)
+    v_r, a_r = drawn.reference(0.0)
+    rates = np.abs(mechanism.joint_rates(drawn.model, numbers(v_r)))
+    assert rates[:2].max() == pytest.approx(0.009, rel=1e-9)
+    size = 1.0 + np.abs(a_r).max()
+    assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-5 * size)
+
+
+def test_path_out_of_reach_ends_at_rest_without_chatter() -> None:
+    drawn = Drawn(0, ('position',))
+    drawn.position[:] = 0.0, 0.0, 0.0, *START
+    still = numbers(np.zeros(7))
+    goal = np.array([0.5, 0.0, 10.0])
+    speeds, before = [], np.zeros(7)
+    for _ in range(600):
+        posture, at = drawn.posture(), numbers(drawn.position)
+        error = np.array(mechanism.task_position(drawn.model, posture, at)) - goal
+        v_r, _, _ = mechanism.reference_motion(
+            drawn.model, posture, at, still, numbers(-2.0 * error), numbers(np.zeros(3))
+        )
+        rates = mechanism.joint_rates(drawn.model, v_r)
+        drawn.position += 0.01 * np.array(mechanism.position_rates(drawn.model, posture, rates))
+        speeds.append((np.abs(rates[2:]).max(), np.abs(np.array(rates) - before)[2:].max()))
+        before = np.array(rates)
+    assert max(speed for speed, _ in speeds) <= 2.7 * (1.0 + 1e-12)
+    assert speeds[-1][0] < 0.1
+    assert max(step for _, step in speeds[100:]) < 0.5
+
+
+@FEW
+@given(SEED, TASK)
+def test_motion_that_the_task_does_not_see(seed: int, task: tuple[str, ...]) -> None:
+    drawn = Drawn(seed, task)
+    unseen = _unseen(drawn.model, drawn.posture(), drawn.like)
+    assert drawn.jacobian() @ unseen == pytest.approx(np.zeros(len(drawn.twist)), abs=1e-9)
+    again = _unseen(drawn.model, drawn.posture(), numbers(np.array(unseen)))
+    assert np.array(again) == pytest.approx(np.array(unseen), abs=1e-9)
 
 
 def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:

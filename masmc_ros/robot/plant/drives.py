@@ -48,21 +48,21 @@ def felt_inertia(model: Any, like: Numbers, h: Any, joint: int) -> float:
 
 
 @kernel
-def joint_inertias(plant: Any, angles: Any) -> NDArray[np.float64]:
+def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     """
-    Return the diagonal (joints, lanes) of the reduced inertia H of (10), kg m2.
+    Return the diagonal (joints) of the reduced inertia H of (10) of one lane, kg m2.
 
-    `plant` is an array of one record of the plant's settings, `angles` (joints, lanes) in rad.
+    `plant` is an array of one record of the plant's settings, of which the other lanes need not
+    be written yet; `angles` (joints) in rad.
     """
     record = plant[0]
-    diagonal = np.empty(angles.shape)
-    for lane in range(angles.shape[1]):
-        like = get(record, 'limit', lane)
-        model = mechanism.model_of(record, lane)
-        bend = mechanism.posture_of_joints(model, taken(angles[:, lane], like))
-        h = mechanism.inertia(model, bend, get(record, 'theta', lane))
-        for joint in range(len(like)):
-            diagonal[joint, lane] = felt_inertia(model, like, h, joint)
+    diagonal = np.empty(len(angles))
+    like = get(record, 'limit', lane)
+    model = mechanism.model_of(record, lane)
+    bend = mechanism.posture_of_joints(model, taken(angles, like))
+    h = mechanism.inertia(model, bend, get(record, 'theta', lane))
+    for joint in range(len(like)):
+        diagonal[joint] = felt_inertia(model, like, h, joint)
     return diagonal
 
 

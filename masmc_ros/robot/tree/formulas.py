@@ -43,6 +43,7 @@ from masmc_ros.robot.tree.friction import add_friction, write_friction_gradient
 from masmc_ros.robot.tree.kinematics import base_motion, place, Posture
 from masmc_ros.robot.tree.model import axes_of, base_of, bodies_of, TreeModel
 from masmc_ros.robot.tree.natural_adaptation import adapted
+from masmc_ros.robot.tree.task.drift import compensated, follow_drift, reachable_surface
 from masmc_ros.robot.tree.task.redundancy import (
     motion_from_task,
     reference_motion,
@@ -59,9 +60,12 @@ from masmc_ros.robot.tree.wheels import into_base, into_wheels
 import numpy as np
 
 __all__ = [
+    'compensated',
     'consistency_normal',
+    'follow_drift',
     'forces_from_task',
     'motion_from_task',
+    'reachable_surface',
     'reference_motion',
     'task_error',
     'task_inertia',

@@ -68,7 +68,7 @@ class TreeModel(NamedTuple):
     """Places of the task's axes among the coordinates of `task.py`."""
 
 
-_AXES = 6
+_AXES = 7
 _BODY = 35
 _FRAME = 13
 
@@ -84,6 +84,8 @@ def packed(
     posture_gain: float,
     damping: float,
     least_pivot: float,
+    speed_limits: ArrayLike | None = None,
+    drift_rate: float = 0.0,
 ) -> NDArray[np.float64]:
     """
     Return the numbers of a `TreeModel`.
@@ -111,6 +113,11 @@ def packed(
         rate kappa in 1/s at which velocities that the task does not see go to their reference.
     least_pivot
         of J W^-1 J', below which the task is singular and its inverse damped.
+    speed_limits
+        (n) largest speeds of wheels and joints in rad/s or m/s that v_r may have; infinite for
+        those without a limit, None for none at all.
+    drift_rate
+        how fast the estimate of drift follows it, in 1/s; 0 disables it.
 
     Returns
     -------
@@ -118,11 +125,15 @@ def packed(
 
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
+    speeds = np.full(tree.base + len(tree.parent) - 1, np.inf)
+    speeds[:] = np.inf if speed_limits is None else speed_limits
     bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
     parts: tuple[Any, ...] = (
-        (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot),
+        (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot,
+         drift_rate),
         axes, bodies, mobility, posture, wheels,
         np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
+        1.0 / speeds,
         *(part for frame in frames for part in frame),
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
@@ -203,6 +214,12 @@ def damping_of(model: TreeModel) -> float:
 def least_pivot_of(model: TreeModel) -> float:
     """Return the pivot below which the task is singular."""
     return model.numbers[5, model.lane]
+
+
+@formula
+def drift_rate_of(model: TreeModel) -> float:
+    """Return how fast the estimate of drift follows it, in 1/s; 0 without one."""
+    return model.numbers[6, model.lane]
 
 
 @formula
@@ -289,11 +306,18 @@ def limits_of(model: TreeModel, k: int) -> tuple[float, float, float]:
 
 
 @formula
+def inverse_speeds_begin(model: TreeModel) -> int:
+    """Return where (n) one over the speeds begins that wheels and joints may have."""
+    first, size, base = _after_bodies(model)
+    return first + 2 * (size + base * base) + size * size + 3 * size
+
+
+@formula
 def frame_of(model: TreeModel, frame: int) -> tuple[int, Rotation, Vector]:
     """Return the body of a frame that has a task, and where the frame is on it."""
     first, size, base = _after_bodies(model)
     numbers, lane = model.numbers, model.lane
-    at = first + 2 * (size + base * base) + size * size + 3 * size + _FRAME * frame
+    at = first + 2 * (size + base * base) + size * size + 4 * size + _FRAME * frame
     rotation: Rotation = read_down(numbers, at + 1, lane, ROTATION)
     offset: Vector = read_down(numbers, at + 10, lane, VECTOR)
     return int(numbers[at, lane]), rotation, offset

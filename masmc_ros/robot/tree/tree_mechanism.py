@@ -29,6 +29,7 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (
     Coordinate,
     Group,
+    limited_speeds,
     Mechanism,
     ODOM_FRAME,
     Outline,
@@ -63,6 +64,9 @@ Array = NDArray[np.float64]
 
 NAME = 'tree'
 """As `robot.mechanism` has it."""
+
+SPEED_SHARE = 0.9
+"""Share of a joint's speed limit that v_r may have; the rest is for what v differs from it by."""
 
 FRICTIONLESS = 'none'
 """Of the choices of robot.friction."""
@@ -118,13 +122,17 @@ PARAMETERS = (
         minimum=0.0, exclusive_minimum=True,
     ),
     Parameter(
-        'robot.limit_margin', 0.0, "Part of a joint's range before its ends in which it moves "
+        'robot.limit_margin', 0.05, "Part of a joint's range before its ends in which it moves "
         'less and less for the task, down to nothing; 0 is no heed to ends',
         minimum=0.0, maximum=0.5,
     ),
     Parameter(
-        'robot.damping', 5.0, 'Rate at which motion that the task does not see is damped',
+        'robot.damping', 20.0, 'Rate at which motion that the task does not see is damped',
         unit='1/s', minimum=0.0,
+    ),
+    Parameter(
+        'robot.drift_rate', 50.0, 'Rate at which the estimate of accelerations that the task does '
+        'not see follows them; 0 disables it', unit='1/s', minimum=0.0,
     ),
     Parameter(
         'robot.least_pivot', 1.0e-3, 'Measure of singularity below which the task is damped',
@@ -213,11 +221,10 @@ class TreeMechanism(Mechanism):
         limits = self.robot.limits
         # A base without wheels is driven as it is, by joints that are none of the URDF's.
         free = len(self.joints) - len(limits.lower)
-        speed = np.where(limits.speed > 0.0, limits.speed, np.inf)
         return {
             'lower': np.concatenate([np.full(free, -np.inf), limits.lower]),
             'upper': np.concatenate([np.full(free, np.inf), limits.upper]),
-            'speed': self.limited_speeds(np.concatenate([np.full(free, np.inf), speed])),
+            'speed': _speed_limits(self.robot, self.joints, self.speed_settings),
         }
 
     @cached_property
@@ -411,7 +418,8 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         Robot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
     )
     bodies = [root, *(j.child for j in robot.joints)]
-    model = _model(robot, task, values)
+    limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
+    model = _model(robot, task, values, limited)
     joints = len(drives) + len(arm)
     if len(_POSE) + joints > LONGEST:
         raise InputError(
@@ -467,8 +475,6 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
         held=held,
         made_of={URDF: urdf, **values},
     )
-    # What the parameter names is checked now, not when a limit is first asked for.
-    assert len(mechanism.speed_limits) == joints
     register(mechanism)
     return mechanism
 
@@ -478,10 +484,23 @@ def _rest(robot: TreeRobot, values: Mapping[str, Any]) -> Array:
     return _as_many(values['robot.posture'], len(robot.joints), 'robot.posture')
 
 
-def _model(robot: TreeRobot, task: Task, values: Mapping[str, Any]) -> Array:
+def _speed_limits(
+    robot: TreeRobot, joints: Sequence[Coordinate], settings: Sequence[str]
+) -> Array:
+    """Return the speed limits of the joints, of the URDF where the parameter has none."""
+    own = robot.limits.speed
+    speeds = np.full(len(joints), np.inf)
+    speeds[len(joints) - len(own):] = np.where(own > 0.0, own, np.inf)
+    return limited_speeds(speeds, joints, settings)
+
+
+def _model(
+    robot: TreeRobot, task: Task, values: Mapping[str, Any], speed_limits: Array
+) -> Array:
     """Return what the formulas need, as one vector."""
-    base, joints = robot.tree.base, len(robot.joints)
-    mobility = np.ones(base + joints)
+    base = robot.tree.base
+    # A joint that is slow by its limit, such as a lift, leaves the task to faster ones.
+    mobility = np.minimum(1.0, speed_limits**2)
     mobility[:base] = values['robot.base_mobility']
     frames = [robot.frames[link] for link in task.frames]
     return packed(
@@ -495,6 +514,8 @@ def _model(robot: TreeRobot, task: Task, values: Mapping[str, Any]) -> Array:
         values['robot.posture_gain'],
         values['robot.damping'],
         values['robot.least_pivot'],
+        SPEED_SHARE * speed_limits,
+        values['robot.drift_rate'],
     )
 
 

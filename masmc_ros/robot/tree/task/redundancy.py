@@ -20,9 +20,14 @@ W^-1, which go to zero in a margin before a joint's ends,
 
     nu_r = z + W^-1 J' y,   (J W^-1 J' + lambda^2) y = xdot_r - J z,
 
-lambda being 0 where the task is not singular. a_r is the exact derivative for a constant lambda,
+lambda being 0 where the task is not singular. If a joint would be faster than its speed limit
+allows, all of nu_r is divided by the same rho. a_r is the exact derivative for a constant lambda,
 less kappa sigma: H kappa sigma damps what the task does not see with the robot's own inertia,
 which is stable for any kappa, where gains that know no inertia are not.
+
+lambda^2 = b (1 - p / b)^2 grows from zero as the smallest pivot p of J W^-1 J' falls below b, the
+larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. So the task is damped before a joint would have
+to be faster than about 1 / DAMPED_TIME, in rad/s or m/s.
 """
 
 from __future__ import annotations
@@ -32,7 +37,7 @@ from typing import Any
 from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
-from masmc_ros.numerics.scratch import clear, scratch
+from masmc_ros.numerics.scratch import clear, copy_into, scratch
 from masmc_ros.numerics.tuples import tabulate
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.dynamics import write_inertia
@@ -40,6 +45,7 @@ from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.model import (
     base_of,
     damping_of,
+    inverse_speeds_begin,
     least_pivot_of,
     limits_of,
     mobility_begins,
@@ -48,7 +54,11 @@ from masmc_ros.robot.tree.model import (
     TreeModel,
 )
 from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate
+from masmc_ros.robot.tree.wheels import into_wheels
 import numpy as np
+
+DAMPED_TIME = 0.5
+"""One over the speed of joints in rad/s or m/s from which on the task is damped."""
 
 
 @formula
@@ -80,8 +90,12 @@ def _write_mobilities(
 
 
 @kernel
-def _factored(model: TreeModel, columns: Any, weights: Any, found: Any) -> bool:
-    """Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular."""
+def _factored(model: TreeModel, columns: Any, weights: Any, square: float, found: Any) -> bool:
+    """
+    Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular.
+
+    `square` is that of the task's velocity that they are for.
+    """
     m, bound = len(model.axes), least_pivot_of(model)
     _write_compliance(model, columns, weights, found)
     factor(found)
@@ -89,12 +103,13 @@ def _factored(model: TreeModel, columns: Any, weights: Any, found: Any) -> bool:
     for i in range(m):
         least = min(least, found[i, i])
     is_singular = not least > bound
-    if is_singular:
-        # lambda^2 grows from zero to the pivot's bound as the pivot goes to zero.
+    bound = max(bound, DAMPED_TIME * DAMPED_TIME * square)
+    if not least > bound:
         short = 1.0 - max(least, 0.0) / bound
+        damping = bound * short * short
         _write_compliance(model, columns, weights, found)
         for i in range(m):
-            found[i, i] += bound * short * short
+            found[i, i] += damping
         factor(found)
     return is_singular
 
@@ -121,6 +136,28 @@ def _along(model: TreeModel, columns: Any, k: int, y: Any) -> float:
 
 
 @kernel
+def _limit_speeds(model: TreeModel, v_r: Any, a_r: Any) -> None:
+    """Divide nu_r by the excess over the speed limit of the fastest joint, and derive a_r."""
+    size, first = len(v_r), inverse_speeds_begin(model)
+    speeds = scratch(size)
+    copy_into(speeds, v_r)
+    into_wheels(model, speeds, False)
+    excess, fastest = 1.0, 0
+    for k in range(size):
+        ratio = abs(speeds[k]) * model.numbers[first + k, model.lane]
+        if ratio > excess:
+            excess, fastest = ratio, k
+    if excess > 1.0:
+        sign = 1.0 if speeds[fastest] > 0.0 else -1.0
+        copy_into(speeds, a_r)
+        into_wheels(model, speeds, False)
+        change = sign * speeds[fastest] * model.numbers[first + fastest, model.lane] / excess
+        for k in range(size):
+            a_r[k] = (a_r[k] - change * v_r[k]) / excess
+            v_r[k] /= excess
+
+
+@kernel
 def reference_motion(
     model: TreeModel,
     posture: Posture,
@@ -139,7 +176,6 @@ def reference_motion(
     write_task_jacobian(model, posture, columns)
     write_task_jacobian_rate(model, posture, nu, changes)
     _write_mobilities(model, posture, nu, weights, growths)
-    singular = _factored(model, columns, weights, factors)
     # z and its derivative: the joints tend to their posture, the base to nothing.
     z, z_dot = scratch(size), scratch(size)
     clear(z)
@@ -151,6 +187,10 @@ def reference_motion(
     for k in range(size):
         for i in range(len(model.axes)):
             y[i] -= columns[k, i] * z[k]
+    square = 0.0
+    for i in range(m):
+        square += y[i] * y[i]
+    singular = _factored(model, columns, weights, square, factors)
     solve(factors, y)
     # The derivative of the equation for y: A ydot = d(xdot_r - J z)/dt - Adot y.
     for k in range(size):
@@ -162,8 +202,10 @@ def reference_motion(
             y_dot[i] -= changes[k, i] * v_r[k] + columns[k, i] * change
     solve(factors, y_dot)
     for k in range(size):
-        damped = damping * (nu[k] - v_r[k])
-        a_r[k] += weights[k] * _along(model, columns, k, y_dot) - damped
+        a_r[k] += weights[k] * _along(model, columns, k, y_dot)
+    _limit_speeds(model, v_r, a_r)
+    for k in range(size):
+        a_r[k] -= damping * (nu[k] - v_r[k])
     return taken(v_r, motion), taken(a_r, motion), singular
 
 
@@ -178,7 +220,7 @@ def motion_from_task(
     clear(still)
     write_task_jacobian(model, posture, columns)
     _write_mobilities(model, posture, still, weights, growths)
-    _factored(model, columns, weights, factors)
+    _factored(model, columns, weights, 0.0, factors)
     solve(factors, y)
     out = scratch(size)
     for k in range(size):

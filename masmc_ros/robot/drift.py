@@ -1,0 +1,76 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Accelerations that neither the model nor the task explains: what a tick remembers of them.
+
+The disturbance estimate of a law exists on the task's axes. A robot with more velocities than
+axes is also accelerated in directions that the task does not see. Such a mechanism estimates
+these accelerations, the *drift*, and a_r compensates them. For any other mechanism the formulas
+here apply, which change nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula
+from masmc_ros.numerics.field import Field
+
+Numbers = tuple[float, ...]
+
+FIRST_GAIN = 0.5
+"""Gain of the first estimate, which knows nothing; later ones count for less and less."""
+
+MEMORY = (
+    Field('drift', 'joints', 'Estimated drift, in the velocities of the mechanism', '1/s²'),
+    Field(
+        'drift_predicted', 'joints', 'sigma of the next tick without a change of the drift',
+        '1/s', initial=math.nan,
+    ),
+    Field('drift_missing', 'joints', 'Torques that limits took away at the last tick', 'N·m'),
+    Field('drift_gain', description='Gain of the next estimate', initial=FIRST_GAIN),
+)  # fmt: skip
+"""Memory of every law."""
+
+
+@formula
+def surface_itself(
+    model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
+) -> Numbers:
+    """Return s."""
+    return surface
+
+
+@formula
+def acceleration_itself(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
+    """Return a_r."""
+    return acceleration
+
+
+@formula
+def no_drift(
+    model: Any,
+    posture: Any,
+    settings: Any,
+    memory: Any,
+    lane: int,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
+    missing: Numbers,
+) -> None:
+    """Leave the memory unchanged."""

@@ -1,0 +1,117 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Drift of a tree: estimated accelerations in the directions that its task does not see.
+
+Without them and disturbances, sigma = nu - nu_r decays with the rate kappa of `damping`. What it
+does instead from tick to tick is measured, and the estimate follows it,
+
+    drift <- N (drift + L / T (sigma - (1 - kappa T) sigma_before)),   N = 1 - W^-1 J' A^-1 J,
+
+with A = J W^-1 J' + lambda^2 of `redundancy`. L is that of a Kalman filter of a constant: 1/2 at
+first, then 1/3, 1/4, ..., down to what follows changes at `drift_rate`. So a model that is wrong
+from the start costs a few ticks, and noise of the velocities is averaged afterwards.
+
+While a law still reaches for the surface, its own forces accelerate the robot, and nothing is
+estimated. Nor is anything while a torque stays at the same limit for more than a tick, which would
+wind the estimate up; noise alone drives torques from one limit to the other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from masmc_ros.numerics.compiled import formula, kernel
+from masmc_ros.numerics.record import get, put
+from masmc_ros.numerics.scalars import minus
+from masmc_ros.numerics.tuples import dot, each, least
+from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.robot.tree.kinematics import Posture
+from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
+from masmc_ros.robot.tree.task.redundancy import motion_from_task
+from masmc_ros.robot.tree.task.task import task_velocity
+import numpy as np
+
+REACHED = 0.1
+"""Largest |s| in m/s and rad/s with which drift is estimated."""
+
+
+@formula
+def reachable_surface(
+    model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
+) -> Numbers:
+    """Return J (nu - nu_r)."""
+    found: Numbers = task_velocity(model, posture, each(minus, motion, reference))
+    return found
+
+
+@formula
+def compensated(model: TreeModel, acceleration: Numbers, drift: Numbers) -> Numbers:
+    """Return a_r less the estimated drift."""
+    return each(minus, acceleration, drift)
+
+
+@formula
+def _corrected(drift: float, measured: float, predicted: float, gain_per_period: float) -> float:
+    return drift + gain_per_period * (measured - predicted)
+
+
+@formula
+def _decayed(error: float, share: float) -> float:
+    return share * error
+
+
+@formula
+def _against(missing: float, last: float) -> float:
+    return -missing * last
+
+
+@kernel
+def _unseen(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
+    """Return N nu, the part of velocities that the task does not see."""
+    seen = task_velocity(model, posture, motion)
+    return each(minus, motion, motion_from_task(model, posture, seen, motion))
+
+
+@formula
+def follow_drift(
+    model: TreeModel,
+    posture: Posture,
+    settings: Any,
+    memory: Any,
+    lane: int,
+    motion: Numbers,
+    reference: Numbers,
+    surface: Numbers,
+    missing: Numbers,
+) -> None:
+    """Update the estimated drift in the memory; drives that follow rates have none."""
+    rate = drift_rate_of(model)
+    if (rate > 0.0) & (get(settings, 'takes_rates', lane) == 0):
+        period, gain = get(settings, 'period', lane), get(memory, 'drift_gain', lane)
+        error, predicted = each(minus, motion, reference), get(memory, 'drift_predicted', lane)
+        is_reached = dot(surface, surface) <= REACHED * REACHED
+        if is_reached & (predicted[0] == predicted[0]):
+            drift = get(memory, 'drift', lane)
+            drift = each(_corrected, drift, error, predicted, gain / period)
+            put(memory, 'drift', lane, _unseen(model, posture, drift))
+            slowest = rate * period / (1.0 + rate * period)
+            put(memory, 'drift_gain', lane, max(slowest, gain / (1.0 + gain)))
+        last = get(memory, 'drift_missing', lane)
+        persists = least(each(_against, missing, last)) < 0.0
+        put(memory, 'drift_missing', lane, missing)
+        share = np.nan if persists else 1.0 - damping_of(model) * period
+        put(memory, 'drift_predicted', lane, each(_decayed, error, share))

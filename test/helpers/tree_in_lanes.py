@@ -1,0 +1,74 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compare runs of a tree in lanes with the runs alone; print the signals of which a bit differs.
+
+The small tree, for NUMBA_DISABLE_JIT=1, unless a parameter file and a duration are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+import sys
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.scenario.scenario import load_scenario
+import numpy as np
+from small_tree import hand_at_start, write_scenario
+
+OF_LANES = (
+    (),
+    ('controller.model_scale=0.7', 'controller.robot.damping=40.0'),
+    ('plant.velocity_noise=0.01', 'plant.seed=5', 'controller.robot.posture_gain=1.0'),
+    (
+        'controller.robot.armature=0.02',
+        'controller.robot.drift_rate=0.0',
+        'controller.observer_gain=0.2',
+    ),
+)
+"""Settings of each lane: gains, masses, noise and the model's numbers differ."""
+
+
+def differing(runs: list[Mapping[str, Mapping[str, Any]]]) -> list[str]:
+    """Return the signals in which a lane is not the run alone."""
+    parts = list(SideBySide(runs).run())
+    alone = [list(Simulation(run).run()) for run in runs]
+    found = []
+    for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface', 'error'):
+        lanes = np.concatenate([part[name] for part in parts])
+        for lane, run in enumerate(alone):
+            own = np.concatenate([getattr(part, name) for part in run])
+            if not (np.isfinite(own).all() and np.array_equal(lanes[:, :, lane], own)):
+                found.append(f'{name}, lane {lane}')
+    return found
+
+
+def main(file: str, duration: str) -> None:
+    """Compare runs of a parameter file."""
+    length = f'duration={duration}'
+    runs = [load_scenario(file, (length, *settings)) for settings in OF_LANES]
+    print('\n'.join(differing(runs)), end='')
+
+
+if __name__ == '__main__':
+    if len(sys.argv) > 1:
+        main(sys.argv[1], sys.argv[2])
+    else:
+        with TemporaryDirectory() as folder:
+            main(str(write_scenario(Path(folder), hand_at_start(), 1.0)), '0.01')

@@ -1,0 +1,102 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Redundant robots keep the limits of speeds and positions, whatever pushes them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+import subprocess
+import sys
+
+from masmc_ros.scenario.scenario import load_scenario
+import pytest
+from run_limits import limits_of
+from small_tree import hand_at_start, write_scenario
+from surroundings import surroundings
+
+ROOT = Path(__file__).resolve().parents[2]
+HELPER = ROOT / 'test' / 'helpers' / 'run_limits.py'
+
+TIAGO, PRO, PANDA = 'tiago', 'tiago_pro', 'franka_on_omni'
+ACCURACY = {TIAGO: 1.4e-6, PRO: 3.0e-6, PANDA: 1.6e-6}
+"""RMS of the first hand's distance in m that the runs stay below."""
+
+needs_robots = pytest.mark.skipif(
+    find_spec('pinocchio') is None, reason='their URDFs come with the extra robots'
+)
+
+
+def moved_path(name: str, *distance: float) -> str:
+    """Return the setting that moves the path of the first hand of a shipped file, in m."""
+    offset = list(load_scenario(path_of(name), ())['trajectory']['line_sine.offset'])
+    for axis, way in enumerate(distance):
+        offset[axis] += way
+    return f'trajectory.line_sine.offset={offset}'
+
+
+def path_of(name: str) -> str:
+    """Return the path of a shipped file."""
+    return str(ROOT / 'config' / f'{name}.yaml')
+
+
+def test_disturbed_small_tree_keeps_speed_limits(tmp_path: Path) -> None:
+    """Wheels and turret are turned against each other, which the hand does not see."""
+    path = write_scenario(tmp_path, hand_at_start(), 0.08)
+    settings = (
+        'robot.speed_limits=[turret_joint 1.0]',
+        'controller.model_scale=0.5',
+        'plant.disturbance.amplitude=[2.0, -2.0, -10.0, 0.0, 0.0, 0.0, 0.0]',
+        'plant.disturbance.phase=[1.57, 1.57, 1.57, 1.57, 1.57, 1.57, 1.57]',
+    )
+    speeds = []
+    for rate in ('0.0', '50.0'):
+        done = subprocess.run(
+            [sys.executable, HELPER, path, *settings, f'robot.drift_rate={rate}'],
+            env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},
+            stdout=subprocess.PIPE, text=True, timeout=300.0, check=True,
+        )  # fmt: skip
+        speeds.append(float(done.stdout.split()[0]))
+    assert speeds[1] < 1.0 < speeds[0]
+
+
+@pytest.mark.slow
+@needs_robots
+@pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
+def test_shipped_run_keeps_speed_and_position_limits(name: str) -> None:
+    run = limits_of(path_of(name), ())
+    assert run.speed <= 1.0
+    assert run.beyond <= 0.0
+    assert run.torque <= 1.0
+    assert run.error < ACCURACY[name]
+
+
+@pytest.mark.slow
+@needs_robots
+@pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
+def test_approach_from_a_distance_keeps_limits(name: str) -> None:
+    run = limits_of(path_of(name), (moved_path(name, 0.2, 0.2, -0.1),), approaches=True)
+    assert run.speed <= 1.0
+    assert run.beyond <= 0.0
+    assert run.error < 2.0 * ACCURACY[name]
+
+
+@pytest.mark.slow
+@needs_robots
+@pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
+def test_path_out_of_reach_leaves_speeds_bounded(name: str) -> None:
+    run = limits_of(path_of(name), (moved_path(name, 0.0, 0.0, 1.0),), approaches=True)
+    assert run.speed <= 1.2
+    assert run.torque <= 1.0
