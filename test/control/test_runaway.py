@@ -18,8 +18,12 @@ from __future__ import annotations
 
 from core_loop import CoreLoop, node_values
 from masmc_ros.law.registry import LAWS, SWITCHING
+from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
+from processes import PAPER as PAPER_FILE
 import pytest
+
+CONFIG = PAPER_FILE.parent
 
 PAPER = {
     'control_period': 0.001,
@@ -87,3 +91,27 @@ def test_ordinary_run_of_every_law_raises_no_alarm(law: str, switching: str) -> 
     loop = CoreLoop(node_values(PAPER, controller=control))
     loop.run(10.0)
     assert loop.state == 'active', loop.reports
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('law', ['variable_structure', 'rasmc'])
+def test_tiago_with_an_unstable_law_comes_to_rest(law: str) -> None:
+    """`variable_structure` fails with TIAGo's gains; a delay of 5 ms makes `rasmc` diverge."""
+    delay = 0.0 if law == 'variable_structure' else 0.005
+    settings = [
+        'pacing=realtime', f'controller.law={law}', f'plant.measurement_delay={delay}',
+        'controller.observer_gain=0.5',
+    ]
+    loop = CoreLoop(load_scenario(str(CONFIG / 'tiago.yaml'), settings))
+    limits = np.array(loop.controller.mechanism.speed_limits)
+    peak = 0.0
+    for _ in range(10_000):
+        loop.step()
+        peak = max(peak, float((np.abs(loop.plant.true_velocity[3:]) / limits).max()))
+        if loop.state.startswith('fault'):
+            break
+    assert loop.state.startswith('fault: run-away'), loop.reports
+    signals = loop.run(10.0)
+    ratios = np.abs(signals['velocity'][:, 3:]) / limits
+    assert max(peak, ratios.max()) < 4.0
+    assert ratios[-1000:].max() < 0.6

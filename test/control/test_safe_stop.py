@@ -207,8 +207,6 @@ def held(name: str, action: str, scale: float, period: float, seed: int) -> dict
     ],
 )
 def test_hold_of_a_tree_comes_to_rest(name: str, scale: float) -> None:
-    if name != 'small':
-        pytest.importorskip('example_robot_data')
     figures = held(name, HOLD, scale, 0.01, seed=1)
     assert figures['end'] < 1e-3
     assert figures['peak'] < 6.0
