@@ -67,6 +67,15 @@ KILLED = ('trajectory', 'controller', 'recorder')
 LIMITS = (6.0, 6.0, 20.0, 10.0)
 """Torque limits in N·m, with which the paper's robot cannot diverge however late commands come."""
 
+_FIXED = ('torque_limit', 'boundary_layer')
+"""Parameters that no valid request changes: a thinner layer needs a shorter control period."""
+
+_SWITCHING = ('saturation', 'tanh', 'sigmoid')
+"""Switching terms that are stable at the control period; `sign` has no layer."""
+
+_TRACE = 12
+"""Seconds of speeds that are printed on failure."""
+
 _QUEUE = 4.0
 """Size in MB of the recorder's queue: what waits there is no leak."""
 
@@ -241,6 +250,15 @@ class Watch:
         with suppress(InputError):
             self.told = text_of(raw)
 
+    def text(self) -> str:
+        """Return the present speeds and torques, and the state of the controller."""
+        speed, torques = self._state.velocity.tolist(), self._state.effort[-len(LIMITS):].tolist()
+        return (
+            f'wheels {[round(speed[i], 1) for i in self._wheels]} '
+            f'arm {[round(speed[i], 1) for i in self._arm]} rad/s, '
+            f'torques {[round(each, 1) for each in torques]} N·m, {self.told[:60]}'
+        )
+
     def _note(self, text: str) -> None:
         self.wrong = self.wrong or text
 
@@ -255,6 +273,7 @@ class HostileRun:
         self.options = options
         self.nodes: dict[str, NodeRun] = {}
         self.actions: deque[tuple[float, str]] = deque(maxlen=20)
+        self.trace: deque[str] = deque(maxlen=_TRACE)
         self.counts: dict[str, int] = {}
         self._source = RandomInput(options.seed, is_tame=True)
         self._again: list[tuple[float, str]] = []
@@ -327,7 +346,7 @@ class HostileRun:
 
     def run(self, node: Node, spin: Callable[[float], None]) -> Watch:
         """Run to the end; Failure if something is wrong."""
-        client = HostileClient(node, self._source, NODES, ('torque_limit',))
+        client = HostileClient(node, self._source, NODES, _FIXED)
         watch = Watch(node, self.options, client.has_sent)
         for name in NODES:
             self.start(name)
@@ -342,6 +361,7 @@ class HostileRun:
                 look = now + _LOOK
             if now >= sample:
                 self._check(now)
+                self.trace.append(f'{now - begin:9.3f} s  {watch.text()}')
                 sample = now + _SAMPLE
             for due, name in tuple(self._again):
                 if now >= due:
@@ -381,6 +401,7 @@ class HostileRun:
             spin(0.2)
             self._check(time.monotonic())
         client.limit_choices('law', self.options.laws)
+        client.limit_choices('switching', _SWITCHING)
 
     def _act(self, client: HostileClient) -> None:
         """Do one random thing."""
@@ -391,7 +412,7 @@ class HostileRun:
             self._note(client.random_request())
         else:
             name = self._source.random.choice(('controller', 'controller', 'plant'))
-            text = client.valid_change(name, scale=1.5)
+            text = client.valid_change(name)
             if text is not None:
                 self._note(text)
 
@@ -460,8 +481,10 @@ class HostileRun:
     def tell(self, failure: BaseException) -> None:
         """Print what is wrong, what was done before, and what the nodes have printed."""
         print(f'FAILED: {failure}; seed {self.options.seed}')
+        print('the last actions:')
         for when, text in self.actions:
             print(f'  {when:9.3f} s  {text}')
+        print('the last seconds:', *self.trace, sep='\n  ')
         for name, node in self.nodes.items():
             lines = node.output.read_text(encoding='utf-8', errors='replace').splitlines()
             for line in lines[-8:]:

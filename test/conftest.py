@@ -54,6 +54,7 @@ MISSING = re.compile(
 LONG = (
     'loop/test_tree_run.py',
     'nodes/test_shipped_files_nodes.py',
+    'nodes/test_hostile_input.py',
     'nodes/recorder/test_listeners_killed.py',
     'loop/test_same_bits.py',
     'loop/test_lanes.py',

@@ -48,7 +48,8 @@ class Attachments:
     def add_parameters(self, node: str, record: ParameterRecord) -> None:
         """Note what a node tells: at first its parameters, then what has changed."""
         if node in self.parameters:
-            self._changes.append(record)
+            # Its other values, over a hundred, are not written: they would fill the memory.
+            self._changes.append(record._replace(parameters=record.changes))
         else:
             self.parameters[node] = record.parameters
 
