@@ -60,6 +60,7 @@ LONG = (
     'loop/test_lanes.py',
     'log/test_damaged_logs.py',
     'nodes/test_random_changes.py',
+    'nodes/test_law_change.py',
     'robot/test_tree_formulas.py',
     'robot/test_tree_pinocchio.py',
     'nodes/test_busy_machine.py',
