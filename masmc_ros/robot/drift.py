@@ -41,7 +41,7 @@ MEMORY = (
         'drift_predicted', 'joints', 'sigma of the next tick without a change of the drift',
         '1/s', initial=math.nan,
     ),
-    Field('drift_missing', 'joints', 'Torques that limits took away at the last tick', 'N·m'),
+    Field('drift_limited', 'joints', 'Time since torques are at a limit, with its sign', 's'),
     Field('drift_gain', description='Gain of the next estimate', initial=FIRST_GAIN),
 )  # fmt: skip
 """Memory of every law."""

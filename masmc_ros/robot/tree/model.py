@@ -68,7 +68,10 @@ class TreeModel(NamedTuple):
     """Places of the task's axes among the coordinates of `task.py`."""
 
 
-_AXES = 7
+DAMPED_TIME = 0.5
+"""One over the speed in rad/s or m/s above which a robot with speed limits is damped."""
+
+_AXES = 8
 _BODY = 35
 _FRAME = 13
 
@@ -130,7 +133,7 @@ def packed(
     bodies = np.column_stack([tree.parent, tree.kind, *_turned(tree), tree.offset])
     parts: tuple[Any, ...] = (
         (len(tree.parent), tree.base, len(frames), posture_gain, damping, least_pivot,
-         drift_rate),
+         drift_rate, DAMPED_TIME if np.isfinite(speeds).any() else 0.0),
         axes, bodies, mobility, posture, wheels,
         np.linalg.inv(wheels) if len(wheels) else wheels, tree.armature, *limits,
         1.0 / speeds,
@@ -220,6 +223,12 @@ def least_pivot_of(model: TreeModel) -> float:
 def drift_rate_of(model: TreeModel) -> float:
     """Return how fast the estimate of drift follows it, in 1/s; 0 without one."""
     return model.numbers[6, model.lane]
+
+
+@formula
+def damped_time_of(model: TreeModel) -> float:
+    """Return one over the speed above which the task is damped; 0 without speed limits."""
+    return model.numbers[7, model.lane]
 
 
 @formula

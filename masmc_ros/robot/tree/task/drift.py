@@ -26,8 +26,8 @@ first, then 1/3, 1/4, ..., down to what follows changes at `drift_rate`. So a mo
 from the start costs a few ticks, and noise of the velocities is averaged afterwards.
 
 While a law still reaches for the surface, its own forces accelerate the robot, and nothing is
-estimated. Nor is anything while a torque stays at the same limit for more than a tick, which would
-wind the estimate up; noise alone drives torques from one limit to the other.
+estimated. Nor is anything while a torque stays at the same limit for more than LONGEST_LIMITED,
+which would wind the estimate up. Noise alone drives torques from one limit to the other.
 """
 
 from __future__ import annotations
@@ -47,6 +47,9 @@ import numpy as np
 
 REACHED = 0.1
 """Largest |s| in m/s and rad/s with which drift is estimated."""
+
+LONGEST_LIMITED = 0.01
+"""Longest time in s of a torque at the same limit during which drift is estimated."""
 
 
 @formula
@@ -75,8 +78,16 @@ def _decayed(error: float, share: float) -> float:
 
 
 @formula
-def _against(missing: float, last: float) -> float:
-    return -missing * last
+def _limited(time: float, missing: float, period: float) -> float:
+    """Return how long a torque is at the same limit, positive at its upper one."""
+    upper = (time if time > 0.0 else 0.0) + period
+    lower = (time if time < 0.0 else 0.0) - period
+    return upper if missing > 0.0 else (lower if missing < 0.0 else 0.0)
+
+
+@formula
+def _ahead(time: float, longest: float) -> float:
+    return longest - abs(time)
 
 
 @kernel
@@ -110,8 +121,8 @@ def follow_drift(
             put(memory, 'drift', lane, _unseen(model, posture, drift))
             slowest = rate * period / (1.0 + rate * period)
             put(memory, 'drift_gain', lane, max(slowest, gain / (1.0 + gain)))
-        last = get(memory, 'drift_missing', lane)
-        persists = least(each(_against, missing, last)) < 0.0
-        put(memory, 'drift_missing', lane, missing)
+        limited = each(_limited, get(memory, 'drift_limited', lane), missing, period)
+        put(memory, 'drift_limited', lane, limited)
+        persists = least(each(_ahead, limited, LONGEST_LIMITED)) < 0.0
         share = np.nan if persists else 1.0 - damping_of(model) * period
         put(memory, 'drift_predicted', lane, each(_decayed, error, share))

@@ -27,7 +27,7 @@ which is stable for any kappa, where gains that know no inertia are not.
 
 lambda^2 = b (1 - p / b)^2 grows from zero as the smallest pivot p of J W^-1 J' falls below b, the
 larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. So the task is damped before a joint would have
-to be faster than about 1 / DAMPED_TIME, in rad/s or m/s.
+to be faster than about 1 / DAMPED_TIME, in rad/s or m/s, if any of them has a speed limit.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.model import (
     base_of,
+    damped_time_of,
     damping_of,
     inverse_speeds_begin,
     least_pivot_of,
@@ -56,9 +57,6 @@ from masmc_ros.robot.tree.model import (
 from masmc_ros.robot.tree.task.task import write_task_jacobian, write_task_jacobian_rate
 from masmc_ros.robot.tree.wheels import into_wheels
 import numpy as np
-
-DAMPED_TIME = 0.5
-"""One over the speed of joints in rad/s or m/s from which on the task is damped."""
 
 
 @formula
@@ -103,7 +101,8 @@ def _factored(model: TreeModel, columns: Any, weights: Any, square: float, found
     for i in range(m):
         least = min(least, found[i, i])
     is_singular = not least > bound
-    bound = max(bound, DAMPED_TIME * DAMPED_TIME * square)
+    time = damped_time_of(model)
+    bound = max(bound, time * time * square)
     if not least > bound:
         short = 1.0 - max(least, 0.0) / bound
         damping = bound * short * short
