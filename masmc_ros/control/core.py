@@ -522,7 +522,7 @@ class ControllerCore:
                 approach.begin()
             self._queue_record(ACTIVATED)
         elif self._computed is None:
-            if pacing.approaches(was_off=False):
+            if self._values['approach_on_start'] or pacing.approaches(was_off=False):
                 approach.begin()
         elif not self._was_computed:
             self._stop.end()

@@ -195,6 +195,12 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
             unit='m/s',
             minimum=0.0,
         ),
+        Parameter(
+            'approach_on_start',
+            False,
+            'Whether a run in lock-step or by masmc simulate starts with an approach, as runs in '
+            'real time always do; runs side by side start on the reference',
+        ),
     )
 
 
