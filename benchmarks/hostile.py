@@ -313,6 +313,24 @@ class RandomInput:
                 makers.append(lambda: template)
         return self.random.choice(makers)()
 
+    def disarmed(self, kind: Any, raw: bytes) -> bytes:
+        """
+        Return a tame message of a topic that robots obey: its numbers are NaN.
+
+        A node that sends valid torques or states moves the robot as it likes, and no controller
+        can keep it within bounds then.
+        """
+        if not self._is_tame:
+            return raw
+        try:
+            message = deserialize_message(raw, kind)
+        except Exception:
+            return raw
+        for name in ('data', 'position', 'velocity'):
+            if hasattr(message, name):
+                setattr(message, name, [float('nan')] * max(1, len(getattr(message, name))))
+        return serialize_message(message)
+
     def garbage(self) -> bytes:
         """Return bytes that are no message, often behind a right encapsulation header."""
         head = self.random.choice((b'', b'\0\1\0\0', b'\0\0\0\0', b'\0\1\0'))

@@ -35,6 +35,9 @@ _MOST_SENT = 20_000
 """Messages of which it is remembered that they were sent from here."""
 
 _LONGEST_TEXT = 100
+_OBEYED = ('effort_commands', 'joint_states')
+"""Topics that plant and controller act on without any means to know the sender."""
+
 _DEPTH = 10
 
 
@@ -224,6 +227,8 @@ class HostileClient:
     def publish(self, topic: Topic) -> str:
         """Publish a random message on a topic; return what was sent in short."""
         raw = self._source.message(topic.kind, self._templates.get(topic.name))
+        if topic.name.rpartition('/')[2] in _OBEYED:
+            raw = self._source.disarmed(topic.kind, raw)
         publisher = self._publisher(topic, is_latched=self._source.random.random() < 0.5)
         self._sent[hash(raw)] = None
         if len(self._sent) > _MOST_SENT:
