@@ -166,7 +166,8 @@ def limited_speeds(
     """
     names = [joint.name for joint in joints]
     found, named = speeds.copy(), set()
-    for setting in settings:
+    # A ROS parameter file writes an empty list as one empty string.
+    for setting in filter(str.strip, settings):
         name, _, text = setting.strip().partition(' ')
         if name not in names:
             raise InputError(

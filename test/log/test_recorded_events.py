@@ -49,7 +49,8 @@ LEARNING = (
 
 
 def run_with(*changes: Change, settings: tuple[str, ...] = ()) -> Stretch:
-    (run,) = Simulation(load_scenario(PAPER, (*LEARNING, *settings)), changes).run()
+    values = load_scenario(PAPER, ('controller.fault_action=void', *LEARNING, *settings))
+    (run,) = Simulation(values, changes).run()
     return run
 
 

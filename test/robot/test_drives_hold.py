@@ -43,7 +43,8 @@ def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
     """Return the paper's run in which the controller stops and starts at ticks in turn."""
     events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
     changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]
-    values = load_scenario(str(PAPER), [f'duration={DURATION}', *settings])
+    void = 'controller.fault_action=void'
+    values = load_scenario(str(PAPER), [f'duration={DURATION}', void, *settings])
     (run,) = Simulation(values, changes).run()
     return run
 

@@ -22,7 +22,8 @@ from masmc_ros.params.declaration import Parameter
 
 
 def _length(name: str, default: float, description: str, *, positive: bool = True) -> Parameter:
-    bounds: dict[str, Any] = {'minimum': 0.0, 'exclusive_minimum': True} if positive else {}
+    # Smaller lengths overflow when they are divided by.
+    bounds: dict[str, Any] = {'minimum': 1e-6} if positive else {}
     return Parameter(f'robot.{name}', default, description, unit='m', **bounds)
 
 
