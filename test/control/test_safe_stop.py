@@ -198,15 +198,9 @@ def held(name: str, action: str, scale: float, period: float, seed: int) -> dict
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('scale', [0.5, 1.0, 2.0])
-@pytest.mark.parametrize(
-    'name',
-    [
-        'small',
-        pytest.param('ur5', marks=pytest.mark.slow),
-        pytest.param('tiago', marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize('name', list(TREES))
 def test_hold_of_a_tree_comes_to_rest(name: str, scale: float) -> None:
     figures = held(name, HOLD, scale, 0.01, seed=1)
     assert figures['end'] < 1e-3
@@ -214,6 +208,7 @@ def test_hold_of_a_tree_comes_to_rest(name: str, scale: float) -> None:
     assert max(figures['sink'], figures['rise']) < 0.3
 
 
+@pytest.mark.slow
 def test_hold_with_wrong_masses_sinks_less_than_gravity_alone() -> None:
     sinks = {
         action: held('small', action, 0.5, 0.01, seed=2)['sink'] for action in (HOLD, GRAVITY)
