@@ -24,10 +24,8 @@ import signal
 import sys
 from types import FrameType
 
+from masmc_ros.nodes.process.ending import ENDING
 from masmc_ros.whole_file import remove_unfinished
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Told by the keyboard, by whoever started the command, and by a terminal that is closed."""
 
 _PARENT = 'MASMC_ROS_PARENT'
 """Environment variable: number of the process with which a child ends."""
@@ -53,7 +51,7 @@ def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
     A signal that is ignored, as under `nohup`, stays so. Afterwards the handlers are those of
     before if this `restores` them; otherwise signals are ignored, for a process that ends.
     """
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    handlers = {number: signal.getsignal(number) for number in ENDING}
     taken = {n: each for n, each in handlers.items() if each not in (None, signal.SIG_IGN)}
     for number in taken:
         signal.signal(number, _end)
@@ -80,7 +78,7 @@ def final(status: int) -> int:
     While the interpreter is finalised, it has removed its own handlers: a signal would then end
     the process by its default action, although the work is complete.
     """
-    for number in SIGNALS:
+    for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     return status
 

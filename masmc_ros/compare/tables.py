@@ -28,6 +28,7 @@ from masmc_ros.compare.ranking import LOST, Ranked, Row
 from masmc_ros.compare.trials import Trial
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
+from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.table import number
 from masmc_ros.report.page.template import STYLE, template_at
 from masmc_ros.robot.declaration import Point, symbols_of
@@ -47,7 +48,8 @@ def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Poi
     body = [[str(k), *_cells(each, first, points)] for k, each in enumerate(ranked, start=1)]
     symbols = ', '.join(point.symbol for point in points)
     together = ' together' if len(points) > 1 else ''
-    lines = [f'{trials[0].description}:', '', *_aligned([['', *heads], ['', *units], *body])]
+    table = aligned([['', *heads], ['', *units], *body], left=(1,))
+    lines = [f'{trials[0].description}:', '', *table]
     if len(trials) > 1:
         rows = [
             [each.contender.label, *(_small(each.rows[t.name].error) for t in trials)]
@@ -55,7 +57,7 @@ def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Poi
         ]
         names = ['law', *(trial.name for trial in trials)]
         head = f'RMS error of {symbols}{together}, {_units(points)}:'
-        lines += ['', head, '', *_aligned([names, *rows]), '']
+        lines += ['', head, '', *aligned([names, *rows], left=(0,)), '']
         lines += [f'{trial.name}: {trial.description}' for trial in trials[1:]]
     runs = next(iter(ranked[0].rows.values())).runs
     lines += [
@@ -102,18 +104,6 @@ def _small(error: float) -> str:
 
 def _known(value: float) -> str:
     return number(value) if math.isfinite(value) else '-'
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    texts = [i for i in range(len(widths)) if rows[0][i] == 'law']
-    return [
-        '  '.join(
-            cell.ljust(width) if i in texts else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
 
 
 def as_json(ranked: Sequence[Ranked]) -> str:

@@ -12,252 +12,198 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-rcl's walk over the events of a parameter file: node keys, parameter names, values.
-
-rcl does not build a YAML document: it walks over the parser's events with a few flags. So
-it accepts some files that look wrong and refuses some that look right, and a file must mean
-the same to the offline commands as to the nodes. This is the same walk, state for state.
-It differs in two cases. rcl writes past the end of its own arrays for a list right under
-`ros__parameters` after a block of more than 128 parameters; here the result is defined. And a
-parameter that is written twice has its later value here, whereas rcl keeps one value of every
-type and lets a number precede an array.
-"""
+"""Blocks of a parameter file: the parameters below each node key."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from masmc_ros.errors import InputError
 from masmc_ros.params import node_name
-from masmc_ros.params.values import ValueReader, Variant
-from masmc_ros.params.yaml_events import c_string, line_of, yaml_events
+from masmc_ros.params.values import FileValue, value_of
+from masmc_ros.params.yaml_nodes import compose, error_at, line_of
 import yaml
 
 PARAMETERS_KEY = 'ros__parameters'
 
 
-@dataclass
-class Entry:
-    """A parameter in a block: its dotted name and the line of its last value (from 1)."""
-
-    name: str
-    line: int
-
-
-@dataclass
-class NodeEntries:
+@dataclass(frozen=True)
+class Block:
     """
-    The parameters of one node key, in the order in which rcl numbers them.
+    The parameters below one node key.
 
-    `variants` may have numbers beyond `entries`: a value that stands where rcl does not
-    expect one goes to whichever parameter had the turn last, even another node's.
+    Attributes
+    ----------
+    pattern
+        the key, as in `controller`, `/left/controller`, `/**/controller` or `/**`.
+    line
+        the line on which it first appears, from 1.
+    values
+        value and line of every parameter by its dotted name, the last ones if the name is
+        repeated. An empty array has no type: its value is None.
+
     """
 
     pattern: str
     line: int
-    entries: list[Entry] = field(default_factory=list)
-    variants: dict[int, Variant] = field(default_factory=dict)
+    values: dict[str, tuple[FileValue, int]] = field(default_factory=dict)
 
-    def find(self, name: str, line: int) -> int:
-        """Return the number of the first parameter of that name, added if there is none."""
-        for number, entry in enumerate(self.entries):
-            if entry.name == name:
-                return number
-        self.entries.append(Entry(name, line))
-        return len(self.entries) - 1
+    @property
+    def is_shared(self) -> bool:
+        """Whether its key is a wildcard, so that nodes of other packages read it too."""
+        return node_name.is_wildcard(self.pattern)
+
+    def is_for(self, name: str, namespace: str = '/') -> bool:
+        """Return True if a node takes its parameters from here."""
+        return node_name.matches(self.pattern, node_name.qualified(name, namespace))
 
 
-@dataclass
-class _Path:
+def read_blocks(data: bytes, source: str) -> tuple[Block, ...]:
     """
-    Names above the current one, joined, and rcl's count of them.
+    Read the content of a parameter file.
 
-    The count grows by one a key even where a key brings several names (`/left/controller`,
-    `a.b`), and only the last of them goes when the key's map ends.
+    rcl reads the file of a node too. It joins names by `/` and `.` and later removes the last
+    part of the joined name, not the key. A file in which this changes the meaning is an error
+    here, as are files in which rcl loses values.
+
+    Parameters
+    ----------
+    data
+        the content.
+    source
+        names the file in messages.
+
+    Returns
+    -------
+        The blocks in the order in which their keys first appear; blocks of one key are merged.
+
+    Raises
+    ------
+    InputError
+        not YAML, or not a parameter file.
+
     """
-
-    separator: str
-    text: str | None = None
-    count: int = 0
-
-    def add(self, name: str) -> None:
-        if self.count == 0 or self.text is None:
-            self.text = name
-        elif self.text.endswith(self.separator):
-            self.text += name
-        else:
-            self.text += self.separator + name
-        self.count += 1
-
-    def remove(self) -> None:
-        if self.count == 0:
-            return
-        self.count -= 1
-        if self.count == 0:
-            self.text = None
-        elif self.text and self.separator in self.text:
-            self.text = self.text.rpartition(self.separator)[0]
+    reader = _BlockReader(source)
+    root = compose(data, reader.place)
+    if root is not None:
+        reader.read_nodes(root)
+    return tuple(reader.blocks.values())
 
 
-class BlockReader(ValueReader):
-    """The state of rcl's walk over one file."""
+class _BlockReader:
+    """Reads the nodes of a YAML document; `blocks` has the result by pattern."""
 
     def __init__(self, source: str) -> None:
-        """Start at the top of a file; `source` names it in messages."""
-        super().__init__(lambda line: f'{source}:{line}')
-        self.nodes: list[NodeEntries] = []
-        self._node_path = _Path('/')
-        self._node_line = 0
-        self._name_path = _Path('.')
-        self._node: NodeEntries | None = None
-        self._number = 0
-        self._expects_key = True
-        self._in_parameters = False
-        self._is_new_map = False
-        self._depth = 0
+        """Start without blocks; `source` names the file in messages."""
+        self.source = source
+        self.blocks: dict[str, Block] = {}
 
-    def read(self, data: bytes) -> list[NodeEntries]:
+    def place(self, line: int) -> str:
+        """Name a line of the file (from 1)."""
+        return f'{self.source}:{line}'
+
+    def read_nodes(self, parent: yaml.Node, path: str = '', line: int = 0) -> None:
         """
-        Walk over a whole file.
+        Read the map below a namespace or a node name.
 
-        Returns
-        -------
-            The blocks in the order in which their node keys first appear.
-
-        Raises
-        ------
-        InputError
-            a file that rcl refuses.
+        Parameters
+        ----------
+        parent
+            the map.
+        path
+            the keys above it, joined by slashes.
+        line
+            the line of the last of them, from 1.
 
         """
-        for event in yaml_events(data, self.place):
-            if isinstance(event, yaml.ScalarEvent):
-                self._scalar(event)
-            elif isinstance(event, yaml.SequenceStartEvent):
-                self._sequence_start(event)
-            elif isinstance(event, yaml.SequenceEndEvent):
-                self.in_array = False
-                self._expects_key = True
-            elif isinstance(event, yaml.MappingStartEvent):
-                self._mapping_start()
-            elif isinstance(event, yaml.MappingEndEvent):
-                self._mapping_end()
-            elif isinstance(event, yaml.AliasEvent):
-                self.refuse(
-                    line_of(event),
-                    f'alias *{event.anchor}: parameter files have no aliases; write the value out',
+        if not isinstance(parent, yaml.MappingNode):
+            content = (
+                f"value '{parent.value}'" if isinstance(parent, yaml.ScalarNode) else 'array'
+            )
+            raise error_at(
+                self.place,
+                parent,
+                f"{content} outside of {PARAMETERS_KEY}; write 'NODE:', below it "
+                f"'{PARAMETERS_KEY}:' and below that 'name: value'",
+            )
+        has_parameters = False
+        for key, child in self._pairs(parent):
+            if has_parameters:
+                raise error_at(
+                    self.place,
+                    key,
+                    f"key '{key.value}' after {PARAMETERS_KEY}; write {PARAMETERS_KEY} as the "
+                    'last key of its node',
                 )
-        return self.nodes
+            if key.value == PARAMETERS_KEY:
+                has_parameters = True
+                self._read_block(key, child, path, line)
+                continue
+            separator = '' if not path or path.endswith('/') else '/'
+            if path and '/' in key.value:
+                raise error_at(
+                    self.place,
+                    key,
+                    f"node name '{key.value}' below '{path}': it has a slash; write one name a "
+                    f"level, or the full name '{path}{separator}{key.value}' at the first level",
+                )
+            self.read_nodes(child, path + separator + key.value, line_of(key))
 
-    def _scalar(self, event: yaml.ScalarEvent) -> None:
-        if self._expects_key:
-            self._key(event)
-            self._expects_key = False
-            return
-        node = self._node
-        if not self._in_parameters or node is None or not node.entries:
-            self.refuse(
-                line_of(event),
-                f"value '{c_string(event.value)}' outside of "
-                f"{PARAMETERS_KEY}; write 'NODE:', below it '{PARAMETERS_KEY}:' and "
-                "below that 'name: value'",
-            )
-        name = node.entries[self._number].name if self._number < len(node.entries) else 'a map'
-        variant = node.variants.setdefault(self._number, Variant())
-        if not self.in_array:
-            variant.clear()
-        self.put(event, variant, name)
-        if not self.in_array:
-            self._expects_key = True
-
-    def _sequence_start(self, event: yaml.Event) -> None:
-        if self._expects_key:
-            self.refuse(
-                line_of(event),
-                'array in the place of a name (or of a second array '
-                "in an array); write 'name: [1.0, 2.0]'",
-            )
-        if not self._in_parameters:
-            self.refuse(
-                line_of(event),
-                f'array outside of {PARAMETERS_KEY}; write the node '
-                f"name, below it '{PARAMETERS_KEY}:' and below that the array",
-            )
-        if not self.in_array and self._node is not None:
-            self._node.variants.setdefault(self._number, Variant()).clear()
-        self.start_array()
-
-    def _mapping_start(self) -> None:
-        self._depth += 1
-        self._expects_key = True
-        # The map of ros__parameters itself has no name in front of its parameters' names.
-        self._is_new_map = not (
-            self._in_parameters and self._depth - (self._node_path.count + 1) == 2
-        )
-
-    def _mapping_end(self) -> None:
-        if self._in_parameters:
-            if self._name_path.count > 0:
-                self._name_path.remove()
-            else:
-                self._in_parameters = False
-        elif self._depth == self._node_path.count + 1:
-            self._node_path.remove()
-        self._depth -= 1
-
-    def _key(self, event: yaml.ScalarEvent) -> None:
-        key = c_string(event.value)
-        line = line_of(event)
-        if not event.value:
-            self.refuse(line, "no name in front of ':' (or no content); write 'name: value'")
-        if self._in_parameters:
-            self._parameter_key(key, line)
-        elif key.startswith(PARAMETERS_KEY):
-            self._parameters_key(line)
-        else:
-            self._node_path.add(key)
-            self._node_line = line
-
-    def _parameters_key(self, line: int) -> None:
-        pattern = self._node_path.text
-        if pattern is None or self._node_path.count == 0:
-            self.refuse(
-                line,
+    def _read_block(
+        self, key: yaml.ScalarNode, parameters: yaml.Node, pattern: str, line: int
+    ) -> None:
+        if not pattern:
+            raise error_at(
+                self.place,
+                key,
                 f"{PARAMETERS_KEY} without a node name above it; write 'NODE:' "
                 "(or '/**:' for every node) one level up",
             )
         if problem := node_name.complaint(pattern):
-            self.refuse(
-                self._node_line,
-                f"node name '{pattern}': {problem}; write a name such "
+            raise InputError(
+                f"{self.place(line)}: node name '{pattern}': {problem}; write a name such "
                 'as controller, /left/controller, /**/controller or /**',
             )
-        self._node = self._find_node(pattern)
-        self._node_path.remove()
-        self._in_parameters = True
+        if not isinstance(parameters, yaml.MappingNode):
+            raise error_at(
+                self.place, parameters, f"no map below {PARAMETERS_KEY}; write 'name: value'"
+            )
+        block = self.blocks.setdefault(pattern, Block(pattern, line))
+        self._read_parameters(parameters, block.values)
 
-    def _find_node(self, pattern: str) -> NodeEntries:
-        for node in self.nodes:
-            if node.pattern == pattern:
-                return node
-        self.nodes.append(NodeEntries(pattern, self._node_line))
-        return self.nodes[-1]
+    def _read_parameters(
+        self,
+        parent: yaml.MappingNode,
+        values: dict[str, tuple[FileValue, int]],
+        prefix: str = '',
+    ) -> None:
+        """Write the parameters of a map to `values`; `prefix` is the dotted name above."""
+        for key, child in self._pairs(parent):
+            name = prefix + key.value
+            if not isinstance(child, yaml.MappingNode):
+                values[name] = (value_of(child, name, self.place), line_of(key))
+                continue
+            if not child.value:
+                problem = "an empty map; write '[]' for no value"
+            elif name in values:
+                problem = f'a map, and a value in line {values[name][1]}; write one of both'
+            elif prefix and '.' in key.value:
+                problem = 'a map below a map, with a dotted key; write one name a level'
+            else:
+                self._read_parameters(child, values, f'{name}.')
+                continue
+            raise error_at(self.place, key, f'{name} is {problem}')
 
-    def _parameter_key(self, key: str, line: int) -> None:
-        node = self._node
-        assert node is not None  # set before the walk is inside of parameters
-        if self._is_new_map:
-            if self._number >= len(node.entries):
-                self.refuse(line, f"map '{key}' without a name; write 'name:' one level up")
-            # What was just taken for a parameter is the first part of a dotted name.
-            self._name_path.text = node.entries[self._number].name
-            self._name_path.count += 1
-            self._is_new_map = False
-        prefix = self._name_path.text
-        if prefix is None:
-            self._number = node.find(key, line)
-            node.entries[self._number].line = line
-            return
-        self._number = node.find(prefix, line)
-        entry = node.entries[self._number]
-        entry.name, entry.line = f'{prefix}.{key}', line
+    def _pairs(self, parent: yaml.MappingNode) -> Iterator[tuple[yaml.ScalarNode, yaml.Node]]:
+        """Return keys and values of a map whose keys are names."""
+        for key, child in parent.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise error_at(
+                    self.place, key, "array or map in the place of a name; write 'name: value'"
+                )
+            if not key.value:
+                raise error_at(
+                    self.place, key, "no name in front of ':'; write 'name: value'"
+                )
+            yield key, child

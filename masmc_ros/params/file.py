@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""ROS 2 parameter files, read as rclpy's nodes read them."""
+"""ROS 2 parameter files with the values that rcl reads from them."""
 
 from __future__ import annotations
 
@@ -22,40 +22,8 @@ import os
 from pathlib import Path
 
 from masmc_ros.errors import InputError
-from masmc_ros.params import node_name
-from masmc_ros.params.blocks import BlockReader, NodeEntries
-from masmc_ros.params.values import FileValue, read_value, Variant
-
-
-@dataclass(frozen=True)
-class Block:
-    """
-    The parameters under one node key.
-
-    Attributes
-    ----------
-    pattern
-        the key, as in `controller`, `/left/controller`, `/**/controller` or `/**`.
-    line
-        the line on which it first appears, from 1.
-    values
-        value and line of every parameter by its dotted name, the last ones where it stands
-        several times. An empty array and an empty map have no type, which is None.
-
-    """
-
-    pattern: str
-    line: int
-    values: dict[str, tuple[FileValue, int]]
-
-    @property
-    def is_shared(self) -> bool:
-        """Whether its key is a wildcard, so that nodes of other packages read it too."""
-        return node_name.is_wildcard(self.pattern)
-
-    def is_for(self, name: str, namespace: str = '/') -> bool:
-        """Tell whether a node takes its parameters from here."""
-        return node_name.matches(self.pattern, node_name.qualified(name, namespace))
+from masmc_ros.params.blocks import Block, read_blocks
+from masmc_ros.params.values import FileValue, read_value
 
 
 @dataclass(frozen=True)
@@ -113,13 +81,12 @@ class ParameterFile:
 
 def read(path: str | os.PathLike[str]) -> ParameterFile:
     """
-    Read a ROS 2 parameter file by the rules of rcl's own parser.
+    Read a ROS 2 parameter file; its values are those that rcl's parser gives a node.
 
     Raises
     ------
     InputError
-        no such file, not readable, not YAML, or not a parameter file; the same
-        files that rcl refuses.
+        no such file, not readable, not YAML, or not a parameter file.
 
     """
     source = os.fspath(path)
@@ -134,16 +101,7 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
         raise InputError(
             f'{source}: not readable ({reason}); give the path of a readable parameter file'
         ) from None
-    blocks = BlockReader(source).read(data)
-    return ParameterFile(source, tuple(_block(node) for node in blocks))
-
-
-def _block(node: NodeEntries) -> Block:
-    values = {
-        entry.name: (node.variants.get(number, Variant()).value, entry.line)
-        for number, entry in enumerate(node.entries)
-    }
-    return Block(node.pattern, node.line, values)
+    return ParameterFile(source, read_blocks(data, source))
 
 
 def parse_value(text: str, source: str = '') -> FileValue:

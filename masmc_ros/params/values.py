@@ -12,94 +12,76 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scalars and arrays written to a parameter by the rules of rcl, and single values."""
+"""Values of parameters: scalars and arrays of one type."""
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
+from typing import Any
 
-from masmc_ros.errors import InputError
 from masmc_ros.params.scalar import Scalar, typed
-from masmc_ros.params.yaml_events import c_string, line_of, Place, yaml_events
+from masmc_ros.params.yaml_nodes import compose, error_at, Place
 import yaml
 
 FileValue = Scalar | list[bool] | list[int] | list[float] | list[str] | None
 
-_TYPES: tuple[type, ...] = (bool, int, float, str)
+_STRING_TAG = 'tag:yaml.org,2002:str'
 _TYPE_NAMES = {bool: 'a bool', int: 'an integer', float: 'a double', str: 'a string'}
 
 
-class Variant:
+def value_of(node: yaml.Node, name: str, place: Place) -> FileValue:
     """
-    The storage of one parameter: at most one value of every type, as in rcl.
+    Return the value of a node.
 
-    A value inside an array may leave values of several types; the first type in the order
-    bool, int, float, str, then their arrays, applies. A whole value replaces all others.
+    Parameters
+    ----------
+    node
+        a scalar or an array.
+    name
+        the parameter, for messages.
+    place
+        names a line in messages.
+
+    Returns
+    -------
+        None for an empty array, which has no type.
+
+    Raises
+    ------
+    InputError
+        no value, a map, or an array of several types or of arrays.
+
     """
-
-    def __init__(self) -> None:
-        """Make a parameter without a value."""
-        self.scalars: dict[type, Scalar] = {}
-        self.arrays: dict[type, list[Any]] = {}
-
-    def clear(self) -> None:
-        """Remove all values, as a later one replaces them whatever its type."""
-        self.scalars.clear()
-        self.arrays.clear()
-
-    @property
-    def value(self) -> FileValue:
-        """Return the value that counts, None if there is none (an empty array, an empty map)."""
-        for values in (self.scalars, self.arrays):
-            for type_ in _TYPES:
-                if type_ in values:
-                    return values[type_]
-        return None
-
-
-class ValueReader:
-    """Types values and fills arrays, for files and for single values alike."""
-
-    def __init__(self, place: Place) -> None:
-        """Start; `place` tells in messages where a line is."""
-        self.place = place
-        self.in_array = False
-        self.array_type: type | None = None
-
-    def refuse(self, line: int, message: str) -> NoReturn:
-        """Raise the error that is at a line of the file (from 1)."""
-        raise InputError(f'{self.place(line)}: {message}')
-
-    def start_array(self) -> None:
-        """Begin an array; inside another one, the type is free again."""
-        self.in_array = True
-        self.array_type = None
-
-    def put(self, event: yaml.ScalarEvent, variant: Variant, name: str) -> None:
-        """Write a scalar event to a parameter, or add it to the parameter's array."""
-        quoted = event.style in ("'", '"')
-        text = c_string(event.value)
-        line = line_of(event)
-        if not event.value and not quoted:
-            self.refuse(line, f"no value for {name}; write one ('' for an empty string)")
-        value = typed(text, quoted=quoted, tag=event.tag)
-        type_ = type(value)
-        if not self.in_array:
-            variant.scalars[type_] = value
-        elif self.array_type is None:
-            self.array_type = type_
-            variant.arrays[type_] = [value]
-        elif self.array_type is not type_:
-            self.refuse(
-                line,
-                f'{name} has {_TYPE_NAMES[type_]} ({text}) in an array that began '
-                f'with {_TYPE_NAMES[self.array_type]}; write all its entries as one '
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(node, name, place)
+    if not isinstance(node, yaml.SequenceNode):
+        raise error_at(place, node, f'{name} is a map; write one value or an array')
+    values: list[Any] = []
+    for entry in node.value:
+        if not isinstance(entry, yaml.ScalarNode):
+            kind = 'an array' if isinstance(entry, yaml.SequenceNode) else 'a map'
+            raise error_at(
+                place, entry, f'{name} has {kind} in an array; write one array of scalars'
+            )
+        value = _scalar(entry, name, place)
+        if values and type(value) is not type(values[0]):
+            raise error_at(
+                place,
+                entry,
+                f'{name} has {_TYPE_NAMES[type(value)]} ({entry.value}) in an array that began '
+                f'with {_TYPE_NAMES[type(values[0])]}; write all its entries as one '
                 'type (doubles with a point: 1.0)',
             )
-        elif type_ not in variant.arrays:
-            self.refuse(line, f'{name} is a map inside an array; write a plain array')
-        else:
-            variant.arrays[type_].append(value)
+        values.append(value)
+    return values or None
+
+
+def _scalar(node: yaml.ScalarNode, name: str, place: Place) -> Scalar:
+    """Return the typed value of a scalar; quotes and the tag !!str make it a string."""
+    if node.style in ("'", '"'):
+        return str(node.value)
+    if not node.value:
+        raise error_at(place, node, f"no value for {name}; write one ('' for an empty string)")
+    return str(node.value) if node.tag == _STRING_TAG else typed(node.value)
 
 
 def read_value(data: bytes, source: str) -> FileValue:
@@ -112,19 +94,5 @@ def read_value(data: bytes, source: str) -> FileValue:
         not YAML, or neither a scalar nor an array of one type.
 
     """
-
-    def place(_: int) -> str:
-        return source
-
-    reader = ValueReader(place)
-    variant = Variant()
-    for event in yaml_events(data, place):
-        if isinstance(event, yaml.ScalarEvent):
-            reader.put(event, variant, 'it')
-        elif isinstance(event, yaml.SequenceStartEvent):
-            reader.start_array()
-        elif isinstance(event, yaml.SequenceEndEvent):
-            reader.in_array = False
-        elif isinstance(event, yaml.MappingStartEvent | yaml.AliasEvent):
-            reader.refuse(line_of(event), 'a map or an alias; write one value or an array')
-    return variant.value
+    root = compose(data, lambda _: source)
+    return None if root is None else value_of(root, 'it', lambda _: source)

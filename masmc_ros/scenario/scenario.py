@@ -30,6 +30,7 @@ from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
 from masmc_ros.params.precedence import node_values
+from masmc_ros.params.values import FileValue
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import (
@@ -232,20 +233,11 @@ def _check_shared(mechanism: Mechanism, name: str, value: Any, place: str) -> No
 def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
     """Sort NAME=VALUE settings by node; `plant` is what else that node is given."""
     sorted_: dict[str, Values] = {node: {} for node in NODES}
-    settings = tuple(settings)
-    pairs = (each.partition('=') for each in settings)
-    told = {
-        name: parse_value(text, f'--set {name}={text}')
-        for name, equals, text in pairs
-        if equals and name.startswith(_OF_ROBOT)
-    }
-    mechanism = chosen({**plant, **told})
+    parsed = [(setting, *_parsed(setting)) for setting in settings]
+    of_robot = {name: value for _, name, value in parsed if name.startswith(_OF_ROBOT)}
+    mechanism = chosen({**plant, **of_robot})
     common = {parameter.name for parameter in shared(mechanism)}
-    for setting in settings:
-        name, equals, text = setting.partition('=')
-        if not equals:
-            raise InputError(f'--set {setting}: expected NAME=VALUE, as in controller.k_s1=150')
-        value = parse_value(text, f'--set {setting}')
+    for setting, name, value in parsed:
         node, _, parameter = name.partition('.')
         if name in common:
             for each in NODES:
@@ -264,6 +256,14 @@ def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
                 f"--set {setting}: unknown parameter '{name}'; {_meant(mechanism, name)}"
             )
     return sorted_
+
+
+def _parsed(setting: str) -> tuple[str, FileValue]:
+    """Return name and value of a NAME=VALUE setting."""
+    name, equals, text = setting.partition('=')
+    if not equals:
+        raise InputError(f'--set {setting}: expected NAME=VALUE, as in controller.k_s1=150')
+    return name, parse_value(text, f'--set {setting}')
 
 
 def _meant(mechanism: Mechanism, name: str) -> str:

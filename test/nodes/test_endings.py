@@ -143,23 +143,28 @@ def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_pa
 
 HELD = """
 import ctypes
-from masmc_ros.nodes.process.exit_timer import exit_after
-with exit_after(0.2, 9):
+from masmc_ros.nodes.process import ending
+ending._PATIENCE = 0.2
+with ending.bounded_ending(9):
     pass
-with exit_after(0.2, {status}):
-    ctypes.PyDLL(None).sleep(600)  # without letting go of the interpreter
+print('complete')
+with ending.bounded_ending({status}):
+    ctypes.{library}(None).sleep(600)
 """
 
 
 @pytest.mark.parametrize('status', [0, 2])
-def test_a_library_that_holds_the_interpreter_does_not_hold_the_process(status: int) -> None:
+@pytest.mark.parametrize('library', ['CDLL', 'PyDLL'])  # PyDLL holds the interpreter
+def test_bounded_ending_blocked_keeps_status_and_output(library: str, status: int) -> None:
     ended = subprocess.run(
-        [sys.executable, '-c', HELD.format(status=status)],
+        [sys.executable, '-c', HELD.format(library=library, status=status)],
         env=surroundings(),
+        capture_output=True,
+        text=True,
         timeout=PATIENCE,
         check=False,
     )
-    assert ended.returncode == status
+    assert (ended.returncode, ended.stdout, ended.stderr) == (status, 'complete\n', '')
 
 
 WAITING = (

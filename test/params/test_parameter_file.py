@@ -97,21 +97,32 @@ def test_blocks_for_no_known_node_are_found(file: Path) -> None:
         ('/**:\n  ros__parameters:\n    k:\n    law: smc\n', 3, 'no value for k'),
         ('/**:\n  ros__parameters:\n    k: *other\n', 3, 'alias *other'),
         ('/**:\n  ros__parameters:\n    a: &x 1.0\n    k: *x\n', 4, 'alias *x'),
-        ('/**:\n  ros__parameters:\n    k: [[1], [2]]\n', 3, 'array in the place of a name'),
+        ('/**:\n  ros__parameters:\n    k: [[1], [2]]\n', 3, 'k has an array in an array'),
         ('/**:\n  ros__parameters:\n    k: [1\n', 4, "expected ',' or ']'"),
-        ('/**:\n  ros__parameters:\n  - k\n', 3, 'outside of ros__parameters'),
+        ('/**:\n  ros__parameters:\n  - k\n', 3, 'no map below ros__parameters'),
         ('controller:\n  k_s1: 1.0\n', 2, "value '1.0' outside of ros__parameters"),
         ('controller:\n  k_s1: [1.0]\n', 2, 'array outside of ros__parameters'),
         ('controller:\n', 1, "value '' outside of ros__parameters"),
         ('ros__parameters:\n  k_s1: 1.0\n', 1, 'without a node name'),
         ('a:\n- b\n', 2, 'array outside of ros__parameters'),
-        ('- a\n', 1, 'array in the place of a name'),
+        ('- a\n', 1, 'array outside of ros__parameters'),
         ('\n/the-controller:\n  ros__parameters:\n    k: 1\n', 2, "'the-controller' is not made"),
         ('/a//b:\n  ros__parameters:\n    k: 1\n', 1, 'two slashes in a row'),
         ('/a/:\n  ros__parameters:\n    k: 1\n', 1, 'ends with a slash'),
         ("/**:\n  ros__parameters:\n    '': 1\n", 3, "no name in front of ':'"),
         ('/**:\n  ros__parameters:\n\tk: 1\n', 3, 'not YAML'),
-        ('# only\n---\n', 3, 'no name'),
+        ('# only\n---\n', 3, "value '' outside of ros__parameters"),
+        ('a: {ros__parameters: {k: 1}}\n---\nb: {}\n', 2, 'second document'),
+        ('a: &x {}\nb:\n  <<: *x\n', 3, 'alias *x'),
+        ('/**:\n  ros__parameters:\n    k: {}\n', 3, 'k is an empty map'),
+        ('/**:\n  ros__parameters:\n    k: [{a: 1}]\n', 3, 'k has a map in an array'),
+        ('/**:\n  ros__parameters:\n    k: 1\n    k: {a: 1}\n', 4, 'a value in line 3'),
+        ('/**:\n  ros__parameters:\n    k: {a.b: {c: 1}}\n', 3, 'k.a.b is a map below a map'),
+        ('a:\n  b/c:\n    ros__parameters: {}\n', 2, "node name 'b/c' below 'a': it has a slash"),
+        ('a:\n  ros__parameters: {}\n  b: {}\n', 3, "key 'b' after ros__parameters"),
+        ('a:\n  ros__parameters: {"k\\0": 1}\n', 2, 'NUL character'),
+        ('a:\n  ros__parameters: {? [1] : 1}\n', 2, 'in the place of a name'),
+        ('[' * 100_000, 1, 'more than 50 levels'),
     ],
 )
 def test_refusals_are_one_line_with_place(
@@ -151,6 +162,28 @@ def test_file_without_parameters(tmp_path: Path, text: str) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(text)
     assert read(path).for_node('controller') == {}
+
+
+def test_repeated_keys_are_one_block_of_last_values(tmp_path: Path) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(
+        'a:\n  ros__parameters: {k: 1, l: 1, k: [2.0]}\n'
+        'b:\n  ros__parameters: {k: 3}\n'
+        'a:\n  ros__parameters: {l: x, m.n: 1, m: {n: 2, o: 3}}\n'
+    )
+    assert [block.pattern for block in read(path).blocks] == ['a', 'b']
+    assert read(path).for_node('a') == {'k': [2.0], 'l': 'x', 'm.n': 2, 'm.o': 3}
+    assert read(path).places('a')['l'] == f'{path}:6: '
+
+
+def test_tags_and_anchors_leave_values_unchanged(tmp_path: Path) -> None:
+    path = tmp_path / 'run.yaml'
+    path.write_text(
+        'a:\n  ros__parameters:\n    k: &x 1.0\n    l: !!str 5\n    m: !local 5\n'
+        '    n: !!int "5"\n    o: !!float 5\n    <<: {p: 1}\n'
+    )
+    expected = {'k': 1.0, 'l': '5', 'm': 5, 'n': '5', 'o': 5, '<<.p': 1}
+    assert read(path).for_node('a') == expected
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
@@ -202,7 +235,9 @@ def test_any_file_is_read_or_refused(
         ('1e-999', '1e-999'),
         ('0e-999', 0.0),
         ('5e-324', '5e-324'),
-        ('0x1p-1074', 5e-324),
+        ('0x1p-1074', '0x1p-1074'),
+        ('0' * 40 + '7', 7),
+        ('1' + '0' * 5000, '1' + '0' * 5000),
         ('2.2250738585072014e-308', 2.2250738585072014e-308),
         ('~', '~'),
         ('null', 'null'),
@@ -218,7 +253,9 @@ def test_value_from_the_command_line(text: str, value: object) -> None:
     assert repr(parsed) == repr(value)
 
 
-@pytest.mark.parametrize('text', ['', '[1, 2.0]', '[1, a]', '{a: 1}', '[1', '"', '\udce9', '*a'])
+@pytest.mark.parametrize(
+    'text', ['', '[1, 2.0]', '[1, a]', '{a: 1}', '[1', '"', '\udce9', '*a', '1\n--- 2', '[[1]]']
+)
 def test_value_from_the_command_line_refused(text: str) -> None:
     with pytest.raises(InputError) as refused:
         parse_value(text, '--set controller.k_s1')

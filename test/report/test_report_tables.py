@@ -24,6 +24,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.labels import labels
 from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
@@ -129,3 +130,9 @@ def test_csv_keeps_every_bit(rms: float, variation: float | None) -> None:
     known = [0.020688, 0.0752, rms, 0.0601855, 1.934, math.inf, 3.4239, variation, None]
     assert [float(text) if text else None for text in read.values()] == [10.0, 20.0, *known]
     assert list(read)[4] == 'platform_rms (m)'
+
+
+def test_aligned_columns_left_and_right_have_one_width() -> None:
+    rows = [['law', 'RMS'], ['rasmc', '1'], ['', '10.25']]
+    assert aligned(rows, left=(0,)) == ['law      RMS', 'rasmc      1', '       10.25']
+    assert aligned(rows, left=range(2)) == ['law    RMS', 'rasmc  1', '       10.25']

@@ -21,6 +21,7 @@ import json
 import math
 from typing import Any
 
+from masmc_ros.report.aligned import aligned
 from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
@@ -86,11 +87,7 @@ def _text(found: dict[str, Any]) -> str:
             *(_known(joint[name], units[name]) for name in names),
             _known(joint['torque_limit'], joint['torque_unit']),
         ])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    lines = aligned(rows, range(len(rows[0])))
     task = ', '.join(f'{axis["name"]} ({axis["unit"]})' for axis in found['task'])
     start = ', '.join(f'{axis["start"]:.8g}' for axis in found['task'])
     wrong = [joint['name'] for joint in found['joints'] if _is_outside(joint)]

@@ -27,7 +27,7 @@ from types import FrameType
 from masmc_ros.nodes.process.exit_timer import exit_after
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that tell a process to end."""
+"""Signals that end a process: of the keyboard, of another process, of a closed terminal."""
 
 _PATIENCE = 5.0
 """Time in s after which the process ends without the middleware's consent."""
@@ -76,25 +76,14 @@ def ending_at_once() -> Iterator[None]:
 @contextmanager
 def bounded_ending(status: int) -> Iterator[None]:
     """
-    End the process with a status if what is done within takes too long.
+    End the process with a status if the body takes longer than 5 s.
 
-    Fast DDS can stand still for ever where readers, writers and participants are destroyed
-    (its issue 6193). By then everything was delivered and all files are closed: nothing is
-    lost, but the process would never end.
+    Fast DDS can block indefinitely when readers, writers and participants are destroyed (its
+    issue 6193), and rclpy holds the interpreter meanwhile. By then all messages are delivered
+    and all files are closed.
     """
-    done = threading.Event()
-
-    def watch() -> None:
-        if not done.wait(_PATIENCE):
-            print('the middleware does not let go; leaving it behind', file=sys.stderr)
-            sys.stdout.flush()
-            os._exit(status)
-
-    threading.Thread(target=watch, name='ending', daemon=True).start()
-    # Should the interpreter itself be held, that thread never runs; this timer needs none.
+    # The timer ends the process without Python, which would write what is buffered.
+    sys.stdout.flush()
     sys.stderr.flush()
-    with exit_after(2.0 * _PATIENCE, status):
-        try:
-            yield
-        finally:
-            done.set()
+    with exit_after(_PATIENCE, status):
+        yield

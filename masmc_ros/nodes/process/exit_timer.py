@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A timer of the system that ends the process, whoever holds the interpreter."""
+"""Timer of the system that ends the process while a library holds the interpreter."""
 
 from __future__ import annotations
 
@@ -50,9 +50,11 @@ class _Times(ctypes.Structure):
 @contextmanager
 def exit_after(seconds: float, status: int) -> Iterator[None]:
     """
-    End the process with a status after so many s, unless what is done within ends before.
+    End the process with a status after a time in s, unless the body ends before.
 
-    No Python runs for it: a library that holds the interpreter for ever does not stop it.
+    No Python runs for it: a library that holds the interpreter does not stop the timer.
+    `faulthandler.dump_traceback_later` has no choice of the status (always 1) and writes a
+    traceback.
     """
     library = ctypes.CDLL(None)
     leave = ctypes.cast(library._exit, ctypes.c_void_p).value

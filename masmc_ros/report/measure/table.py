@@ -21,6 +21,7 @@ import csv
 import io
 import math
 
+from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.metrics import Metrics, Reached
 from masmc_ros.report.measure.settling import BAND, FLOOR
 from masmc_ros.robot.declaration import listed, Point, symbols_of
@@ -54,12 +55,7 @@ def text_table(rows: Mapping[str, Metrics]) -> str:
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
     widths = [max(map(len, column)) for column in zip(*top, *body, strict=True)]
     rule = ['-' * width for width in widths]
-    lines = [
-        # Names to the left, numbers to the right.
-        '  '.join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip()
-        for line in (*top, rule, *body)
-    ]
-    return '\n'.join(lines) + (
+    return '\n'.join(aligned([*top, rule, *body], left=(0,))) + (
         '\n\n'
         f'{symbols}: distance {titles} from where {"they" if len(points) > 1 else "it"}'
         ' should be.\n'
