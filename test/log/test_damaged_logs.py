@@ -26,9 +26,9 @@ import time
 from damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
-from masmc_ros.log import chunks
+from masmc_ros.log.mcap import chunks
+from masmc_ros.log.mcap.records import decompressed, RECORD_HEAD
 from masmc_ros.log.read.scan import scan
-from masmc_ros.log.records import decompressed, RECORD_HEAD
 from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message

@@ -28,10 +28,10 @@ import shutil
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import indexed_chunk, OpenChunk
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import MAGIC, RECORD_HEAD, stream_of
-from masmc_ros.log.summary import read_summary
+from masmc_ros.log.mcap.chunks import indexed_chunk, OpenChunk
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import MAGIC, RECORD_HEAD, stream_of
+from masmc_ros.log.mcap.summary import read_summary
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files

@@ -26,9 +26,9 @@ import shutil
 from typing import IO, NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.records import check_magic, MAGIC
+from masmc_ros.log.mcap.records import check_magic, MAGIC
+from masmc_ros.log.mcap.summary import read_summary
 from masmc_ros.log.recover.salvage import Salvage
-from masmc_ros.log.summary import read_summary
 
 _BLOCK = 2**20
 """Bytes that are copied at a time."""

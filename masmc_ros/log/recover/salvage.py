@@ -21,9 +21,9 @@ from dataclasses import dataclass, field, replace
 import mmap
 from typing import BinaryIO
 
-from masmc_ros.log.chunks import index_messages, indexed_chunk, IndexedChunk, Indexes, span
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import (
+from masmc_ros.log.mcap.chunks import index_messages, indexed_chunk, IndexedChunk, Indexes, span
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import (
     all_records,
     check_chunk_size,
     chunk_at,
@@ -40,7 +40,7 @@ from masmc_ros.log.records import (
     records,
     stream_of,
 )
-from masmc_ros.log.summary import Summary
+from masmc_ros.log.mcap.summary import Summary
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, MessageIndex, Metadata, Schema
 

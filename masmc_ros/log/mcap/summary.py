@@ -22,8 +22,8 @@ from dataclasses import dataclass, field
 import mmap
 import zlib
 
-from masmc_ros.log.chunks import IndexedChunk
-from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
+from masmc_ros.log.mcap.chunks import IndexedChunk
+from masmc_ros.log.mcap.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,

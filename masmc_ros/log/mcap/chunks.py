@@ -22,7 +22,7 @@ from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.records import LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD, records
+from masmc_ros.log.mcap.records import LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD, records
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 import numpy as np
