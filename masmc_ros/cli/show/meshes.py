@@ -22,7 +22,7 @@ are web addresses. Viewers show the latest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import mmap
+import os
 from pathlib import Path
 import shutil
 from typing import NamedTuple
@@ -79,10 +79,11 @@ def write_with_addresses(
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
-        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            footer = Footer.read(stream_of(data[-_FOOTER - len(MAGIC) + RECORD_HEAD.size:]))
-            end = footer.summary_start - _DATA_END
-            summary = read_summary(data, end)
+        source.seek(-_FOOTER - len(MAGIC) + RECORD_HEAD.size, os.SEEK_END)
+        footer = Footer.read(stream_of(source.read()))
+        end = footer.summary_start - _DATA_END
+        summary = read_summary(source)
+        source.seek(0)
         shutil.copyfileobj(source, target)
         target.seek(end)
         target.truncate()
