@@ -48,7 +48,6 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.parameter_record import record_of
 from masmc_ros.messages.text import text_of
 from masmc_ros.nodes.middleware.transport import prepare_transport
-from masmc_ros.share import shared_file
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
@@ -75,6 +74,17 @@ _SWITCHING = ('saturation', 'tanh', 'sigmoid')
 
 _TRACE = 12
 """Seconds of speeds that are printed on failure."""
+
+_SPEED_LIMITS = ', '.join(
+    f'{joint} {speed}'
+    for joint, speed in (
+        ('wheel_right_joint', 40.0),
+        ('wheel_left_joint', 40.0),
+        ('arm_joint_1', 15.0),
+        ('arm_joint_2', 15.0),
+    )
+)
+"""Speed limits of the joints; beyond 1.2 times them a run-away is detected."""
 
 _QUEUE = 4.0
 """Size in MB of the recorder's queue: what waits there is no leak."""
@@ -287,7 +297,7 @@ class HostileRun:
         known = self.nodes.get(name)
         number = known.starts if known else 0
         output = self._folder / f'{name}_{number}.txt'
-        arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
+        arguments = ['--ros-args']
         limits = ', '.join(map(str, LIMITS))
         for setting in (
             'pacing:=realtime',
@@ -296,6 +306,7 @@ class HostileRun:
             'plant:wait_for:=[]',
             f'plant:torque_limit:=[{limits}]',
             f'controller:torque_limit:=[{limits}]',
+            f'controller:robot.speed_limits:=[{_SPEED_LIMITS}]',
             'trajectory:start_time:=-1.0',
             f'recorder:queue_size:={_QUEUE}',
             f'recorder:output:={self._folder / f"run_{number}.mcap"}',
