@@ -84,7 +84,6 @@ def test_planar_robot_has_no_limits_unless_named() -> None:
         ('lift_joint -1', 'a speed >= 0'),
         ('lift_joint nan', 'a speed >= 0'),
         ('lift_joint inf', 'a speed >= 0'),
-        ('', "no joint ''"),
     ],
 )
 def test_wrong_speed_limit_is_one_line(setting: str, expected: str) -> None:
@@ -121,3 +120,9 @@ def test_speed_limits_are_set_by_file_and_command_line(tmp_path: Path) -> None:
         load_scenario(str(path), ('robot.speed_limits=[elbow 0.1]',))
     values = load_scenario(PAPER, ('robot.speed_limits=[arm_joint_1 2.0]',))
     assert chosen(values['controller']).speed_limits[2] == 2.0
+
+
+def test_empty_setting_of_a_dump_is_no_speed_limit() -> None:
+    """A ROS parameter file writes an empty list as one empty string."""
+    limits = chosen({'robot.speed_limits': ('',)}).speed_limits
+    assert all(limit == float('inf') for limit in limits)
