@@ -496,14 +496,14 @@ class ControllerCore:
             if (
                 not (is_start or self._activation != self.supervisor.activations)
                 or not self.pacing.approaches(was_off=self._was_computed is False)
-                or not self._stop.is_singular(position)
+                or not self._stop.is_singular(position, velocity)
             ):
                 return False
             self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
             self._unfolded_by = stamp + round(1e9 * UNFOLDING_TIME)
             self._queue_record(UNFOLDED)
             self._stop.start(UNFOLD, stamp, position, velocity)
-        elif not self._stop.is_singular(position) or stamp >= self._unfolded_by:
+        elif not self._stop.is_singular(position, velocity) or stamp >= self._unfolded_by:
             self._is_unfolding = False
             return False
         self._is_unfolding = self._stop.update(stamp, position, velocity)

@@ -265,7 +265,7 @@ class SafeStop:
         self._stiffness = 0.25 * gain if action in (HOLD, UNFOLD) else 0.0
         self._pull = _UNFOLDING if action == UNFOLD else 0.0
         angles = position[-len(rates):]
-        goal = self._regular_posture(angles) if action == UNFOLD else None
+        goal = self._regular_posture(angles, rates) if action == UNFOLD else None
         for name, value in (
             ('limit', controller.values['torque_limit']),
             ('rate_limit', controller.values['torque_rate_limit']),
@@ -318,15 +318,17 @@ class SafeStop:
         controller.commanded[:] = controller.torque
         return True
 
-    def is_singular(self, position: Array) -> bool:
-        """Return True if the law should not start in this position (positions)."""
-        if self._controller.commands_rates:
+    def is_singular(self, position: Array, velocity: Array) -> bool:
+        """Return True if the law should not start in this state (positions, positions)."""
+        controller = self._controller
+        if controller.commands_rates:
             return False
-        return self._regular_posture(position[-len(self._controller.torque):]) is not None
+        angles = position[-len(controller.torque):]
+        return self._regular_posture(angles, controller.rates(velocity)) is not None
 
-    def _regular_posture(self, angles: Array) -> Array | None:
+    def _regular_posture(self, angles: Array, rates: Array) -> Array | None:
         find = getattr(self._controller.mechanism.formulas, 'regular_posture', None)
-        posture: Array | None = None if find is None else find(angles)
+        posture: Array | None = None if find is None else find(angles, rates)
         return posture
 
     def release(self) -> None:

@@ -54,8 +54,8 @@ Beside the formulas the module has, in plain Python or as kernels over arrays:
 It may have, where a straight line to the reference could leave the robot's reach:
 
     approach_start, approach_sample   kernels in place of those of `reference/approach.py`
-    regular_posture(angles)           joint angles from which a law in task space can start; None
-                                      if those given are
+    regular_posture(angles, rates)    joint angles from which a law in task space can start; None
+                                      if it can from those given, with these velocities
 """
 
 from __future__ import annotations

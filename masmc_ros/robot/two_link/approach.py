@@ -44,6 +44,9 @@ from numpy.typing import NDArray
 _STRETCHED, _BENT = 0.2, 0.4
 """Angles in rad from a stretched or folded elbow: too close to it, and regular."""
 
+_AHEAD = 0.25
+"""Time in s for which a moving elbow has to stay away from it."""
+
 _SMALLEST = 1e-9
 """Distance in m below which a direction is undefined."""
 
@@ -174,15 +177,21 @@ def approach_sample(
     out[9] = out[11] + along * s + across * c
 
 
-def regular_posture(angles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def regular_posture(
+    angles: NDArray[np.float64], rates: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
     """
-    Return joint angles (4) with a bent elbow; None if the elbow is bent.
+    Return joint angles (4) with a bent elbow; None if the elbow is bent and stays so.
 
-    A law in task space cannot start with a stretched or folded arm that moves.
+    A law in task space cannot start with a stretched or folded arm that moves, nor with an arm
+    that its joint velocities (4) stretch or fold within a quarter of a second.
     """
     singular = round(float(angles[3]) / math.pi) * math.pi
-    if abs(angles[3] - singular) >= _STRETCHED:
+    now = float(angles[3]) - singular
+    side = math.copysign(1.0, now)
+    soon = side * (now + _AHEAD * float(rates[3]))
+    if side * now >= _STRETCHED and _STRETCHED <= soon <= math.pi - _STRETCHED:
         return None
     bent = angles.copy()
-    bent[3] = singular + math.copysign(_BENT, angles[3] - singular)
+    bent[3] = singular + side * max(_BENT, side * now)
     return bent
