@@ -245,8 +245,8 @@ class ControllerCore:
         self._pending_order = order
         if self.pacing.is_timed:
             self._position[:], self._velocity[:] = position, velocity
-        if is_alive and self.supervisor.recover(STATES, is_anew=False):
-            self._publish_state()
+        if is_alive and not self.supervisor.is_active:
+            self._recover_states()
         return self._respond(stamp, position, velocity, now)
 
     def on_reference(self, window: ReferenceWindow, now: float) -> Actions:
@@ -416,7 +416,13 @@ class ControllerCore:
             if reference is None:
                 return self._wait(stamp, position, velocity, 'the trajectory (reference)')
             error = None
-            if not self._unfolds(stamp, position, velocity):
+            # Ordinary ticks skip the call.
+            is_ordinary = (
+                self._was_computed
+                and self._computed is not None
+                and self._activation == supervisor.activations
+            )
+            if is_ordinary or not self._unfolds(stamp, position, velocity):
                 error = self._compute(stamp, position, velocity, reference, now)
             if error is not None:
                 return (*self._taken(), Failure(error))
@@ -492,11 +498,9 @@ class ControllerCore:
     def _unfolds(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Move from a singular posture to a regular one before the law starts; False if it can."""
         if not self._is_unfolding:
-            is_start = self._computed is None or not self._was_computed
-            if (
-                not (is_start or self._activation != self.supervisor.activations)
-                or not self.pacing.approaches(was_off=self._was_computed is False)
-                or not self._stop.is_singular(position, velocity)
+            if not (
+                self.pacing.approaches(was_off=self._was_computed is False)
+                and self._stop.is_singular(position, velocity)
             ):
                 return False
             self._is_unfolding, self._was_computed, self._action = True, False, UNFOLD
@@ -633,6 +637,10 @@ class ControllerCore:
         A paused plant repeats its state. A driver that does so has stopped measuring.
         """
         return not self._is_confused and (self._has_plant or not self.pacing.is_timed)
+
+    def _recover_states(self) -> None:
+        if self.supervisor.recover(STATES, is_anew=False):
+            self._publish_state()
 
     def _lacks_states(self) -> bool:
         supervisor = self.supervisor

@@ -267,7 +267,8 @@ class Core(RuleBasedStateMachine):
     @rule()
     def states_that_repeat_and_are_late(self) -> None:
         """48, 47, 48, 47 ...: after the timeout nothing but void commands is in effect."""
-        if not self.core.pacing.is_timed or self.sent is None:
+        # No stamp is older than zero.
+        if not self.core.pacing.is_timed or self.sent is None or not self.core._order.last:
             return
         self.stamp = self.core._order.last or 0
         for step in range(40):
