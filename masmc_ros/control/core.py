@@ -518,15 +518,16 @@ class ControllerCore:
     ) -> UserError | None:
         """Compute the law, or raise a fault; return the error that ends the run instead."""
         controller, approach, pacing = self.controller, self._approach, self.pacing
+        starts_away = self._computed is None and self._values['approach_on_start']
         if self._activation != self.supervisor.activations:
             self._activation = self.supervisor.activations
             self._stop.hand_over()
             self._watch.restart()
-            if pacing.approaches(was_off=self._was_computed is False):
+            if starts_away or pacing.approaches(was_off=self._was_computed is False):
                 approach.begin()
             self._queue_record(ACTIVATED)
         elif self._computed is None:
-            if self._values['approach_on_start'] or pacing.approaches(was_off=False):
+            if starts_away or pacing.approaches(was_off=False):
                 approach.begin()
         elif not self._was_computed:
             self._stop.end()
@@ -555,7 +556,7 @@ class ControllerCore:
                 return error
             self._fail(LAW, reason or '', is_latched=True)
             return None
-        if pacing.is_timed:
+        if pacing.is_timed and self._values['runaway_detection']:
             reason = self._watch.look(controller.rates(velocity))
             if reason:
                 self._fail(RUNAWAY, reason, is_latched=True)
@@ -651,6 +652,9 @@ class ControllerCore:
         if order is Order.BACK:
             text = 'time was set back; the controller restarts'
             self._more.append(Line('info', text))
+            if not self.pacing.is_timed:
+                # The run begins again, with a robot that this controller has not moved.
+                self._computed, self._has_guided = None, False
         else:
             self.counts.gaps += 1
             if now - self._gap_reported >= _QUIET:

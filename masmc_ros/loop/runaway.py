@@ -31,8 +31,17 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.numerics.compiled import kernel
+from masmc_ros.params.declaration import Parameter
 import numpy as np
 from numpy.typing import NDArray
+
+PARAMETER = Parameter(
+    'runaway_detection',
+    True,
+    'Whether a run-away is a fault in real time. Without it, a robot whose disturbance exceeds '
+    'its torque limits is followed on',
+    read_only=False,
+)
 
 REVERSALS, GROWTH, SPEED = 1, 2, 3
 """Rules, as numbers of the compiled check; 0 is no alarm."""

@@ -20,7 +20,13 @@ from functools import lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import all_finite, Layout, NANOSECONDS, StampedMessage
+from masmc_ros.messages.layout import (
+    all_finite,
+    checked_stamp,
+    Layout,
+    NANOSECONDS,
+    StampedMessage,
+)
 from masmc_ros.messages.names import JOINTS
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,7 +125,8 @@ class JointStateCdr(StampedMessage):
         ------
         InputError
             for missing or repeated joints, sizes that do not go with the names,
-            numbers that are not finite; nothing is changed then.
+            numbers that are not finite, a stamp that is no time; nothing is
+            changed then.
 
         """
         joints = joints or self.names
@@ -136,11 +143,12 @@ class JointStateCdr(StampedMessage):
             effort = self._pick(np.where(np.isnan(given), 0.0, given), 'effort')
             _check_finite(effort, joints, 'effort')
         stamp = message.header.stamp
+        stamp_ns = checked_stamp(stamp.sec * NANOSECONDS + stamp.nanosec)
         first = len(self.names) - len(joints)
         self.position[first:] = position
         self.velocity[first:] = velocity
         self.effort[first:] = effort
-        self.set_stamp(stamp.sec * NANOSECONDS + stamp.nanosec)
+        self.set_stamp(stamp_ns)
 
     def _pick(self, values: ArrayLike, field: str) -> NDArray[np.float64]:
         array = _doubles(values)

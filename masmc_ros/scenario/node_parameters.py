@@ -24,6 +24,7 @@ from typing import Any
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.law import registry
 from masmc_ros.loop import simulated_robot
+from masmc_ros.loop.runaway import PARAMETER as RUNAWAY_DETECTION
 from masmc_ros.loop.safe_stop import PARAMETER as FAULT_ACTION
 from masmc_ros.loop.timing import TIMING
 from masmc_ros.params.declaration import Parameter
@@ -161,6 +162,7 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
             'Whether the controller moves the robot from the start; otherwise ~/enable does it',
         ),
         FAULT_ACTION,
+        RUNAWAY_DETECTION,
         Parameter(
             'pose_source',
             'joint_states',

@@ -188,9 +188,13 @@ def array(
 def joint_state(**fields: Any) -> Any:
     """Return what a deserialiser makes of a JointState, ours but for `fields`."""
     numbers = [float(n) for n in range(7)]
-    stamp = SimpleNamespace(sec=1, nanosec=5)
     ours = {'name': list(JOINTS), 'position': numbers, 'velocity': numbers, 'effort': numbers}
-    return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **(ours | fields))
+    ours['header'] = header(1, 5)
+    return SimpleNamespace(**(ours | fields))
+
+
+def header(seconds: int, nanoseconds: int) -> Any:
+    return SimpleNamespace(stamp=SimpleNamespace(sec=seconds, nanosec=nanoseconds))
 
 
 @given(st.permutations(range(9)))
@@ -228,6 +232,8 @@ def test_efforts_that_are_unknown_are_zero() -> None:
         ({'position': [0.0] * 6 + [np.nan]}, "position of 'arm_joint_2' is not a finite"),
         ({'velocity': [np.inf] + [0.0] * 6}, "velocity of 'base_x_joint' is not a finite"),
         ({'effort': [np.inf] + [0.0] * 6}, "effort of 'base_x_joint' is not a finite"),
+        ({'header': header(-1, 0)}, 'stamp -1000000000 ns is negative'),
+        ({'header': header(2**31 - 1, 2**32 - 1)}, r'ns is beyond 2\*\*31 s'),
     ],
 )
 def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:

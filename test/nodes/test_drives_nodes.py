@@ -70,6 +70,7 @@ def test_in_lockstep_disabled_enabled_and_given_a_set_point(
                 plant__wait_for='[controller, trajectory, recorder, peer]',
                 recorder__output=log,
                 controller__torque_rate_limit=RATE_LIMIT,
+                controller__fault_action='void',
                 **{'robot.joint_names': f'[{", ".join(NAMES)}]'},
             )
         )

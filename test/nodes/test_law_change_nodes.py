@@ -255,7 +255,8 @@ def test_law_of_tree_robot_previous_law_continues(tmp_path: Path) -> None:
         load_scenario(str(TIAGO))
     except UserError as missing:
         pytest.skip(str(missing))
-    with running(tmp_path, TIAGO) as controller:
+    # At 100 Hz the torso is faster than its limit at the start.
+    with running(tmp_path, TIAGO, controller__runaway_detection='false') as controller:
         check_changes(controller)
 
 

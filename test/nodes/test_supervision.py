@@ -189,7 +189,8 @@ def test_limits_hold_from_what_was_really_commanded_through_every_state(tmp_path
     # Less than the disturbance asks for now and then.
     limit, rate, period = np.array([0.2, 0.2, 0.15, 0.15]), 20.0, 0.002
     settings = {'torque_limit': str(limit.tolist()), 'torque_rate_limit': rate}
-    with live_run(tmp_path, **settings, fault_action='void') as run:
+    stop = {'fault_action': 'void', 'runaway_detection': 'false'}
+    with live_run(tmp_path, **settings, **stop) as run:
         raw = run.tester.collect(Float64MultiArray, 'effort_commands', raw=True)
         asked = run.tester.collect(Float64MultiArray, 'controller/raw_torque', past=False)
         told = run.tester.collect(String, 'controller/parameters')
