@@ -17,7 +17,7 @@ A run of nodes in real time under random input, with nodes that are killed and s
 
 Plant, trajectory, controller and recorder are real processes. A client sends random requests to
 all their services and random messages to all their topics, changes parameters, and enables, stops
-and clears. The run fails if a node ends that was not killed, if a torque or a speed is beyond its
+and clears; between the bursts the robot follows its path. The run fails if a node ends that was not killed, if a torque or a speed is beyond its
 limit, or if the memory of a node grows.
 """
 
@@ -97,6 +97,9 @@ _TURN = 0.01
 
 _REPAIR = 0.5
 """Time in s after which the robot is set in motion again."""
+
+_BURST, _PAUSE = 6.0, 4.0
+"""Times in s with random input and without it, in turn: in between the robot follows its path."""
 
 _LOOK = 2.0
 """Time in s between two looks at the services and topics that there are."""
@@ -385,7 +388,8 @@ class HostileRun:
             if now >= repair:
                 self._repair(client)
                 repair = now + _REPAIR
-            self._act(client)
+            if (now - begin) % (_BURST + _PAUSE) < _BURST:
+                self._act(client)
             spin(_TURN)
             if watch.wrong:
                 raise Failure(watch.wrong)
