@@ -53,7 +53,6 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.exchange import hears_logs
 from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
@@ -315,8 +314,7 @@ class RecorderNode(SuiteNode):
         """Tell the plant when all senders are found; end when they have gone."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        has_found = all(here) and hears_logs(self.node)
-        if not self._is_ready and has_found and all(map(self._has_told, PARAMETER_NODES)):
+        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._progress.begin()
