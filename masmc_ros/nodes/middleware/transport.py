@@ -13,11 +13,13 @@
 # limitations under the License.
 
 """
-The transport of this package's processes: UDP, which outlives whoever listens.
+Restriction of this package's processes to UDP, which a killed process cannot block.
 
-Fast DDS prefers shared memory, and guards it by mutexes that lie in it. A listener killed
-while it holds one takes it along: whoever publishes to it stands still within `publish` for
-ever, and no longer hears SIGINT. Nodes that steer must not hang on those that look on.
+Fast DDS prefers shared memory and guards it by mutexes within that memory. If a subscriber is
+killed while it holds one, its publishers block in `publish` indefinitely and ignore SIGINT
+(ros2/rmw_fastrtps issue 908, "Long running ROS stacks reaching deadlock with shared memory").
+This file and `fast_dds/` can be removed when publishers on shared memory survive the listeners
+that `test/nodes/recorder/test_listeners_killed.py` kills.
 """
 
 from __future__ import annotations

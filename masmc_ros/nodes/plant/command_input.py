@@ -23,7 +23,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_parts import Part, rate_parts, torque_parts
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.names import driven_joint_names

@@ -31,7 +31,8 @@ from masmc_ros.errors import InputError, UserError
 from masmc_ros.nodes.middleware.logging import prepare_logging
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
-from masmc_ros.nodes.process.ending import bounded_ending, ending_at_once, on_end
+from masmc_ros.nodes.process.ending import ending_at_once, on_end
+from masmc_ros.nodes.process.exit_timer import bounded_ending
 import rclpy
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor

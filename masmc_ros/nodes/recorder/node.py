@@ -53,7 +53,8 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
