@@ -78,12 +78,12 @@ def rate_sources(
     places = [each.place for each in twist]
     own = joints[len(places):]
     base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
-    arm = CommandPart(ARM_VELOCITY_TOPIC, len(own))
+    others = CommandPart(ARM_VELOCITY_TOPIC, len(own))
     return [
         Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
         if is_stamped
         else Source(base, TWIST, Twist, _twist(places)),
-        Source(arm, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(own))),
+        Source(others, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(own))),
     ]
 
 
