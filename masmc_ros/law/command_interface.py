@@ -32,7 +32,7 @@ EFFORT, VELOCITY = range(len(COMMAND_INTERFACES))
 COMMAND_INTERFACE = Parameter(
     'command_interface',
     'effort',
-    'Torques, or rates for drives with a velocity loop of their own',
+    'effort: torques; velocity: joint velocities for drives with their own velocity loop',
     choices=COMMAND_INTERFACES,
 )
 """Declared by the controller and by the plant, which must agree."""
@@ -40,7 +40,7 @@ COMMAND_INTERFACE = Parameter(
 ENABLE_STAMPED_CMD_VEL = Parameter(
     'enable_stamped_cmd_vel',
     False,
-    'With commanded rates, cmd_vel is a TwistStamped instead of a Twist',
+    'Type of cmd_vel with command_interface velocity: TwistStamped instead of Twist',
 )
 """Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
 

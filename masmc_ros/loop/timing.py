@@ -34,7 +34,7 @@ TIMING = (
         exclusive_minimum=True,
         maximum=1.0,
     ),
-    Parameter('duration', 0.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
+    Parameter('duration', 0.0, 'Duration of the run; 0: until interrupted', unit='s', minimum=0.0),
 )
 
 LATE_TICKS = 2

@@ -51,8 +51,8 @@ URDF = 'robot.urdf'
 SPEED_LIMITS = Parameter(
     'robot.speed_limits',
     (),
-    'Largest speeds of joints in rad/s or m/s, each as a name and a number, such as '
-    '[arm_joint_1 2.0]; they replace those of the URDF, and 0 is no limit',
+    'Speed limits of joints in rad/s or m/s, each as a name and a number, such as '
+    '[arm_joint_1 2.0]; they replace those of the URDF; 0: no limit',
 )
 """Parameter of every node that needs the robot, whatever kind of robot it is."""
 

@@ -83,7 +83,7 @@ PREFIX = (
     Parameter(
         'frame_prefix',
         '',
-        'Put before the name of every frame, such as left/, where several robots are shown',
+        'Prefix of the name of every frame, such as left/, if several robots are shown',
     ),
 )
 """Parameter of every node that names frames."""

@@ -95,9 +95,9 @@ def parameters() -> tuple[Parameter, ...]:
         Parameter(
             NAME,
             DEFAULT.name,
-            'Kind of robot, which has its own robot parameters',
+            'Type of robot; each type has its own robot parameters',
             choices=names(),
         ),
-        Parameter(URDF, '', 'File of a URDF, or its text: any robot, in place of those kinds'),
+        Parameter(URDF, '', 'URDF file, or its text: any robot, in place of the built-in types'),
         SPEED_LIMITS,
     )

@@ -51,7 +51,7 @@ PARAMETERS = (
     Parameter(
         'concurrent_learning.kappa',
         10.0,
-        'Weight kappa of the recorded beside the tracking error; 0 is rasmc',
+        'Weight kappa of the recorded data relative to the tracking error; 0: rasmc',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -59,7 +59,7 @@ PARAMETERS = (
     Parameter(
         'concurrent_learning.forgetting',
         0.0,
-        'Rate at which the record fades; 0 is never',
+        'Rate at which the record fades; 0: never',
         unit='1/s',
         minimum=0.0,
         read_only=False,

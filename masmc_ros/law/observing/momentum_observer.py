@@ -50,7 +50,7 @@ PARAMETERS = (
     Parameter(
         'momentum_observer.rate',
         200.0,
-        'Rate K_o of the observer; 0 is off',
+        'Rate K_o of the observer; 0: no observer',
         unit='1/s',
         minimum=0.0,
         read_only=False,

@@ -54,7 +54,7 @@ PARAMETERS = (
     Parameter(
         'leakage',
         0.02,
-        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0 is off',
+        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: none',
         unit='1/s',
         minimum=0.0,
         read_only=False,
@@ -62,7 +62,7 @@ PARAMETERS = (
     Parameter(
         'e_modification',
         0.0,
-        'Leakage in proportion to |s| outside the dead zone; 0 is off',
+        'Leakage in proportion to |s| outside the dead zone; 0: none',
         unit='1/m',
         minimum=0.0,
         read_only=False,
@@ -70,7 +70,7 @@ PARAMETERS = (
     Parameter(
         'dead_zone',
         0.0,
-        'Norm |s| within which nothing is learned; 0 is none',
+        'Norm |s| below which the adaptation stops; 0: no dead zone',
         unit='m/s',
         minimum=0.0,
         read_only=False,
@@ -78,7 +78,7 @@ PARAMETERS = (
     Parameter(
         'projection.lower',
         0.2,
-        'Least theta_hat as a multiple of the nominal model; 0 is no projection',
+        'Lower bound of theta_hat as a multiple of the nominal model; 0: no projection',
         minimum=0.0,
         maximum=1.0,
         exclusive_maximum=True,
@@ -87,7 +87,7 @@ PARAMETERS = (
     Parameter(
         'projection.upper',
         5.0,
-        'Largest theta_hat as a multiple of the nominal model, with projection',
+        'Upper bound of theta_hat as a multiple of the nominal model, with projection',
         minimum=1.0,
         exclusive_minimum=True,
         read_only=False,
@@ -95,7 +95,7 @@ PARAMETERS = (
     Parameter(
         'freeze_when_saturated',
         True,
-        'Learn nothing while torque_limit or torque_rate_limit cuts the torque',
+        'Stop the adaptation while torque_limit or torque_rate_limit limits the torque',
         read_only=False,
     ),
 )

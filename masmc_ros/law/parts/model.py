@@ -30,7 +30,7 @@ PARAMETERS = (
     Parameter(
         'model_scale',
         0.5,
-        'Nominal model as a multiple of the robot parameters, and the start of theta_hat',
+        'Nominal model, and initial theta_hat, as a multiple of the robot parameters',
         minimum=0.0,
         exclusive_minimum=True,
     ),

@@ -43,7 +43,7 @@ PARAMETERS = (
     Parameter(
         'velocity_source',
         'measured',
-        'Rates as measured, or estimated from the joint angles alone',
+        'measured: joint velocities of joint_states; estimated: estimates from the joint angles',
         choices=SOURCES,
         read_only=False,
     ),

@@ -51,7 +51,7 @@ import numpy as np
 OBSERVER_GAIN = Parameter(
     'observer_gain',
     0.5,
-    'Gain beta of the disturbance estimate of the implicit law; 0 is off',
+    'Gain beta of the disturbance estimate of the implicit law; 0: no estimate',
     minimum=0.0,
     maximum=1.0,
     read_only=False,

@@ -47,9 +47,10 @@ PARAMETERS = (
         'barrier.width', 'axes', 0.02, 'Barrier eps that |s| does not reach', 'm/s',
         is_positive=True,
     ),
-    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho, which it has at eps / 2', 'm/s²'),
-    PerEntry('barrier.start', 'axes', 10.0, 'Gain K_0 at first, outside', 'm/s²'),
-    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside, per |s|", '1/s²'),
+    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho at |s| = eps / 2', 'm/s²'),
+    PerEntry('barrier.start', 'axes', 10.0, 'Initial gain K_0 outside the barrier', 'm/s²'),
+    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside the barrier, per "
+                                              "|s|", '1/s²'),
 )
 
 MEMORY = (
