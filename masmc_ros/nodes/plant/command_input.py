@@ -35,6 +35,13 @@ from rclpy.node import Node
 OnCommand = Callable[[CommandPart, Array | None, int | None, float], None]
 """Takes a part, its numbers, the stamp of the state in ns, and the time of arrival in s."""
 
+_DEPTH = 10
+"""
+Commands of a topic that wait for the plant.
+
+With depth 1, a command of another node could replace the one that lock-step waits for.
+"""
+
 
 class CommandInput:
     """
@@ -73,7 +80,7 @@ class CommandInput:
         self._on_command = on_command
         for source in self.sources:
             take = partial(self._take, source)
-            subscribe_with_past(node, source.message_type, source.topic, take)
+            subscribe_with_past(node, source.message_type, source.topic, take, depth=_DEPTH)
 
     def _take(self, source: Source, raw: bytes) -> None:
         try:
