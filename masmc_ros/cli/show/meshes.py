@@ -51,7 +51,7 @@ class Described(NamedTuple):
 
 
 def described(path: Path) -> Described | None:
-    """Return what a log says of a robot with meshes of which some are here; None for nothing."""
+    """Return the robot description of a log with local meshes; None without one."""
     with path.open('rb') as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
