@@ -216,7 +216,8 @@ def _parser() -> argparse.ArgumentParser:
         'demo',
         help="run the paper's experiment on real nodes and report it",
         description="Run the paper's experiment: four ROS 2 nodes in lock-step on a private "
-        'domain of this machine, first smc, then rasmc; log both runs and report them. '
+        'domain of this machine, with smc, rasmc, and rasmc with the implicit switching term and a '
+        'disturbance estimate; log the runs and report them. '
         'With --robot those of another experiment.',
     )
     demo.add_argument('--output', default='demo', help='folder for logs and report (%(default)s)')
