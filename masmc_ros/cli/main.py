@@ -216,9 +216,9 @@ def _parser() -> argparse.ArgumentParser:
         'demo',
         help="run the paper's experiment on real nodes and report it",
         description="Run the paper's experiment: four ROS 2 nodes in lock-step on a private "
-        'domain of this machine, with smc, rasmc, and rasmc with the implicit switching term and a '
-        'disturbance estimate; log the runs and report them. '
-        'With --robot those of another experiment.',
+        'domain of this machine, with smc, rasmc, and rasmc with the implicit switching term and '
+        'a disturbance estimate; log the runs and report them. With --robot those of another '
+        'experiment.',
     )
     demo.add_argument('--output', default='demo', help='folder for logs and report (%(default)s)')
     demo.add_argument(
