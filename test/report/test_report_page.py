@@ -263,7 +263,7 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
         (
             replace(paper_like(), reference=None),
             ['path', 'error_E', 'error_F', 'torque'],
-            'No reference: where',
+            'No reference: the',
         ),
         (replace(paper_like(), **BARE), ['path', 'error_E', 'error_F', 'torque'], 'No parameters'),
         (replace(without_error(paper_like()), **BARE), ['path', 'torque'], 'No errors: neither'),
@@ -332,7 +332,7 @@ def test_a_node_that_was_started_again_is_told() -> None:
     (box,) = page(replace(paper_like(), restarted=('controller',))).root.find_all(
         'div', **{'class': 'missing'}
     )
-    assert 'controller was started again' in box.text
+    assert 'controller was restarted' in box.text
 
 
 def test_whole_log_lacks_nothing(both: Page) -> None:
