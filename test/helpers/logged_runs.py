@@ -17,7 +17,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from masmc_ros.log.chunks import ChannelRows
+from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import EFFORT

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import arrived_records, ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter

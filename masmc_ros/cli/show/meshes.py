@@ -22,16 +22,16 @@ are web addresses. Viewers show the latest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import mmap
+import os
 from pathlib import Path
 import shutil
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import indexed_chunk, OpenChunk
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import MAGIC, RECORD_HEAD, stream_of
-from masmc_ros.log.summary import read_summary
+from masmc_ros.log.mcap.chunks import indexed_chunk, OpenChunk
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import MAGIC, RECORD_HEAD, stream_of
+from masmc_ros.log.mcap.summary import read_summary
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files
@@ -79,10 +79,11 @@ def write_with_addresses(
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
-        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            footer = Footer.read(stream_of(data[-_FOOTER - len(MAGIC) + RECORD_HEAD.size:]))
-            end = footer.summary_start - _DATA_END
-            summary = read_summary(data, end)
+        source.seek(-_FOOTER - len(MAGIC) + RECORD_HEAD.size, os.SEEK_END)
+        footer = Footer.read(stream_of(source.read()))
+        end = footer.summary_start - _DATA_END
+        summary = read_summary(source)
+        source.seek(0)
         shutil.copyfileobj(source, target)
         target.seek(end)
         target.truncate()

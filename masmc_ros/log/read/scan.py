@@ -22,8 +22,7 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.read.contents import Records, Topic
-from masmc_ros.log.records import (
+from masmc_ros.log.mcap.records import (
     check_magic,
     cut_off,
     Data,
@@ -37,6 +36,7 @@ from masmc_ros.log.records import (
     stream_of,
     unpacked_size,
 )
+from masmc_ros.log.read.contents import Records, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE, Part, TopicCount, write_bag_metadata
-from masmc_ros.log.chunks import arrived_records, Message
+from masmc_ros.log.mcap.chunks import arrived_records, Message
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition

@@ -21,7 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from masmc_ros.log.chunks import ChannelRows
+from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters

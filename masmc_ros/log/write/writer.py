@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.chunks import (
+from masmc_ros.log.mcap.chunks import (
     ChannelRows,
     COMPRESSIONS,
     indexed_chunk,
@@ -31,9 +31,9 @@ from masmc_ros.log.chunks import (
     MessageRecords,
     OpenChunk,
 )
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import packed
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import packed
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile

@@ -21,9 +21,9 @@ from typing import Protocol
 import zlib
 
 from masmc_ros import __version__
-from masmc_ros.log.chunks import index_record, IndexedChunk
-from masmc_ros.log.records import MAGIC, packed
-from masmc_ros.log.summary import Summary
+from masmc_ros.log.mcap.chunks import index_record, IndexedChunk
+from masmc_ros.log.mcap.records import MAGIC, packed
+from masmc_ros.log.mcap.summary import Summary
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (

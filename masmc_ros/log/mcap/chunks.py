@@ -22,7 +22,7 @@ from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.records import LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD, records
+from masmc_ros.log.mcap.records import all_records, LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 import numpy as np
@@ -285,13 +285,15 @@ def span(indexes: Indexes) -> tuple[int, int]:
 
 
 def index_messages(content: bytes) -> Indexes:
-    """Return the indexes of the messages among the records of a chunk."""
-    chunk: Indexes = {}
-    for opcode, start, _ in records(content, 0):
-        if opcode == Opcode.MESSAGE:
+    """Return the indexes of the messages in a chunk; ValueError if it has other content."""
+    indexes: Indexes = {}
+    for opcode, start, end in all_records(content):
+        if opcode == Opcode.MESSAGE and end - start >= RECORD_HEAD.size + MESSAGE_HEAD.size:
             channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
-            chunk.setdefault(channel, array('Q')).extend((time, start))
-    return chunk
+            indexes.setdefault(channel, array('Q')).extend((time, start))
+        elif opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
+    return indexes
 
 
 def index_record(channel: int, index: array[int]) -> bytes:

@@ -19,24 +19,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-import mmap
-import zlib
+from typing import IO
 
-from masmc_ros.log.chunks import IndexedChunk
-from masmc_ros.log.records import MAGIC, PRIVATE, RECORD_HEAD, records, stream_of
+from masmc_ros.log.mcap.chunks import IndexedChunk
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
     ChunkIndex,
-    DataEnd,
-    Footer,
     McapRecord,
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 
 
@@ -134,6 +130,36 @@ class Summary:
         found.message_count += count
         found.channel_message_counts[channel] += count
 
+    def agrees_with(self, stated: Summary) -> bool:
+        """
+        Return True if the summary of a file agrees with this one, made from its records.
+
+        Parts of the summary may be missing: some writers skip them.
+        """
+        counts = +Counter(self.statistics.channel_message_counts)
+        _ = self.groups()  # completes the statistics
+        own, other = self.statistics, stated.statistics
+        return (
+            stated.chunks in ([], self.chunks)
+            and stated.attachments in ([], self.attachments)
+            and stated.metadata in ([], self.metadata)
+            and stated.schemas.items() <= self.schemas.items()
+            and stated.channels.items() <= self.channels.items()
+            and (not stated.chunks or counts.keys() <= stated.channels.keys())
+            and (
+                not stated.has_statistics
+                or (
+                    counts == +Counter(other.channel_message_counts)
+                    and own.message_count == other.message_count
+                    and own.chunk_count == other.chunk_count
+                    and own.attachment_count == other.attachment_count
+                    and own.metadata_count == other.metadata_count
+                    and own.message_start_time == other.message_start_time
+                    and own.message_end_time == other.message_end_time
+                )
+            )
+        )
+
     def groups(self) -> Iterable[tuple[Opcode, Iterable[McapRecord]]]:
         """Return the records of the summary as they follow each other, by kind."""
         statistics = self.statistics
@@ -152,47 +178,18 @@ class Summary:
         )
 
 
-def read_summary(data: mmap.mmap | bytes, position: int) -> Summary | None:
-    """Return what stands behind the data of a file, from their end on; None if it is damaged."""
-    summary, begin = Summary(), None
-    try:
-        for opcode, start, end in records(data, position):
-            stream = stream_of(data[start + RECORD_HEAD.size:end])
-            if begin is None:
-                crc = DataEnd.read(stream).data_section_crc
-                with memoryview(data) as whole, whole[:start] as before:
-                    if crc and crc != zlib.crc32(before):
-                        return None
-                begin = end
-            elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                if summary.schemas.setdefault(schema.id, schema) != schema:
-                    return None
-            elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(stream)
-                if summary.channels.setdefault(channel.id, channel) != channel:
-                    return None
-            elif opcode == Opcode.CHUNK_INDEX:
-                summary.chunks.append(ChunkIndex.read(stream))
-            elif opcode == Opcode.ATTACHMENT_INDEX:
-                summary.attachments.append(AttachmentIndex.read(stream))
-            elif opcode == Opcode.METADATA_INDEX:
-                summary.metadata.append(MetadataIndex.read(stream))
-            elif opcode == Opcode.STATISTICS:
-                summary.statistics = Statistics.read(stream)
-                summary.has_statistics = True
-            elif opcode == Opcode.FOOTER:
-                footer = Footer.read(stream)
-                crc = zlib.crc32(data[begin:end - 4])
-                is_right = footer.summary_start == (begin if begin < start else 0)
-                is_right &= footer.summary_crc in (0, crc) and data[end:] == MAGIC
-                return summary if is_right else None
-            elif opcode == Opcode.SUMMARY_OFFSET:
-                offset = SummaryOffset.read(stream)
-                if data[offset.group_start] != offset.group_opcode and offset.group_length:
-                    return None
-            elif opcode < PRIVATE:
-                return None
-    except Exception:  # whatever a library says of bytes that were never written so
+def read_summary(stream: IO[bytes]) -> Summary | None:
+    """Return the summary of a complete file; None if it has none."""
+    stream.seek(0)
+    summary = make_reader(stream).get_summary()
+    if summary is None:
         return None
-    return None
+    return Summary(
+        summary.schemas,
+        summary.channels,
+        summary.chunk_indexes,
+        summary.attachment_indexes,
+        summary.metadata_indexes,
+        summary.statistics or _no_statistics(),
+        summary.statistics is not None,
+    )
