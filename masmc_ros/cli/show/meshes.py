@@ -30,8 +30,7 @@ from typing import NamedTuple
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import indexed_chunk, OpenChunk
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.records import MAGIC, RECORD_HEAD, stream_of
-from masmc_ros.log.mcap.summary import read_summary
+from masmc_ros.log.mcap.records import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files
@@ -79,10 +78,12 @@ def write_with_addresses(
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
-        source.seek(-_FOOTER - len(MAGIC) + RECORD_HEAD.size, os.SEEK_END)
-        footer = Footer.read(stream_of(source.read()))
+        source.seek(-_FOOTER - len(MAGIC), os.SEEK_END)
+        footer = parsed(source.read(_FOOTER))
+        assert isinstance(footer, Footer)
         end = footer.summary_start - _DATA_END
-        summary = read_summary(source)
+        source.seek(0)
+        summary = make_reader(source).get_summary()
         source.seek(0)
         shutil.copyfileobj(source, target)
         target.seek(end)

@@ -19,6 +19,6 @@ The library mcap makes an object of every record and takes three times the time 
 write a run (docs/decisions/log_writer.md). The records themselves (channels, metadata, indexes)
 are those of mcap; this package puts many messages into a chunk at once.
 
-`records` packs and unpacks single records, `chunks` builds and checks chunks, `summary` collects
-the indexes at the end of a file, and `record_stream` writes a file from its header to its footer.
+`records` packs and unpacks single records, `chunks` builds and checks chunks, and `record_stream`
+writes a file from its header to its indexes and its footer.
 """

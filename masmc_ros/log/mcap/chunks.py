@@ -53,8 +53,8 @@ _HEAD = np.dtype(
 )
 """What stands before the bytes of a message; `RECORD_HEAD` and `MESSAGE_HEAD` for many."""
 
-_INDEX_SIZE = 4
-"""Bytes of the size that stands before the entries of an index."""
+INDEX_HEAD = RECORD_HEAD.size + 2 + 4
+"""Bytes before the entries of an index: head of the record, channel, and size of the entries."""
 
 
 class ChannelRows(NamedTuple):
@@ -284,24 +284,31 @@ def span(indexes: Indexes) -> tuple[int, int]:
     return min(map(min, times), default=0), max(map(max, times), default=0)
 
 
-def index_messages(content: bytes) -> Indexes:
-    """Return the indexes of the messages in a chunk; ValueError if it has other content."""
+def index_messages(content: bytes) -> tuple[Indexes, list[bytes]]:
+    """
+    Return the indexes of the messages in a chunk, and its schemas and channels as records.
+
+    Raises ValueError if the chunk has other content.
+    """
     indexes: Indexes = {}
+    definitions = []
     for opcode, start, end in all_records(content):
         if opcode == Opcode.MESSAGE and end - start >= RECORD_HEAD.size + MESSAGE_HEAD.size:
             channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
             indexes.setdefault(channel, array('Q')).extend((time, start))
-        elif opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            definitions.append(content[start:end])
+        else:
             raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
-    return indexes
+    return indexes, definitions
 
 
 def index_record(channel: int, index: array[int]) -> bytes:
     """Return the record of a channel's index."""
     entries = index.tobytes()
     return (
-        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + _INDEX_SIZE + len(entries))
+        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD - RECORD_HEAD.size + len(entries))
         + channel.to_bytes(2, 'little')
-        + len(entries).to_bytes(_INDEX_SIZE, 'little')
+        + len(entries).to_bytes(4, 'little')
         + entries
     )

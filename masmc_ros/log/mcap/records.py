@@ -25,8 +25,9 @@ import zlib
 
 import lz4.frame
 from masmc_ros.errors import InputError
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, McapRecord
+from mcap.stream_reader import StreamReader
 import zstandard
 
 Data = mmap.mmap | bytes
@@ -37,14 +38,8 @@ MAGIC = b'\x89MCAP0\r\n'
 RECORD_HEAD = struct.Struct('<BQ')
 """Opcode and length of the record's content."""
 
-PRIVATE = 0x80
-"""First opcode of private records, which readers skip."""
-
 MESSAGE_HEAD = struct.Struct('<HIQQ')
 """Channel, sequence number, log time and publish time at the start of a message."""
-
-_CHUNK_HEAD = struct.Struct('<QQQII')
-"""First and last log time, size and checksum of the records, length of the compression's name."""
 
 LARGEST_CHUNK = 2**28
 """Maximum unpacked size of a compressed chunk in bytes; a larger one is not compressed."""
@@ -91,15 +86,6 @@ def all_records(content: bytes) -> Iterator[tuple[int, int, int]]:
         raise ValueError(f'a record at byte {end} of a chunk goes beyond its end')
 
 
-def unpacked_size(data: Data, start: int) -> int:
-    """Return how many bytes the chunk at a place says that its records are."""
-    place = start + RECORD_HEAD.size
-    if place + _CHUNK_HEAD.size > len(data):
-        return 0
-    _, _, size, _, name_size = _CHUNK_HEAD.unpack_from(data, place)
-    return int(size) if name_size else 0
-
-
 def decompressed(chunk: Chunk) -> bytes:
     """
     Return the records of a chunk.
@@ -134,8 +120,8 @@ def decompressed(chunk: Chunk) -> bytes:
             content = frame.decompress(content, max_length=size + 1)
             if not frame.eof:
                 raise ValueError(f'a chunk of {size} bytes whose compressed data do not end')
-        if len(content) != size:
-            raise ValueError(f'a chunk of {size} bytes that unpacks to {len(content)} bytes')
+    if len(content) != size:
+        raise ValueError(f'a chunk of {size} bytes that unpacks to {len(content)} bytes')
     if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
         raise ValueError('checksum of a chunk')
     return content
@@ -158,6 +144,8 @@ def packed(record: McapRecord) -> bytes:
     return data
 
 
-def stream_of(data: bytes) -> ReadDataStream:
-    """Return bytes as the library reads records from."""
-    return ReadDataStream(BytesIO(data))
+def parsed(data: bytes) -> McapRecord:
+    """Return a record from its bytes; exceptions of any kind show that it is damaged."""
+    reader = StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True)
+    record: McapRecord = next(reader.records)
+    return record

@@ -27,9 +27,10 @@ from typing import IO, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.records import check_magic, LargeChunkError, MAGIC
-from masmc_ros.log.mcap.summary import Summary
 from masmc_ros.log.recover.salvage import Salvage
 from masmc_ros.whole_file import WholeFile
+from mcap.reader import make_reader
+from mcap.records import Statistics
 
 
 class Recovered(NamedTuple):
@@ -141,12 +142,14 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
         b''
     ) as data:
         try:
-            salvage = Salvage(data, stream)
+            salvage = Salvage(data)
         except LargeChunkError as error:
             raise InputError(f'{path}: is left as it is: {error}') from None
-        if salvage.is_complete:
+        if not salvage.dropped and (
+            salvage.is_unchanged() if is_ours(path) else _is_readable(stream)
+        ):
             return None
-        statistics = _replace(path, salvage, os.fstat(stream.fileno())).statistics
+        statistics = _replace(path, salvage, os.fstat(stream.fileno()))
     return Recovered(
         statistics.message_count,
         statistics.message_start_time,
@@ -156,12 +159,25 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     )
 
 
-def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Summary:
+def _is_readable(stream: IO[bytes]) -> bool:
+    """Return True if mcap reads a whole file, and finds as many messages as it states."""
+    stream.seek(0)
+    try:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+    except Exception:  # mcap raises many kinds for damaged bytes
+        return False
+    statistics = None if summary is None else summary.statistics
+    return statistics is None or statistics.message_count == count
+
+
+def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Statistics:
     """Write the new file and let it replace the old one, with its owner and mode."""
     # The file that a symbolic link names is replaced, not the link.
     file = WholeFile(path.resolve())
     try:
-        summary = salvage.write(file.stream)
+        statistics = salvage.write(file.stream)
         file.stream.flush()
         descriptor = file.stream.fileno()
         with suppress(OSError):
@@ -172,4 +188,4 @@ def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Summary:
     except BaseException:
         file.discard()
         raise
-    return summary
+    return statistics

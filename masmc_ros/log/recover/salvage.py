@@ -16,18 +16,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 import re
-from typing import Any, IO, NamedTuple
-import zlib
+import struct
+from typing import NamedTuple
 
 from masmc_ros.log.mcap.chunks import (
+    INDEX_HEAD,
     index_messages,
     indexed_chunk,
     IndexedChunk,
     Indexes,
-    OpenChunk,
     span,
 )
 from masmc_ros.log.mcap.record_stream import RecordStream, Stream
@@ -39,80 +39,57 @@ from masmc_ros.log.mcap.records import (
     MAGIC,
     MESSAGE_HEAD,
     packed,
-    PRIVATE,
+    parsed,
     RECORD_HEAD,
     records,
-    stream_of,
 )
-from masmc_ros.log.mcap.summary import read_summary, Summary
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
-    AttachmentIndex,
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
-    Footer,
     Header,
+    McapRecord,
+    Message,
     Metadata,
-    MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
-import numpy as np
-
-_KINDS: dict[int, Any] = {
-    Opcode.HEADER: Header,
-    Opcode.FOOTER: Footer,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.CHUNK_INDEX: ChunkIndex,
-    Opcode.ATTACHMENT: Attachment,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
-    Opcode.STATISTICS: Statistics,
-    Opcode.METADATA: Metadata,
-    Opcode.METADATA_INDEX: MetadataIndex,
-    Opcode.SUMMARY_OFFSET: SummaryOffset,
-    Opcode.DATA_END: DataEnd,
-}
-"""Records that are sound if they are equal to what mcap writes for their content."""
-
-_COPIED = (
-    Opcode.CHUNK,
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.MESSAGE,
-    Opcode.ATTACHMENT,
-    Opcode.METADATA,
-)
-"""Records that a new file takes over; the writer makes all others."""
 
 _HEADS = re.compile(rb'(?s)(?=[\x06\x09\x0c].{5}\0\0\0|\x0f\x04\0{7})')
 """Possible starts of a chunk, attachment or metadata below 2**40 bytes, or of the data end."""
 
-_BLOCK = 256 * 1024
-"""Bytes of single messages that are compressed together."""
+
+_TIMES = struct.Struct('<QQ')
+"""First and last log time in ns at the start of a chunk."""
+
+_Definitions = dict[tuple[type, int], Schema | Channel]
+"""Schemas and channels by kind and number."""
 
 
-class _Found(NamedTuple):
+class _SoundRecord(NamedTuple):
     """
-    A sound record.
+    A record without damage.
 
     Attributes
     ----------
-    opcode, start, end
-        kind of the record and its place in the file.
-    chunk, content, indexes
-        of a chunk: the record, its unpacked records, the indexes of its messages.
+    end
+        place in the file at which it ends.
+    record
+        its content; None for an index of messages.
+    definitions
+        the record if it is a schema or a channel, or those in a chunk.
+    content
+        unpacked records of a chunk.
+    indexes
+        indexes of the messages of a chunk.
 
     """
 
-    opcode: int
-    start: int
     end: int
-    chunk: Chunk | None = None
+    record: McapRecord | None = None
+    definitions: Sequence[Schema | Channel] = ()
     content: bytes = b''
     indexes: Indexes | None = None
 
@@ -127,12 +104,12 @@ class Salvage:
         bytes of the file that cannot be read.
     damaged
         first and last log time in ns of each damaged chunk, as its head states them.
-    is_complete
-        whether the file has its end, and every checksum, index and count is right.
+    header
+        of the file; None if it cannot be read.
 
     """
 
-    def __init__(self, data: Data, stream: IO[bytes]) -> None:
+    def __init__(self, data: Data) -> None:
         """
         Read a file.
 
@@ -140,8 +117,6 @@ class Salvage:
         ----------
         data
             content of the file.
-        stream
-            the same file, for mcap's reader.
 
         Raises
         ------
@@ -149,203 +124,120 @@ class Salvage:
             if a chunk without damage is too large to be unpacked.
 
         """
-        self._data = data
         self.dropped = 0
         self.damaged: list[tuple[int, int]] = []
+        self.header: Header | None = None
+        self._data = data
         self._copied: list[int] = []
-        self._summary = Summary()
-        self._is_consistent = True
-        self._data_end: int | None = None
-        self._footer: int | None = None
-        self._indexes: Indexes = {}
-        self._has_gap = False
-        self._read()
-        self.is_complete = self._check_end(stream)
-
-    def _read(self) -> None:
-        data, position = self._data, len(MAGIC)
-        while position < len(data) and self._footer is None:
-            found = _record_at(data, position, self._indexes)
-            if found is None:
-                self._note_damage(position)
-                following = _next_record(data, position + 1)
-                self.dropped += following - position
-                position = following
-            else:
-                self._take(found)
-                position = found.end
+        in_chunks: _Definitions = {}
+        outside: _Definitions = {}
+        in_summary: _Definitions = {}
+        is_over = False
+        for start, end, sound in _parts(data):
+            if sound is None:
+                self.dropped += end - start
+                self._note_damage(start)
+                continue
+            record = sound.record
+            if isinstance(record, Header):
+                self.header = record
+            elif isinstance(record, DataEnd):
+                is_over = True
+            elif isinstance(record, (Chunk, Message, Attachment, Metadata)):
+                self._copied.append(start)
+            known = in_chunks if isinstance(record, Chunk) else in_summary if is_over else outside
+            known.update({(type(each), each.id): each for each in sound.definitions})
+        # Those in a chunk have a checksum; those of the summary stand in for lost ones.
+        self._definitions = in_summary | outside | in_chunks
+        self._starts_with_definitions = bool(self.dropped or outside)
 
     def _note_damage(self, start: int) -> None:
-        self._is_consistent = False
+        """Note the times of a damaged chunk."""
         opcode, _, end = next(records(self._data, start), (0, 0, 0))
-        if opcode == Opcode.CHUNK and end - start >= RECORD_HEAD.size + 16:
-            body = self._data[start + RECORD_HEAD.size:start + RECORD_HEAD.size + 16]
-            first, last = (int.from_bytes(part, 'little') for part in (body[:8], body[8:]))
+        if opcode == Opcode.CHUNK and end - start >= RECORD_HEAD.size + _TIMES.size:
+            first, last = _TIMES.unpack_from(self._data, start + RECORD_HEAD.size)
             if first <= last:
                 self.damaged.append((first, last))
 
-    def _take(self, found: _Found) -> None:
-        opcode, start, end, chunk, content, indexes = found
-        body = b'' if chunk else self._data[start + RECORD_HEAD.size:end]
-        summary = self._summary
-        if self._data_end is not None:
-            # Definitions in a chunk have a checksum; those of the summary stand in for lost ones.
-            self._define(opcode, body, is_certain=False)
-            self._footer = start if opcode == Opcode.FOOTER else None
-            return
-        if opcode in _COPIED:
-            self._copied.append(start)
-            # Definitions may be in the part that is lost: the new file then starts with all.
-            self._has_gap |= self.dropped > 0
-        elif opcode == Opcode.MESSAGE_INDEX and summary.chunks:
-            channel = int.from_bytes(body[:2], 'little')
-            summary.chunks[-1].message_index_offsets[channel] = start
-            summary.chunks[-1].message_index_length += end - start
-            return
-        elif opcode >= PRIVATE:
-            self.dropped += end - start
-        self._indexes = indexes or {}
-        if chunk is not None and indexes is not None:
-            times = chunk.message_start_time, chunk.message_end_time
-            self._is_consistent &= not indexes or times == span(indexes)
-            summary.note_chunk(IndexedChunk(chunk, indexes), start, end - start)
-            for kind, first, last in all_records(content):
-                if kind != Opcode.MESSAGE:
-                    self._define(kind, content[first + RECORD_HEAD.size:last], is_certain=True)
-        elif opcode == Opcode.MESSAGE:
-            channel, _, time, _ = MESSAGE_HEAD.unpack_from(body)
-            summary.count(channel, 1, time, time)
-        elif opcode == Opcode.ATTACHMENT:
-            summary.note_attachment(Attachment.read(stream_of(body)), start, end - start)
-        elif opcode == Opcode.METADATA:
-            summary.note_metadata(Metadata.read(stream_of(body)).name, start, end - start)
-        elif opcode == Opcode.DATA_END:
-            self._data_end = start
-            crc = int.from_bytes(body, 'little')
-            with memoryview(self._data) as whole, whole[:start] as before:
-                self._is_consistent &= crc in (0, zlib.crc32(before) if crc else 0)
-        else:
-            self._define(opcode, body, is_certain=True)
-
-    def _define(self, opcode: int, body: bytes, *, is_certain: bool) -> None:
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            record = _KINDS[opcode].read(stream_of(body))
-            summary = self._summary
-            known = summary.schemas if opcode == Opcode.SCHEMA else summary.channels
-            if is_certain or record.id not in known:
-                summary.register(record)
-
-    def _check_end(self, stream: IO[bytes]) -> bool:
-        """Return True if the file has an end that agrees with its content."""
-        footer, begin = self._footer, self._data_end
-        if footer is None or begin is None or not self._is_consistent:
+    def is_unchanged(self) -> bool:
+        """Return True if `write` writes the bytes of the file."""
+        if self.dropped or self._data[-len(MAGIC):] != MAGIC:
             return False
-        end = footer + RECORD_HEAD.size + 20
-        crc = int.from_bytes(self._data[end - 4:end], 'little')
-        begin += RECORD_HEAD.size + 4
-        start = int.from_bytes(self._data[footer + RECORD_HEAD.size:][:8], 'little')
-        if (
-            self._data[end:] != MAGIC
-            or start != (begin if begin < footer else 0)
-            or crc not in (0, zlib.crc32(self._data[begin:end - 4]))
-        ):
-            return False
-        try:
-            stated = read_summary(stream)
-        except Exception:  # mcap raises many kinds for damaged bytes
-            return False
-        return stated is None or self._summary.agrees_with(stated)
+        comparison = _Comparison(self._data)
+        self.write(comparison)
+        return comparison.is_equal and comparison.size == len(self._data)
 
-    def write(self, stream: Stream) -> Summary:
-        """Write the readable records into a new file; return its summary."""
-        output, definitions = RecordStream(stream), self._summary
+    def write(self, stream: Stream) -> Statistics:
+        """Write the readable records into a new file; return its statistics."""
+        output, definitions = RecordStream(stream), self._definitions.values()
+        for definition in definitions:
+            output.register(definition)
+        summary = output.summary
         known = {
             number
-            for number, channel in definitions.channels.items()
-            if not channel.schema_id or channel.schema_id in definitions.schemas
+            for number, channel in summary.channels.items()
+            if not channel.schema_id or channel.schema_id in summary.schemas
         }
-        output.start()
-        output.summary.schemas = definitions.schemas
-        output.summary.channels = definitions.channels
-        if self._has_gap:
-            for record in (*definitions.schemas.values(), *definitions.channels.values()):
+        output.start(self.header)
+        if self._starts_with_definitions:
+            for outer in (*summary.schemas.values(), *summary.channels.values()):
+                output.write(packed(outer))
+        for start in self._copied:
+            sound = _record_at(self._data, start)
+            assert sound is not None
+            record = sound.record
+            if isinstance(record, Chunk):
+                _add_chunk(output, sound, known)
+            elif isinstance(record, Message) and record.channel_id in known:
+                output.count(record.channel_id, 1, record.log_time, record.log_time)
                 output.write(packed(record))
-        loose = OpenChunk()
-        for position in self._copied:
-            found = _record_at(self._data, position)
-            assert found is not None
-            opcode, start, end, chunk, content, indexes = found
-            body = b'' if chunk else self._data[start + RECORD_HEAD.size:end]
-            if loose.indexes and (chunk or loose.size > _BLOCK):
-                output.add_chunk(indexed_chunk(loose.content(), loose.indexes))
-                loose = OpenChunk()
-            if chunk is not None and indexes is not None:
-                _add_chunk(output, chunk, content, indexes, known)
-            elif opcode == Opcode.MESSAGE:
-                channel, _, log_time, publish_time = MESSAGE_HEAD.unpack_from(body)
-                if channel in known:
-                    data = body[MESSAGE_HEAD.size:]
-                    loose.add_message(channel, log_time, publish_time, data)
-            elif opcode == Opcode.ATTACHMENT:
-                output.add_attachment(Attachment.read(stream_of(body)))
-            elif opcode == Opcode.METADATA:
-                output.add_metadata(Metadata.read(stream_of(body)))
-            else:
-                output.write(self._data[start:end])
-        if loose.indexes:
-            output.add_chunk(indexed_chunk(loose.content(), loose.indexes))
+            elif isinstance(record, Attachment):
+                output.add_attachment(record)
+            elif isinstance(record, Metadata):
+                output.add_metadata(record)
         output.finish()
-        return output.summary
+        return output.statistics
 
 
-def _record_at(data: Data, start: int, indexes: Indexes | None = None) -> _Found | None:
-    """
-    Return the record at a place of a file; None if it is not sound.
+def _parts(data: Data) -> Iterator[tuple[int, int, _SoundRecord | None]]:
+    """Yield start, end and record of each part of a file; None stands for a damaged part."""
+    position = len(MAGIC)
+    size = len(data) - (len(MAGIC) if data[-len(MAGIC):] == MAGIC else 0)
+    while position < size:
+        sound = _record_at(data, position)
+        end = sound.end if sound else _next_record(data, position + 1)
+        yield position, end, sound
+        position = end
 
-    Message indexes are compared with `indexes` if these are known.
-    """
+
+def _record_at(data: Data, start: int) -> _SoundRecord | None:
+    """Return the record at a place of a file; None if it is not sound."""
     opcode, _, end = next(records(data, start), (0, 0, 0))
-    if not opcode:
-        return None
-    body = data[start + RECORD_HEAD.size:end]
+    raw = data[start:end]
+    if opcode == Opcode.MESSAGE_INDEX:
+        size = int.from_bytes(raw[INDEX_HEAD - 4:INDEX_HEAD], 'little')
+        return _SoundRecord(end) if len(raw) == INDEX_HEAD + size else None
     try:
-        if opcode == Opcode.CHUNK:
-            stream = stream_of(body)
-            chunk = Chunk.read(stream)
-            content = decompressed(chunk)
-            is_sound = (stream.count, len(content)) == (len(body), chunk.uncompressed_size)
-            made = _Found(opcode, start, end, chunk, content, index_messages(content))
-            return made if is_sound else None
-        if opcode == Opcode.MESSAGE:
-            is_sound = len(body) >= MESSAGE_HEAD.size
-        elif opcode == Opcode.MESSAGE_INDEX:
-            is_sound = _is_index(body, indexes or {})
-        elif opcode == Opcode.ATTACHMENT:
-            crc = int.from_bytes(body[-4:], 'little')
-            is_sound = crc in (0, zlib.crc32(body[:-4])) and _again(opcode, body)[:-4] == body[:-4]
-        else:
-            is_sound = opcode >= PRIVATE or _again(opcode, body) == body
+        record = parsed(raw)
+        copy = packed(record)
+        if raw not in (copy, copy[:-4] + bytes(4)):  # an attachment may have no checksum
+            return None
+        if isinstance(record, (Schema, Channel)):
+            return _SoundRecord(end, record, [record])
+        if not isinstance(record, Chunk):
+            return _SoundRecord(end, record)
+        content = decompressed(record)
+        indexes, raw_definitions = index_messages(content)
+        definitions = [
+            each for each in map(parsed, raw_definitions) if isinstance(each, (Schema, Channel))
+        ]
+        return _SoundRecord(end, record, definitions, content, indexes)
     except LargeChunkError as error:
         raise LargeChunkError(
             f'the chunk at byte {start} is {error}: write the log again with smaller chunks'
         ) from None
     except Exception:  # mcap and the compressors raise many kinds for damaged bytes
         return None
-    return _Found(opcode, start, end) if is_sound else None
-
-
-def _again(opcode: int, body: bytes) -> bytes:
-    """Return the content of a record as mcap writes it."""
-    return packed(_KINDS[opcode].read(stream_of(body)))[RECORD_HEAD.size:]
-
-
-def _is_index(body: bytes, indexes: Indexes) -> bool:
-    """Return True if a message index has the messages of its channel, in any order."""
-    entry = np.dtype([('time', '<u8'), ('place', '<u8')])
-    stated = np.frombuffer(body[6:], entry)
-    expected = np.array(indexes.get(int.from_bytes(body[:2], 'little'), ()), '<u8').view(entry)
-    has_size = int.from_bytes(body[2:6], 'little') == len(body) - 6
-    return has_size and np.array_equal(np.sort(stated), np.sort(expected))
 
 
 def _next_record(data: Data, position: int) -> int:
@@ -356,26 +248,45 @@ def _next_record(data: Data, position: int) -> int:
     return len(data)
 
 
-def _add_chunk(
-    output: RecordStream, chunk: Chunk, content: bytes, indexes: Indexes, known: set[int]
-) -> None:
-    """Write a chunk without the messages of channels that are not defined in the file."""
-    if indexes.keys() <= known:
+def _add_chunk(output: RecordStream, sound: _SoundRecord, channels: set[int]) -> None:
+    """Write a chunk without the messages of other channels, which cannot be read."""
+    chunk, content, indexes = sound.record, sound.content, sound.indexes or {}
+    assert isinstance(chunk, Chunk)
+    if indexes.keys() <= channels:
         first, last = span(indexes)
         chunk = replace(chunk, message_start_time=first, message_end_time=last)
         output.add_chunk(IndexedChunk(chunk, indexes))
         return
-    content = b''.join(_of_channels(content, known))
-    indexes = index_messages(content)
-    if indexes:
-        output.add_chunk(indexed_chunk(content, indexes))
+    content = b''.join(
+        content[start:end]
+        for opcode, start, end in all_records(content)
+        if opcode != Opcode.MESSAGE
+        or MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)[0] in channels
+    )
+    output.add_chunk(indexed_chunk(content, index_messages(content)[0]))
 
 
-def _of_channels(content: bytes, channels: set[int]) -> Iterator[bytes]:
-    """Yield the records of a chunk without the messages of other channels."""
-    for opcode, start, end in all_records(content):
-        if opcode == Opcode.MESSAGE:
-            channel, *_ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
-            if channel not in channels:
-                continue
-        yield content[start:end]
+class _Comparison:
+    """
+    A stream that compares what is written with a file.
+
+    Attributes
+    ----------
+    size
+        bytes that were written.
+    is_equal
+        whether the file starts with these bytes.
+
+    """
+
+    def __init__(self, data: Data) -> None:
+        """Initialise the comparison with the content of a file."""
+        self._data = data
+        self.size = 0
+        self.is_equal = True
+
+    def write(self, data: bytes) -> None:
+        """Compare bytes with those of the file at the same place."""
+        end = self.size + len(data)
+        self.is_equal = self.is_equal and self._data[self.size:end] == data
+        self.size = end

@@ -146,7 +146,7 @@ class LogWriter:
         return channel
 
     def _define(self, record: Schema | Channel) -> None:
-        self._records.summary.register(record)
+        self._records.register(record)
         self._chunk.add_record(packed(record))
         self._end_full_chunk()
 
