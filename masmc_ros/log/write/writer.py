@@ -37,7 +37,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 CHUNK_SIZE = 256 * 1024
@@ -238,6 +238,11 @@ class LogWriter:
     def size(self) -> int:
         """Bytes written, those of the chunk under way not counted."""
         return self._records.position
+
+    @property
+    def statistics(self) -> Statistics:
+        """Return the numbers and times of the messages; complete after `finish`."""
+        return self._records.statistics
 
     @property
     def pending(self) -> int:
