@@ -384,7 +384,7 @@ def test_a_log_that_is_being_recorded_is_refused(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with LogWriter(path, live=True) as writer:
         channel = writer.channel('/text', 'std_msgs/msg/String')
-        writer.write(channel, 1, 1, b'message')
+        writer.write(channel, 1, b'message')
         writer.commit()
         before = path.read_bytes()
         with pytest.raises(InputError, match='is being recorded; recover it when'):

@@ -28,7 +28,7 @@ import shutil
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.chunks import indexed_chunk, OpenChunk
+from masmc_ros.log.mcap.chunks import arrived_records, indexed_chunk, OpenChunk
 from masmc_ros.log.mcap.record_stream import RecordStream
 from masmc_ros.log.mcap.records import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
@@ -88,8 +88,9 @@ def write_with_addresses(
         shutil.copyfileobj(source, target)
         target.seek(end)
         target.truncate()
-        chunk, time = OpenChunk(), told.message.log_time + 1
-        chunk.add_message(told.message.channel_id, time, time, string_message(text))
+        message = told.message.channel_id, told.message.log_time + 1, string_message(text)
+        chunk = OpenChunk()
+        chunk.add_messages(arrived_records([message]), 0, 1, 0)
         stream = RecordStream(target, end, summary)
         stream.add_chunk(indexed_chunk(chunk.content(), chunk.indexes))
         stream.finish()

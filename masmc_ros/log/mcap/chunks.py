@@ -191,19 +191,6 @@ class OpenChunk:
         self._parts.append(record)
         self.size += len(record)
 
-    def add_message(self, channel: int, log_time: int, publish_time: int, data: bytes) -> None:
-        """Add a message, its times in ns."""
-        if channel not in self.indexes:
-            self.indexes[channel] = array('Q')
-        self.indexes[channel].extend((log_time, self.size))
-        length = MESSAGE_HEAD.size + len(data)
-        self._parts += (
-            RECORD_HEAD.pack(Opcode.MESSAGE, length),
-            MESSAGE_HEAD.pack(channel, 0, log_time, publish_time),
-            data,
-        )
-        self.size += RECORD_HEAD.size + length
-
     def add_messages(self, messages: MessageRecords, first: int, stop: int, limit: int) -> int:
         """
         Add messages until there are more than `limit` bytes, or no more.

@@ -342,7 +342,7 @@ class Recording:
         for number in range(1, self._last_channel + 1):
             self._add_channel(number)
         for channel, data in self._held.items():
-            new.write(channel, time_ns, time_ns, data)
+            new.write(channel, time_ns, data)
             self._first = time_ns
 
     def _add_channel(self, number: int) -> None:

@@ -137,9 +137,9 @@ class SimulationLog:
         for node in PARAMETER_NODES:
             self._tell(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
         urdf = string_message(robot_description(self._values['plant'], self._prefix))
-        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, 0, urdf)
+        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, urdf)
         if self._desired is not None:
-            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, 0, self._desired)
+            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, self._desired)
         return self
 
     def __exit__(self, *exception: Any) -> None:
@@ -191,7 +191,7 @@ class SimulationLog:
     def _tell(self, record: ParameterRecord) -> None:
         channel = self._channels[parameters_topic(record.node.lstrip('/'))]
         message = string_message(record.to_text())
-        self._writer.write(channel, record.stamp, record.stamp, message)
+        self._writer.write(channel, record.stamp, message)
 
     def _rows(
         self, topic: str, stamps: NDArray[np.int64], data: Messages | NDArray[np.uint8]
