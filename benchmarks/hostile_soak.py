@@ -17,8 +17,8 @@ A run of nodes in real time under random input, with nodes that are killed and s
 
 Plant, trajectory, controller and recorder are real processes. A client sends random requests to
 all their services and random messages to all their topics, changes parameters, and enables, stops
-and clears; between the bursts the robot follows its path. The run fails if a node ends that was not killed, if a torque or a speed is beyond its
-limit, or if the memory of a node grows.
+and clears. Between bursts of input the robot follows its path. The run fails if a node ends that
+was not killed, if a torque or a speed exceeds its limit, or if the memory of a node grows.
 """
 
 from __future__ import annotations
@@ -119,14 +119,14 @@ _GROWTH_MIB = 10.0
 _SAMPLE = 1.0
 
 
-class Failure(Exception):  # noqa: N818
-    """What is wrong with a run."""
+class RunError(Exception):
+    """A run failed; the text says why."""
 
 
 @dataclass(frozen=True)
 class Options:
     """
-    What a hostile run is made of.
+    Settings of a hostile run.
 
     Attributes
     ----------
@@ -185,8 +185,8 @@ class Watch:
     arm
         largest speed of a joint of the arm in rad/s.
     wrong
-        what was beyond a limit first; empty for nothing.
-    told
+        first value beyond a limit; empty if there is none.
+    state
         the latest state of the controller, such as `active`.
 
     """
@@ -203,14 +203,14 @@ class Watch:
         self.torque = self.wheel = self.arm = 0.0
         self.active = 0
         self.wrong = ''
-        self.told = ''
+        self.state = ''
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         deep = QoSProfile(depth=1000)
         for kind, topic, take, qos in (
             (JointState, 'joint_states', self._on_state, deep),
             (Float64MultiArray, 'effort_commands', self._on_command, deep),
             (String, 'controller/parameters', self._on_parameters, latched),
-            (String, 'controller/state', self._on_told, latched),
+            (String, 'controller/state', self._on_controller_state, latched),
         ):
             node.create_subscription(kind, topic, self._checked(take), qos, raw=True)
 
@@ -226,7 +226,7 @@ class Watch:
         if not state.load(raw):
             return
         self.states += 1
-        self.active += self.told == 'active'
+        self.active += self.state == 'active'
         torques = state.effort[-len(LIMITS):]
         self._compare('torque', torques, LIMITS, 'N·m applied')
         speed = abs(state.velocity)
@@ -259,9 +259,9 @@ class Watch:
             # 0 is no limit.
             self._limits.append(tuple(float(each) or math.inf for each in many))
 
-    def _on_told(self, raw: bytes) -> None:
+    def _on_controller_state(self, raw: bytes) -> None:
         with suppress(InputError):
-            self.told = text_of(raw)
+            self.state = text_of(raw)
 
     def text(self) -> str:
         """Return the present speeds and torques, and the state of the controller."""
@@ -269,7 +269,7 @@ class Watch:
         return (
             f'wheels {[round(speed[i], 1) for i in self._wheels]} '
             f'arm {[round(speed[i], 1) for i in self._arm]} rad/s, '
-            f'torques {[round(each, 1) for each in torques]} N·m, {self.told[:60]}'
+            f'torques {[round(each, 1) for each in torques]} N·m, {self.state[:60]}'
         )
 
     def _note(self, text: str) -> None:
@@ -277,7 +277,7 @@ class Watch:
 
 
 class HostileRun:
-    """One run: its processes, its client and what it has done."""
+    """A run with its processes, its client and its last actions."""
 
     def __init__(self, folder: Path, environment: Mapping[str, str], options: Options) -> None:
         """Initialise a run without processes."""
@@ -291,7 +291,7 @@ class HostileRun:
         self._source = RandomInput(options.seed, is_tame=True)
         self._again: list[tuple[float, str]] = []
         self._begin = math.inf
-        """When the nodes were ready, by the monotonic clock."""
+        """Monotonic time in s at which the nodes were ready."""
 
     # Processes.
 
@@ -351,7 +351,7 @@ class HostileRun:
         return statuses
 
     def stop(self) -> None:
-        """End whatever still runs."""
+        """Kill the nodes that still run."""
         for node in self.nodes.values():
             node.process.kill()
             node.process.wait()
@@ -359,7 +359,7 @@ class HostileRun:
     # Course.
 
     def run(self, node: Node, spin: Callable[[float], None]) -> Watch:
-        """Run to the end; Failure if something is wrong."""
+        """Run to the end; RunError if something is wrong."""
         client = HostileClient(node, self._source, NODES, _FIXED)
         watch = Watch(node, self.options, client.has_sent)
         for name in NODES:
@@ -392,14 +392,14 @@ class HostileRun:
                 self._act(client)
             spin(_TURN)
             if watch.wrong:
-                raise Failure(watch.wrong)
+                raise RunError(watch.wrong)
         self._check(time.monotonic())
         self.counts['requests'] = sum(client.requests.values())
         self.counts['messages'] = sum(client.messages.values())
         self.counts['responses'] = sum(client.responses.values())
         statuses = self.end()
         if set(statuses.values()) != {0}:
-            raise Failure(f'exit statuses {statuses}; expected 0')
+            raise RunError(f'exit statuses {statuses}; expected 0')
         return watch
 
     def _learn(self, client: HostileClient, spin: Callable[[float], None]) -> None:
@@ -407,7 +407,7 @@ class HostileRun:
         asked: dict[str, float] = {}
         while not all(map(client.is_known, NODES)):
             if time.monotonic() > limit:
-                raise Failure('the nodes do not answer')
+                raise RunError('the nodes do not respond')
             client.discover()
             for name in {each.node for each in client.services}:
                 if not client.is_known(name) and time.monotonic() > asked.get(name, 0.0) + 3.0:
@@ -419,7 +419,7 @@ class HostileRun:
         client.limit_choices('switching', _SWITCHING)
 
     def _act(self, client: HostileClient) -> None:
-        """Do one random thing."""
+        """Send a random message or request, or change a parameter."""
         draw = self._source.random.random()
         if draw < 0.5 and client.topics:
             self._note(client.random_message())
@@ -432,7 +432,7 @@ class HostileRun:
                 self._note(text)
 
     def _repair(self, client: HostileClient) -> None:
-        """Let the robot move again, whatever was stopped."""
+        """Resume the plant, clear a fault and enable the controller."""
         for target, service, fields in (
             ('plant', 'pause', {'data': False}),
             ('controller', 'clear_fault', {}),
@@ -451,14 +451,14 @@ class HostileRun:
             self.kill(name)
 
     def _check(self, now: float) -> None:
-        """Compare processes and their memory with what is expected."""
+        """Check that no process ended and that none has grown."""
         waiting = {name for _, name in self._again}
         seconds = self.options.seconds
         for name, node in self.nodes.items():
             if name in waiting:
                 continue
             if node.process.poll() is not None:
-                raise Failure(f'{name} ended by itself with status {node.process.returncode}')
+                raise RunError(f'{name} ended by itself with status {node.process.returncode}')
             node.present = memory(node.process.pid)
             node.largest = max(node.largest, node.present)
             part = _WARM if node.starts == 1 else _WARM_AGAIN
@@ -467,7 +467,7 @@ class HostileRun:
                 if now >= flat:
                     node.baseline = node.present
             elif node.present > node.baseline * (1.0 + _GROWTH) + _GROWTH_MIB:
-                raise Failure(
+                raise RunError(
                     f'{name} has grown from {node.baseline:.1f} to {node.present:.1f} MiB; '
                     f'expected at most {_GROWTH:.0%} and {_GROWTH_MIB:g} MiB more'
                 )
@@ -478,7 +478,7 @@ class HostileRun:
     # Report.
 
     def report(self, watch: Watch) -> None:
-        """Print what has happened."""
+        """Print a summary of the run."""
         print('node        starts  kills  baseline  present  largest (MiB)')
         for name, node in self.nodes.items():
             print(
@@ -493,8 +493,8 @@ class HostileRun:
             f'arm {watch.arm:.1f} rad/s; seed {self.options.seed}'
         )
 
-    def tell(self, failure: BaseException) -> None:
-        """Print what is wrong, what was done before, and what the nodes have printed."""
+    def print_failure(self, failure: BaseException) -> None:
+        """Print the failure, the actions before it, and the last lines of the nodes."""
         print(f'FAILED: {failure}; seed {self.options.seed}')
         print('the last actions:')
         for when, text in self.actions:
@@ -508,13 +508,13 @@ class HostileRun:
 
 @contextmanager
 def _watching(domain: Mapping[str, str]) -> Iterator[tuple[Node, Callable[[float], None]]]:
-    """Yield a node in a domain, and what spins it for some s."""
+    """Yield a node in a domain, and a function that spins it for a time in s."""
     os.environ.update(domain)
     prepare_transport()
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node('hostile', context=context, enable_rosout=False)
-    # It is told of every subscription that does not match its own publishers.
+    # rclpy warns of every subscription that does not match a publisher of the client.
     node.get_logger().set_level(LoggingSeverity.ERROR)
     executor = EventsExecutor(context=context)
     executor.add_node(node)
@@ -537,8 +537,8 @@ def hostile_soak(options: Options) -> bool:
         stack.callback(run.stop)
         try:
             watch = run.run(node, spin)
-        except Failure as failure:
-            run.tell(failure)
+        except RunError as failure:
+            run.print_failure(failure)
             return False
         run.report(watch)
     return True

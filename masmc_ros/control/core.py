@@ -583,6 +583,7 @@ class ControllerCore:
     def _stop_torque(self, stamp: int, position: Array, velocity: Array) -> bool:
         """Compute the torque of the safe stop for a state; False for a void command."""
         action, self._is_unfolding = self._stop_action(), False
+        self._has_guided |= action == GUIDE
         is_new = self._was_computed is not False or action != self._action
         if is_new:
             self._queue_record(GUIDED if action == GUIDE else DEACTIVATED)
@@ -593,7 +594,6 @@ class ControllerCore:
 
     def _stop_action(self) -> str:
         if self.supervisor.is_guided:
-            self._has_guided = True
             return GUIDE
         # A controller that has not moved the robot does not hold it either.
         if self._computed is None and not self._has_guided:

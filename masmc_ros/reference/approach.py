@@ -28,12 +28,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
-from masmc_ros.numerics.record import get
-from masmc_ros.robot import mechanism
-from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST
+from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
@@ -63,13 +60,7 @@ def _approach_start(
 
     On no axis is the velocity larger than `speed`. `start` (axes) is x. Returns the longest way.
     """
-    robot = body[0]
-    model = mechanism.model_of(robot, 0)
-    at = taken(position, get(robot, 'position', 0))
-    bend = mechanism.posture(model, at)
-    x = mechanism.task_position(model, bend, at)
-    v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
-    x_dot = mechanism.task_velocity(model, bend, v)
+    x, x_dot = task_state(body[0], position, rates)
     for i in range(len(distance)):
         distance[i] = reference[i]
     way = 0.0

@@ -12,18 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Polynomials in time that an approach consists of, one coordinate each."""
+"""Parts of the approaches of all mechanisms: the start, and polynomials in time."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
+from masmc_ros.numerics.record import get
+from masmc_ros.robot import mechanism
+from masmc_ros.robot.mechanism import Numbers
 
 SHORTEST = 0.5
 """Shortest duration of an approach in s, and the time in which a moving robot is braked."""
 
 _LEAD = 2.0
 """Longest time in s in which the velocity of the reference is reached."""
+
+
+@formula
+def task_state(robot: Any, position: Any, rates: Any) -> tuple[Numbers, Numbers]:
+    """Return x in m and xdot in m/s of a robot with these positions and joint velocities."""
+    model = mechanism.model_of(robot, 0)
+    at = taken(position, get(robot, 'position', 0))
+    bend = mechanism.posture(model, at)
+    v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
+    return mechanism.task_position(model, bend, at), mechanism.task_velocity(model, bend, v)
 
 
 @formula

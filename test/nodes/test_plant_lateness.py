@@ -22,9 +22,9 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.plant.lateness import BEARABLE_SHARE, Lateness
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
 from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
 from processes import peer, processes, ros_arguments
 import pytest
 
@@ -35,17 +35,19 @@ OLDER = 'ticks under an older command in the last second (%)'
 
 def report(health: PlantHealth, ticks: int) -> Health:
     return health.report(
-        None, [], Refusals(None), state='real time', ticks=ticks, command_age=0.0, slip=None
-    )
+        None, [], Refusals(None), state='real time',
+        ticks=ticks, dropped=0, command_age=0.0, slip=None,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(('late', 'level'), [(0, OK), (2, OK), (3, WARN), (100, WARN)])
 def test_lateness_above_the_share_warns(late: int, level: bytes) -> None:
     assert BEARABLE_SHARE == 0.02
-    health = PlantHealth(0.01)
+    lateness = Lateness(0.01)
+    health = PlantHealth(0.01, lateness)
     for _ in range(100):
-        health.lateness.add_tick(is_older=False)
-    health.lateness.add_late(late)
+        lateness.add_tick(is_older=False)
+    lateness.add_late(late)
     told = report(health, 100)
     assert told.level == level
     assert told.values['late ticks'] == str(late)
@@ -55,7 +57,7 @@ def test_lateness_above_the_share_warns(late: int, level: bytes) -> None:
             assert words in told.message
         assert len(told.message.splitlines()) == 1
     # The next second is punctual; the total stays.
-    health.lateness.add_tick(is_older=False)
+    lateness.add_tick(is_older=False)
     after = report(health, 101)
     assert (after.level, after.values['late ticks'], after.values[SHARE]) == (OK, str(late), '0.0')
 

@@ -34,6 +34,7 @@ ORDER = (
     'physics',
     'messages',
     'control',
+    'plant',
     'log',
     'scenario',
     'report',

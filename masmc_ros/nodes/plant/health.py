@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the plant tells of itself on /diagnostics."""
+"""The plant's report on /diagnostics."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from collections.abc import Sequence
 from itertools import chain
 import time
 
-from masmc_ros.nodes.plant.lateness import Lateness
 from masmc_ros.nodes.process.diagnostics import Health, OK, senders, WARN
 from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.plant.lateness import Lateness
 from rclpy.node import Node
 
 _SLIPS = 0.05
@@ -30,26 +30,14 @@ _SLIPS = 0.05
 
 
 class PlantHealth:
-    """
-    Counts what happens between two reports, and words the report.
+    """Changes between two reports, and the text of the report."""
 
-    Attributes
-    ----------
-    dropped
-        commands that were not for the present.
-    lateness
-        late ticks of a plant in real time.
-
-    """
-
-    def __init__(self, period: float) -> None:
-        """Take the control period in s."""
-        self._period = period
+    def __init__(self, period: float, lateness: Lateness) -> None:
+        """Initialise with the control period in s and the counts of late ticks."""
+        self._period, self._lateness = period, lateness
         self._since = time.monotonic()
         self._tick = 0
         self._problems = 0
-        self.dropped = 0
-        self.lateness = Lateness(period)
 
     def report(
         self,
@@ -59,14 +47,15 @@ class PlantHealth:
         *,
         state: str,
         ticks: int,
+        dropped: int,
         command_age: float,
         slip: float | None,
     ) -> Health:
-        """Return how the plant is; `topics` are of commands, `slip` is in m/s."""
+        """Return the report; `topics` are those of commands, `slip` is in m/s."""
         now = time.monotonic()
         seconds = max(now - self._since, 1e-9)
         rate = max(0, ticks - self._tick) / seconds
-        late_figures, lateness = self.lateness.report(seconds)
+        late_figures, lateness = self._lateness.report(seconds)
         self._since, self._tick = now, ticks
         values = {
             'state': state,
@@ -74,13 +63,13 @@ class PlantHealth:
             'times real time': f'{rate * self._period:.3f}',
             'tick': str(ticks),
             'last command (s ago)': f'{command_age:.3f}',
-            'dropped commands': str(self.dropped),
+            'dropped commands': str(dropped),
             **late_figures,
             **{f'{topic} refused': str(count) for topic, count in refusals.counts.items()},
         }
         if slip is not None:
             values['fastest slip of a wheel (m/s)'] = f'{slip:.4f}'
-        problems = sum(refusals.counts.values()) + self.dropped
+        problems = sum(refusals.counts.values()) + dropped
         is_worse, self._problems = problems > self._problems, problems
         crowds = [each for each in (senders(node, topic) for topic in topics) if len(each) > 1]
         if crowds:

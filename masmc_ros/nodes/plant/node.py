@@ -16,32 +16,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import sys
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from masmc_ros.control.actions import Failure, Line, Wait
 from masmc_ros.errors import InputError
 from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.nodes.plant.command_input import CommandInput
-from masmc_ros.nodes.plant.command_parts import Part
 from masmc_ros.nodes.plant.health import PlantHealth
-from masmc_ros.nodes.plant.lockstep import LockStep
-from masmc_ros.nodes.plant.pacing import Pacing, Plant
-from masmc_ros.nodes.plant.recorder_pace import RecorderPace
 from masmc_ros.nodes.plant.state_output import StateOutput
-from masmc_ros.nodes.plant.wall_clock import WallClock
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
+from masmc_ros.plant.commands import Array, CommandPart, Commands
+from masmc_ros.plant.core import (
+    Actions,
+    AwaitCommand,
+    Done,
+    PlantCore,
+    Publish,
+    PublishAgain,
+)
+from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.real_time import RealTime
 import numpy as np
 from rclpy.context import Context
+from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
 
@@ -61,40 +70,36 @@ class PlantNode(SuiteNode):
             self._robot.advance(command)
         self._robot.reset()
         self._output = StateOutput(self._robot, self._timing, self.values)
-        self._started = False
         self._refusals = Refusals(self.log)
         self._input = CommandInput(self.values, self._refusals)
-        self._health = PlantHealth(self._timing.period)
-        self._begun = 0.0
-        self._recorder = RecorderPace(self.log)
-        self._pacing = self._new_pacing()
+        self._core = core = self._new_core()
+        self._timer: Timer | None = None
+        self._health = PlantHealth(self._timing.period, core.lateness)
+        self._performers: dict[type, Callable[[Any], None]] = {
+            Publish: lambda _: self._output.publish(core.stamp),
+            PublishAgain: lambda _: self._output.send_again(),
+            AwaitCommand: self._await_command,
+            Wait: lambda action: self.wait(action.reason),
+            # Only warnings: rclpy knows the lines of a logger by where they are.
+            Line: lambda action: self.log.warning(action.text),
+            Failure: lambda action: self.fail(action.error),
+            Done: self._finish,
+        }
 
-    def _new_pacing(self) -> Pacing:
-        plant = Plant(
-            self.node,
-            self.steady,
-            self.values,
-            self._timing,
-            self._robot,
-            self._input,
-            self._output,
-            self._health,
-            self._recorder,
-            self.wait,
-            self._advance,
-            lambda: self.finished,
-        )
+    def _new_core(self) -> PlantCore:
+        commands = Commands([source.part for source in self._input.sources])
+        parts = self._robot, self._timing, self.values, commands
         if self.values['pacing'] == 'lockstep':
-            return LockStep(plant)
+            return LockStep(*parts)
         # Where a controller is waited for, time begins with its first command.
-        return WallClock(plant, waits=bool(self._wait_for))
+        return RealTime(*parts, waits=bool(self._wait_for))
 
     def connect(self) -> None:
         """Create topics, services and timers; the first state follows once all are there."""
         super().connect()
         self._output.connect(self)
         node = self.node
-        self._input.subscribe(node, self._is_for_now, self._pacing.on_command)
+        self._input.subscribe(node, self._on_command)
         node.create_subscription(
             Time, 'recorder/progress', self._on_recorded, subscription_qos(past=True), raw=True
         )
@@ -108,13 +113,12 @@ class PlantNode(SuiteNode):
             self.steady,
             self._report_health,
         )
-        self._pacing.connect()
-        self.parameters.on_change(lambda _: self._pacing.change())
+        self.parameters.on_change(lambda _: self._on_parameters())
 
     # Start.
 
     def _start_when_ready(self) -> None:
-        if self._started:
+        if self._core.has_begun:
             return  # a destroyed timer's last call may be under way already
         missing = [name for name in self._wait_for if not self._is_there(name)]
         if missing:
@@ -122,15 +126,19 @@ class PlantNode(SuiteNode):
             return
         self.wait(None)
         self.node.destroy_timer(self._gate)
-        self._started = True
-        self._begun = time.monotonic()
-        self._output.publish()
-        self._pacing.begin()
+        self._perform(self._core.begin(time.monotonic()))
+        self._start_timer()
+
+    def _start_timer(self) -> None:
+        if self._timer is not None:
+            self.node.destroy_timer(self._timer)
+        period = self._core.timer_period
+        self._timer = self.node.create_timer(period, self._on_time, clock=self.steady)
 
     def _is_there(self, name: str) -> bool:
-        """Tell whether a node of this namespace has found its topics."""
+        """Return True if a node of this namespace has discovered its topics."""
         if name == 'recorder':
-            return self._recorder.is_there
+            return self._core.recorder.is_there
         node = self.node
         if name == 'controller':
             listens = node.get_subscriptions_info_by_topic(self._output.topic)
@@ -151,101 +159,95 @@ class PlantNode(SuiteNode):
 
     # Run.
 
-    def _is_for_now(self, part: Part, answered: int | None) -> bool:
-        """Tell whether a part of a command is for the present, and count it if it is not."""
-        if self._pacing.is_current(part, answered):
-            return True
-        self._health.dropped += 1
-        self.log.debug(f'{self._health.dropped} commands dropped', throttle_duration_sec=5.0)
-        return False
+    def _on_command(
+        self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
+    ) -> None:
+        if not self.finished:
+            self._perform(self._core.on_command(part, numbers, answered, now))
 
-    def _advance(self, command: np.ndarray | None) -> None:
-        if self._robot.tick == self._timing.last:
-            self.finished = True
-            self._say_pace()
+    def _on_time(self) -> None:
+        core, now = self._core, time.monotonic()
+        if self.finished:
             return
-        try:
-            self._robot.advance(command)
-        except InputError as error:
-            self.fail(self._pacing.explained(error))
-            return
-        self._output.publish()
+        self._perform(core.on_timer(now))
+        while core.is_due:
+            self._perform(core.on_due(now))
 
-    def _say_pace(self) -> None:
-        """Tell how fast the run was, from its first state to the last command."""
-        ticks = self._robot.tick
-        elapsed = time.monotonic() - self._begun
-        self.log.info(
-            f'{ticks} ticks in {elapsed:.2f} s: {ticks / elapsed:.0f} ticks/s, '
-            f'{ticks * self._timing.period / elapsed:.1f} times real time'
-        )
+    def _on_parameters(self) -> None:
+        self._perform(self._core.on_parameters(time.monotonic()))
+        if self._timer is not None:
+            self._start_timer()
 
     def _on_recorded(self, raw: bytes) -> None:
-        """Note how far the recorder is, and go on if lock-step was held up for it."""
+        if self.finished:
+            return
         try:
             stamp = header_stamp(raw)
         except InputError as error:
             self._refusals.add('recorder/progress', error)
             return
-        self._recorder.note(round(stamp / (1e9 * self._timing.period)), self._robot.tick)
-        self._pacing.go_on()
+        self._perform(self._core.on_recorded(stamp, time.monotonic()))
+
+    def _perform(self, actions: Actions) -> None:
+        for action in actions:
+            self._performers[type(action)](action)
+
+    def _await_command(self, action: AwaitCommand) -> None:
+        differs = self._input.disagreement(self.node, 'controller')
+        why = action.topics + ('' if differs is None else f'; {differs}')
+        self.wait(f"the controller's command ({why})")
+
+    def _finish(self, action: Done) -> None:
+        self.finished = True
+        ticks, seconds = action
+        self.log.info(
+            f'{ticks} ticks in {seconds:.2f} s: {ticks / seconds:.0f} ticks/s, '
+            f'{ticks * self._timing.period / seconds:.1f} times real time'
+        )
 
     def _report_health(self) -> Health:
+        core = self._core
         return self._health.report(
             self.node,
-            [self.node.resolve_topic_name(part.topic) for part in self._input.parts],
+            [self.node.resolve_topic_name(source.topic) for source in self._input.sources],
             self._refusals,
             state=self._state_text(),
-            ticks=self._robot.tick,
-            command_age=self._input.age(time.monotonic()),
+            ticks=core.robot.tick,
+            dropped=core.dropped,
+            command_age=core.commands.age(time.monotonic()),
             slip=self._output.slip_since(),
         )
 
     def _state_text(self) -> str:
-        """Tell what the plant does, in a word."""
-        if not self._started:
+        if not self._core.has_begun:
             return f'waits for {self._waiting or "its beginning"}'
-        if self._pacing.is_paused:
-            return 'paused'
-        return self._pacing.text
+        return 'paused' if self._core.is_paused else self._core.text
 
     # Services.
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._robot.reset()
-        self._input.clear()
-        self._recorder.set_back()
-        self._pacing.set_anchor()
-        if self._started:
-            self._output.publish()
+        self._perform(self._core.on_reset(time.monotonic()))
         response.success, response.message = True, 'the robot is in its initial state, t = 0 s'
         return response
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        self._pacing.is_paused = is_paused = request.data
-        self._pacing.set_anchor()
-        self._input.touch()
-        response.success = True
         # A request may arrive long after it was sent: the caller learns when it took effect.
-        since = f'at t = {self._timing.time(self._robot.tick):g} s'
-        if not self._started:
-            since = 'before the run has begun'
-        response.message = f'{"paused" if is_paused else "running"} {since}'
-        if not is_paused:
-            self._pacing.go_on()
+        since = f'at {self._time()}' if self._core.has_begun else 'before the run has begun'
+        self._perform(self._core.on_pause(time.monotonic(), is_paused=request.data))
+        response.success = True
+        response.message = f'{"paused" if request.data else "running"} {since}'
         return response
 
     def _on_step(self, _: Any, response: Any) -> Any:
-        """Advance by one control period while paused."""
-        response.success = self._pacing.is_paused and self._started
-        if not response.success:
-            needed = 'pause with data true first' if self._started else 'again when it has'
-            state = 'not paused' if self._started else 'the run has not begun'
-            response.message = f'{state}; call {needed}'
-            return response
-        self._pacing.step()
-        response.message = f't = {self._timing.time(self._robot.tick):g} s'
+        refusal = self._core.step_refusal()
+        response.success = not refusal
+        if not refusal:
+            self._perform(self._core.on_step(time.monotonic()))
+        response.message = refusal or self._time()
         return response
+
+    def _time(self) -> str:
+        return f't = {self._timing.time(self._robot.tick):g} s'
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -38,15 +38,7 @@ from std_msgs.msg import Float64MultiArray
 
 
 class StateOutput:
-    """
-    Publishes joint_states, odom, base_twist, clock and what shows the robot.
-
-    Attributes
-    ----------
-    stamp
-        of the last state, in ns; -1 before the first.
-
-    """
+    """Publishes joint_states, odom, base_twist, clock and what shows the robot."""
 
     def __init__(self, robot: SimulatedRobot, timing: Timing, values: dict[str, Any]) -> None:
         """Take the robot, whose state is sent."""
@@ -62,7 +54,6 @@ class StateOutput:
         self._slip = 0.0
         self._contact = TelemetryCdr(CONTACT_LABEL, len(robot.contact))
         self._time = TimeCdr()
-        self.stamp = -1
         self._base_motion = robot.mechanism.formulas.base_motion
         # Compiled before it counts.
         self._base_motion(robot.position[None], robot.velocity[None])
@@ -84,10 +75,9 @@ class StateOutput:
         """Return the full name of joint_states."""
         return str(self._states.topic_name)
 
-    def publish(self) -> None:
-        """Publish what the robot's tick asks for."""
+    def publish(self, stamp: int) -> None:
+        """Publish the robot's state, of a stamp in ns, and what else its tick asks for."""
         tick = self._robot.tick
-        self.stamp = stamp = self._timing.stamp(tick)
         # First of all the state: the controller computes while the rest is sent.
         self._sent = self._state.to_bytes(stamp)
         self._states.publish(self._sent)

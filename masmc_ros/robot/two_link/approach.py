@@ -30,14 +30,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.portable_math import angle_of, sin_cos
-from masmc_ros.numerics.record import get
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.approach_blend import decayed, returned
+from masmc_ros.robot.approach_blend import decayed, returned, task_state
 import numpy as np
 from numpy.typing import NDArray
 
@@ -98,13 +96,8 @@ def approach_start(
     `distance` (12) and `motion` (4) are those of rho, psi, x_F and y_F; `start` (4) is x. Returns
     the longest way of the end effector on an axis in m.
     """
-    robot = body[0]
-    model = mechanism.model_of(robot, 0)
-    at = taken(position, get(robot, 'position', 0))
-    bend = mechanism.posture(model, at)
-    x = mechanism.task_position(model, bend, at)
-    v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
-    x_dot = mechanism.task_velocity(model, bend, v)
+    model = mechanism.model_of(body[0], 0)
+    x, x_dot = task_state(body[0], position, rates)
     rho, rate, _, c, s, turn, _ = _polar(
         x[0] - x[2], x[1] - x[3], x_dot[0] - x_dot[2], x_dot[1] - x_dot[3], 0.0, 0.0
     )

@@ -36,7 +36,7 @@ from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.messages.text import string_message
 from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
-from masmc_ros.nodes.plant.command_parts import rate_parts, torque_parts
+from masmc_ros.nodes.plant.command_sources import rate_sources, torque_sources
 from masmc_ros.robot.registry import DEFAULT
 from mcap.reader import make_reader
 import numpy as np
@@ -70,9 +70,9 @@ def test_every_command_is_read_or_refused() -> None:
     rates = [
         part
         for each in (False, True)
-        for part in rate_parts(DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=each)
+        for part in rate_sources(DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=each)
     ]
-    for part in (*torque_parts(DRIVEN_JOINTS), *rates):
+    for part in (*torque_sources(DRIVEN_JOINTS), *rates):
         for _ in range(400):
             raw = strange_message(draw, part.topic)
             try:

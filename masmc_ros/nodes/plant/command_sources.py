@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A topic that commands the robot: how its messages are read, and the latest one."""
+"""Readers of the messages that command the robot, one for each topic."""
 
 from __future__ import annotations
 
@@ -30,12 +30,10 @@ from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistSta
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 from masmc_ros.nodes.middleware.messages import deserialized
+from masmc_ros.plant.commands import Array, CommandPart
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
-from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray
-
-Array = NDArray[np.float64]
 
 _COMPONENTS = tuple(f'{part}.{c}' for part in ('linear', 'angular') for c in 'xyz')
 
@@ -44,92 +42,49 @@ class Taken(NamedTuple):
     """A message that can be used."""
 
     numbers: Array | None
-    """None where it says that nothing is commanded."""
+    """Numbers of the command; None for a void one."""
     stamp: int | None
-    """Of the state that it answers, in ns; None where it names none."""
+    """Stamp in ns of the state to which it responds; None if it names none."""
 
 
-class Part:
-    """
-    The latest command of one topic.
+class Source(NamedTuple):
+    """A topic with commands for one part; `read` raises InputError."""
 
-    Attributes
-    ----------
-    topic
-        relative to the robot.
-    type_name
-        of its messages.
-    names_state
-        whether its messages say which state they answer.
-    is_here
-        whether a message is at hand, be it that nothing is commanded.
-    numbers
-        of the last command that is in force, None where there is none.
-    time
-        by the monotonic clock, when that came.
-    answered
-        stamp in ns of the state that it answers; None if it names none.
+    part: CommandPart
+    type_name: str
+    message_type: Any
+    read: Callable[[bytes], Taken]
 
-    """
-
-    def __init__(
-        self,
-        topic: str,
-        type_name: str,
-        message_type: Any,
-        width: int,
-        read: Callable[[bytes], Taken],
-        *,
-        names_state: bool = True,
-    ) -> None:
-        """Read the commands of a topic, `width` numbers each; `read` raises InputError."""
-        self.topic, self.type_name, self.message_type = topic, type_name, message_type
-        self.names_state = names_state
-        self.read = read
-        self.is_here = False
-        self.numbers: Array | None = None
-        self.time = -math.inf
-        self.answered: int | None = None
-        self._zeros = np.zeros(width)
-
-    def take(self, taken: Taken, now: float) -> None:
-        """Let a message be in force from a time of the monotonic clock on."""
-        self.is_here, self.time, self.answered = True, now, taken.stamp
-        self.numbers = None if taken.numbers is None else taken.numbers.copy()
-
-    def clear(self) -> None:
-        """Forget what is at hand."""
-        self.is_here, self.numbers = False, None
-
-    def held(self) -> Array:
-        """Return the command in force, zeros where there is none."""
-        return self._zeros if self.numbers is None else self.numbers
+    @property
+    def topic(self) -> str:
+        """Topic, relative to the robot."""
+        return self.part.topic
 
 
-def torque_parts(joints: tuple[str, ...]) -> list[Part]:
-    """Return the one part of a command of torques on the driven joints, which is all of it."""
-    read = _labelled(EffortCdr(joints))
-    return [Part(COMMAND_TOPIC, FLOAT_ARRAY, Float64MultiArray, len(joints), read)]
+def torque_sources(joints: tuple[str, ...]) -> list[Source]:
+    """Return the one source of torques on the driven joints."""
+    part = CommandPart(COMMAND_TOPIC, len(joints))
+    return [Source(part, FLOAT_ARRAY, Float64MultiArray, _labelled(EffortCdr(joints)))]
 
 
-def rate_parts(
+def rate_sources(
     joints: tuple[str, ...], twist: Sequence[Velocity], frame_prefix: str, *, is_stamped: bool
-) -> list[Part]:
+) -> list[Source]:
     """
-    Return the parts of commanded rates: the base's twist, then the rates of the last joints.
+    Return the sources of commanded rates: the twist of the base, the rates of the last joints.
 
     With `is_stamped` twists are TwistStamped, fastest read with our prefix of their frame.
     """
     places = [each.place for each in twist]
     own = joints[len(places):]
-    others = _labelled(ArmVelocityCdr(own))
-    if is_stamped:
-        read = _stamped_twist(frame_prefix, places)
-        base = Part(CMD_VEL_TOPIC, TWIST_STAMPED, TwistStamped, len(places), read)
-    else:
-        read = _twist(places)
-        base = Part(CMD_VEL_TOPIC, TWIST, Twist, len(places), read, names_state=False)
-    return [base, Part(ARM_VELOCITY_TOPIC, FLOAT_ARRAY, Float64MultiArray, len(own), others)]
+    base = CommandPart(CMD_VEL_TOPIC, len(places), names_state=is_stamped)
+    others = CommandPart(ARM_VELOCITY_TOPIC, len(own))
+    return [
+        Source(base, TWIST_STAMPED, TwistStamped, _stamped_twist(frame_prefix, places))
+        if is_stamped
+        else Source(base, TWIST, Twist, _twist(places)),
+        Source(others, FLOAT_ARRAY, Float64MultiArray, _labelled(ArmVelocityCdr(own))),
+    ]
 
 
 def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:

@@ -1,0 +1,233 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+State machine of the simulated plant, without ROS.
+
+Each event returns the actions that follow from it, in order, at most one of which publishes a
+state: the caller performs them before the next event. There are no callbacks and no waiting, and
+the caller supplies the time `now`, a steady time in s.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from masmc_ros.control.actions import Failure, Line, Wait
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import Timing
+from masmc_ros.plant.commands import CommandPart, Commands
+from masmc_ros.plant.lateness import Lateness
+from masmc_ros.plant.recorder_pace import RecorderPace
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Publish:
+    """Publish the present state of the robot."""
+
+    __slots__ = ()
+
+
+class PublishAgain:
+    """Publish the last state once more."""
+
+    __slots__ = ()
+
+
+class AwaitCommand(NamedTuple):
+    """Report after some time that a command is missing; `topics` are those without one."""
+
+    topics: str
+
+
+class Done(NamedTuple):
+    """End the run, which had `ticks` ticks in `seconds` s: the last one has its command."""
+
+    ticks: int
+    seconds: float
+
+
+Action = Publish | PublishAgain | AwaitCommand | Wait | Line | Failure | Done
+Actions = tuple[Action, ...]
+
+NOTHING: Actions = ()
+PUBLISH: Actions = (Publish(),)
+
+
+class PlantCore(ABC):
+    """
+    Moves the robot by commands, one tick after the other.
+
+    The two pacings are `LockStep` and `RealTime`.
+
+    Attributes
+    ----------
+    robot
+        Simulated robot.
+    commands
+        Latest command.
+    recorder
+        Reports of a recorder.
+    lateness
+        Late ticks of a plant in real time.
+    stamp
+        Stamp of the last state in ns, -1 before the first.
+    dropped
+        Number of commands that did not respond to the present state.
+    is_paused
+        True while the robot's time does not advance.
+    has_begun
+        True after the first state.
+    is_over
+        True after the last tick, and after a failure.
+
+    """
+
+    def __init__(
+        self,
+        robot: SimulatedRobot,
+        timing: Timing,
+        values: Mapping[str, Any],
+        commands: Commands,
+    ) -> None:
+        """
+        Initialise the core.
+
+        Parameters
+        ----------
+        robot, commands
+            Parts that belong to the core from now on.
+        timing
+            Control period and number of ticks of the run.
+        values
+            Checked parameter values of the plant; changes of live ones appear here.
+
+        """
+        self.robot, self.commands = robot, commands
+        self.recorder = RecorderPace()
+        self.lateness = Lateness(timing.period)
+        self.stamp, self.dropped = -1, 0
+        self.is_paused = self.has_begun = self.is_over = False
+        self._timing, self._values = timing, values
+        self._started = 0.0
+
+    # Events.
+
+    def begin(self, now: float) -> Actions:
+        """Publish the first state."""
+        self._started, self.has_begun = now, True
+        return self._publish()
+
+    @abstractmethod
+    def on_command(
+        self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
+    ) -> Actions:
+        """
+        Use a command, or drop it if it responds to another state.
+
+        Parameters
+        ----------
+        part
+            Part of the command to which the message belongs.
+        numbers
+            Its numbers; None for a void command.
+        answered
+            Stamp in ns of the state to which it responds; None if it names none.
+        now
+            Time of arrival in s.
+
+        """
+
+    @abstractmethod
+    def on_timer(self, now: float) -> Actions:
+        """Respond to the time; to be called every `timer_period`."""
+
+    def on_due(self, now: float) -> Actions:
+        """Make one of the ticks that are due; to be called while `is_due` is True."""
+        raise NotImplementedError
+
+    @property
+    def is_due(self) -> bool:
+        """Return True if a tick is due now."""
+        return False
+
+    @property
+    @abstractmethod
+    def timer_period(self) -> float:
+        """Time in s between two calls of `on_timer`; a change of parameters may change it."""
+
+    def on_recorded(self, stamp: int, now: float) -> Actions:
+        """Note the stamp in ns up to which a recorder has written."""
+        self.recorder.note(round(stamp / (1e9 * self._timing.period)), self.robot.tick, now)
+        return NOTHING
+
+    def on_parameters(self, now: float) -> Actions:
+        """Use changed parameters."""
+        return NOTHING
+
+    def on_reset(self, now: float) -> Actions:
+        """Put the robot back to its initial state at t = 0 s."""
+        self.robot.reset()
+        self.commands.clear()
+        self.recorder.set_back()
+        return self._publish() if self.has_begun else NOTHING
+
+    def on_pause(self, now: float, *, is_paused: bool) -> Actions:
+        """Let the robot's time stop, or advance again."""
+        self.is_paused = is_paused
+        self.commands.touch(now)
+        return NOTHING
+
+    def step_refusal(self) -> str:
+        """Return why a single step is impossible; empty if it is possible."""
+        if not self.has_begun:
+            return 'the run has not begun; call again when it has'
+        return '' if self.is_paused else 'not paused; call pause with data true first'
+
+    @abstractmethod
+    def on_step(self, now: float) -> Actions:
+        """Advance by one period while paused."""
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """Short description of the pacing."""
+
+    # Ticks.
+
+    def _advance(self, command: Array | None, now: float) -> Actions:
+        """Apply a command (joints) for a period, None for no command."""
+        if self.robot.tick == self._timing.last:
+            self.is_over = True
+            return (Done(self.robot.tick, now - self._started),)
+        try:
+            self.robot.advance(command)
+        except InputError as error:
+            self.is_over = True
+            return (Failure(self._explained(error, now)),)
+        return self._publish()
+
+    def _publish(self) -> Actions:
+        self.stamp = self._timing.stamp(self.robot.tick)
+        return PUBLISH
+
+    def _explained(self, error: InputError, now: float) -> InputError:
+        """Return the error that ends the run, with a further possible cause."""
+        return error

@@ -1,0 +1,176 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real time: the robot moves when a period is over, by the last command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from masmc_ros.control.actions import Line
+from masmc_ros.errors import InputError
+from masmc_ros.loop.simulated_robot import SimulatedRobot
+from masmc_ros.loop.timing import LATE_TICKS, Timing
+from masmc_ros.plant.commands import CommandPart, Commands
+from masmc_ros.plant.core import Action, Actions, Array, NOTHING, PlantCore, PublishAgain
+
+_REPEATED = 0.02
+"""Time in s between two publications of the same state while the robot's time stands still."""
+
+_QUIET = 5.0
+"""Time in s between two lines about the same subject."""
+
+_TICKS = 'ticks'
+
+
+class RealTime(PlantCore):
+    """Moves the robot by time, and applies a command until it is too old."""
+
+    def __init__(
+        self,
+        robot: SimulatedRobot,
+        timing: Timing,
+        values: Mapping[str, Any],
+        commands: Commands,
+        *,
+        waits: bool,
+    ) -> None:
+        """Initialise as `PlantCore`; with `waits` time begins with the first command."""
+        super().__init__(robot, timing, values, commands)
+        self._runs = not waits
+        self._woken = self._repeated = 0.0
+        self._anchor = (0.0, 0)
+        self._due = -1
+        self._logged: dict[str, float] = {}
+
+    def begin(self, now: float) -> Actions:
+        """Publish the first state; time runs, or begins with the first command."""
+        self._set_anchor(now)
+        return super().begin(now)
+
+    def on_command(
+        self, part: CommandPart, numbers: Array | None, answered: int | None, now: float
+    ) -> Actions:
+        """Use a command to a state within the command timeout, or one that names no state."""
+        oldest = 1e9 * self._values['command_timeout'] * self._values['real_time_factor']
+        is_recent = answered is None or 0 <= self.stamp - answered <= oldest
+        if not (self.has_begun and is_recent):
+            self.dropped += 1
+            return NOTHING
+        part.take(numbers, answered, now)
+        if not self._runs:
+            self._set_anchor(now)
+            self._runs = True
+        return NOTHING
+
+    def on_timer(self, now: float) -> Actions:
+        """Find the ticks that are due; while time stands still, repeat the state."""
+        period, before = self._timing.period, self._woken
+        self._woken = now
+        if now - before > max(0.5 * self._values['command_timeout'], 10.0 * period):
+            # This process was late, and the robot's time with it; commands may be in the queue.
+            self.commands.touch(now)
+        if self.is_over or not self.has_begun:
+            return NOTHING
+        if self.is_paused or not self._runs:
+            return self._repetition(now)
+        since, tick = self._anchor
+        factor = self._values['real_time_factor']
+        self._due = tick + int((now - since) * factor / period)
+        behind = self._due - self.robot.tick
+        if behind > 1:
+            self.lateness.add_late(behind - 1)  # by a period or more
+        if behind <= LATE_TICKS * max(1.0, factor):
+            return NOTHING
+        self.lateness.add_given_up(behind - 1)
+        self._due = self.robot.tick + 1
+        self._anchor = (now, self._due)
+        return self._lines(_TICKS, f'{behind - 1} ticks late; the plant goes on from here', now)
+
+    @property
+    def is_due(self) -> bool:
+        """Return True if a tick is due now."""
+        return self.robot.tick < self._due and not self.is_over
+
+    def on_due(self, now: float) -> Actions:
+        """Advance by the last command."""
+        lines, command = self._held_command(now)
+        is_older = command is not None and not self.commands.answer(self.stamp)
+        self.lateness.add_tick(is_older=is_older)
+        actions = self._advance(command, now)
+        return (*lines, *actions) if lines else actions
+
+    @property
+    def timer_period(self) -> float:
+        """A control period; less if the robot's time runs faster."""
+        return self._timing.period / max(1.0, self._values['real_time_factor'])
+
+    def on_parameters(self, now: float) -> Actions:
+        """Let the robot's time run with the present factor from now on."""
+        self._set_anchor(now)
+        return NOTHING
+
+    def on_reset(self, now: float) -> Actions:
+        """Put the robot back; its time runs on from now."""
+        actions = super().on_reset(now)
+        self._set_anchor(now)
+        return actions
+
+    def on_pause(self, now: float, *, is_paused: bool) -> Actions:
+        """Let the robot's time stop, or run on from now."""
+        self._set_anchor(now)
+        return super().on_pause(now, is_paused=is_paused)
+
+    def on_step(self, now: float) -> Actions:
+        """Advance by the last command, however old: time stands still."""
+        return self._advance(self.commands.held(), now)
+
+    @property
+    def text(self) -> str:
+        """Short description of the pacing."""
+        return 'real time' if self._runs else 'waits for the first command'
+
+    def _set_anchor(self, now: float) -> None:
+        self._anchor, self._due = (now, self.robot.tick), -1
+
+    def _repetition(self, now: float) -> Actions:
+        """Repeat the state, so that a robot whose time stands still is not taken for silent."""
+        if now - self._repeated <= _REPEATED:
+            return NOTHING
+        self._repeated = now
+        return (PublishAgain(),)
+
+    def _held_command(self, now: float) -> tuple[Actions, Array | None]:
+        """Return lines about old commands, and the command; None without one."""
+        timeout, lines = self._values['command_timeout'], NOTHING
+        # Topic by topic: the messages of a command arrive, and become old, one after the other.
+        for topic in self.commands.drop_old(now, timeout):
+            text = f'no command on {topic} for {timeout:g} s; the drives hold until one comes'
+            lines += self._lines(topic, text, now)
+        return lines, self.commands.held()
+
+    def _lines(self, subject: str, text: str, now: float) -> tuple[Action, ...]:
+        """Return a warning, or nothing if one about this subject is recent."""
+        if now - self._logged.get(subject, -_QUIET) < _QUIET:
+            return NOTHING
+        self._logged[subject] = now
+        return (Line('warning', text),)
+
+    def _explained(self, error: InputError, now: float) -> InputError:
+        """Add a further possible cause: a machine that does not keep up."""
+        return InputError(
+            f'{error}, and a machine that keeps up with it; {self.lateness.total} ticks were '
+            f'late, the last command came {self.commands.age(now):.3f} s ago'
+        )

@@ -1,0 +1,272 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The plant's core without ROS: one state for each tick, commands by their stamps, pauses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from masmc_ros.control.actions import Failure, Line, Wait
+from masmc_ros.loop.simulated_robot import plant_of
+from masmc_ros.loop.timing import LATE_TICKS, Timing
+from masmc_ros.params.declaration import check_all
+from masmc_ros.plant.commands import CommandPart, Commands
+from masmc_ros.plant.core import (
+    Actions,
+    AwaitCommand,
+    Done,
+    NOTHING,
+    PlantCore,
+    Publish,
+    PublishAgain,
+)
+from masmc_ros.plant.lockstep import LockStep
+from masmc_ros.plant.real_time import RealTime
+from masmc_ros.robot.registry import chosen
+from masmc_ros.scenario.node_parameters import declared
+import numpy as np
+import pytest
+
+PERIOD, TIMEOUT = 0.01, 0.1
+TORQUE = np.array([0.1, 0.1, 0.2, 0.1])
+AHEAD = 800
+"""Ticks that lock-step may be ahead of a recorder."""
+
+FEW = settings(max_examples=40, deadline=None)
+
+
+@cache
+def values() -> dict[str, Any]:
+    changed = {'control_period': PERIOD, 'duration': 50.0, 'command_timeout': TIMEOUT}
+    return check_all(declared('plant', chosen({})), changed)
+
+
+def core_of(
+    kind: type[PlantCore], *, parts: int = 1, changed: Mapping[str, Any] = {}, **options: Any
+) -> PlantCore:
+    present = {**values(), **changed}
+    timing = Timing.from_values(present)
+    shares = [CommandPart(f'part_{i}', 4 // parts) for i in range(parts)]
+    return kind(plant_of(present, timing.period), timing, present, Commands(shares), **options)
+
+
+def published(actions: Actions) -> int:
+    return sum(isinstance(each, Publish) for each in actions)
+
+
+def command(core: PlantCore, now: float = 0.0, stamp: int | None = None) -> Actions:
+    part = core.commands.parts[0]
+    return core.on_command(part, TORQUE, core.stamp if stamp is None else stamp, now)
+
+
+EVENTS = st.lists(
+    st.sampled_from([
+        *('right', 'right', 'right', 'void', 'old', 'ahead'),
+        *('pause', 'run', 'step', 'reset', 'look'),
+    ]),
+    max_size=60,
+)
+
+
+@FEW
+@given(EVENTS)
+def test_lockstep_random_events_one_state_for_each_command(events: list[str]) -> None:
+    core = core_of(LockStep)
+    # Before the first state every command is dropped.
+    assert (command(core, stamp=0), core.dropped) == (NOTHING, 1)
+    assert published(core.begin(0.0)) == 1
+    is_paused, steps, dropped, is_here = False, 0, 1, False
+    for event in events:
+        tick = core.robot.tick
+        if event in ('right', 'void'):
+            part = core.commands.parts[0]
+            numbers = None if event == 'void' else TORQUE
+            actions = core.on_command(part, numbers, core.stamp, 0.0)
+            is_here = True
+        elif event in ('old', 'ahead'):
+            actions = command(core, stamp=core.stamp + (-1 if event == 'old' else 1))
+            dropped += 1
+        elif event in ('pause', 'run'):
+            is_paused = event == 'pause'
+            actions = core.on_pause(0.0, is_paused=is_paused)
+        elif event == 'step':
+            assert bool(core.step_refusal()) != is_paused
+            actions = NOTHING
+            if is_paused:
+                steps += 1
+                actions = core.on_step(0.0)
+        elif event == 'reset':
+            actions, is_here = core.on_reset(0.0), False
+            assert (published(actions), core.robot.tick, core.stamp) == (1, 0, 0)
+            continue
+        else:
+            actions = core.on_timer(0.0)
+        advances = is_here and (steps > 0 if is_paused else True)
+        assert published(actions) == advances == core.robot.tick - tick
+        if advances:
+            is_here, steps = False, max(0, steps - 1)
+        assert core.stamp == round(core.robot.tick * PERIOD * 1e9)
+        assert core.dropped == dropped
+
+
+def test_lockstep_of_two_parts_waits_for_both() -> None:
+    core = core_of(LockStep, parts=2)
+    core.begin(0.0)
+    first, second = core.commands.parts
+    assert core.on_command(second, TORQUE[2:], core.stamp, 0.0) == NOTHING
+    core.on_timer(0.0)
+    assert core.on_timer(1.0) == (AwaitCommand('part_0'),)
+    assert published(core.on_command(first, TORQUE[:2], core.stamp, 1.0)) == 1
+
+
+def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
+    core = core_of(LockStep)
+    core.begin(0.0)
+    core.on_recorded(0, 0.0)
+    for _ in range(AHEAD + 1):
+        assert published(command(core)) == 1
+    assert command(core, 1.0) == NOTHING
+    assert core.on_timer(1.0) == (Wait(None),)
+    assert core.on_timer(2.0) == (Wait('the recorder (recorder/progress)'),)
+    # Its report continues the run; a pause of the run is no silence of the recorder.
+    assert published(core.on_recorded(core.stamp // 2, 100.0)) == 1
+    for _ in range(AHEAD):
+        command(core, 100.0)
+    command(core, 200.0)
+    core.on_timer(200.0)
+    assert core.on_timer(201.0) == (Wait('the recorder (recorder/progress)'),)
+    assert core.on_timer(205.0) == (Wait('the recorder (recorder/progress)'),)
+    line, state = core.on_timer(206.5)
+    assert isinstance(line, Line)
+    assert isinstance(state, Publish)
+    assert not core.recorder.is_there
+
+
+@pytest.mark.parametrize('kind', [LockStep, RealTime])
+def test_last_tick_ends_the_run_once(kind: type[PlantCore]) -> None:
+    core = core_of(kind, **({'waits': False} if kind is RealTime else {}))
+    core.begin(10.0)
+    core.robot.tick = last = round(50.0 / PERIOD)
+    core.stamp = round(last * PERIOD * 1e9)
+    if kind is LockStep:
+        actions = command(core, 12.0)
+    else:
+        core.on_parameters(11.9)
+        core.on_timer(12.0)
+        assert core.is_due
+        actions = core.on_due(12.0)
+    assert actions == (Done(last, 2.0),)
+    assert core.is_over
+    assert not core.is_due
+    assert not published(core.on_timer(13.0))
+
+
+class Clock:
+    """Wakes a core in real time and counts its ticks."""
+
+    def __init__(self, core: RealTime) -> None:
+        self.core = core
+        self.now = 100.0
+
+    def wake(self, elapsed: float) -> list[Any]:
+        self.now += elapsed
+        actions = list(self.core.on_timer(self.now))
+        while self.core.is_due:
+            actions += self.core.on_due(self.now)
+        return actions
+
+
+@FEW
+@given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=40), st.sampled_from([0.5, 1.0, 3.0]))
+def test_real_time_any_wakes_few_ticks_at_once(times: list[float], factor: float) -> None:
+    core = core_of(RealTime, waits=False, changed={'real_time_factor': factor})
+    assert isinstance(core, RealTime)
+    clock = Clock(core)
+    core.begin(clock.now)
+    begun = clock.now
+    for elapsed in times:
+        actions = clock.wake(elapsed)
+        assert published(actions) <= LATE_TICKS * max(1.0, factor)
+        assert core.robot.tick <= (clock.now - begun) * factor / PERIOD + 1e-6
+    made = core.lateness.total
+    assert core.robot.tick + made >= int((clock.now - begun) * factor / PERIOD) - len(times)
+
+
+def test_real_time_waits_for_the_first_command_and_repeats_its_state() -> None:
+    core = core_of(RealTime, waits=True)
+    assert isinstance(core, RealTime)
+    clock = Clock(core)
+    core.begin(clock.now)
+    assert core.text == 'waits for the first command'
+    repeated = sum(isinstance(each, PublishAgain) for _ in range(10) for each in clock.wake(0.05))
+    assert (repeated, core.robot.tick) == (10, 0)
+    command(core, clock.now)
+    assert published(clock.wake(1.01 * PERIOD)) == 1
+    # A pause stops time, and with it the age of the command.
+    core.on_pause(clock.now, is_paused=True)
+    for _ in range(20):
+        assert not published(clock.wake(1.0))
+    assert published(core.on_step(clock.now)) == 1
+    core.on_pause(clock.now, is_paused=False)
+    assert published(clock.wake(1.01 * PERIOD)) == 1
+    assert core.commands.held() is not None
+
+
+def test_real_time_old_command_is_discarded_and_an_old_answer_dropped() -> None:
+    core = core_of(RealTime, waits=False)
+    assert isinstance(core, RealTime)
+    clock = Clock(core)
+    core.begin(clock.now)
+    command(core, clock.now)
+    lines: list[Any] = []
+    for _ in range(30):
+        lines += [each for each in clock.wake(PERIOD) if isinstance(each, Line)]
+    (line,) = lines
+    assert line.text == 'no command on part_0 for 0.1 s; the drives hold until one comes'
+    assert core.commands.held() is None
+    command(core, clock.now, core.stamp - round(1.1e9 * TIMEOUT))
+    command(core, clock.now, core.stamp + 1)
+    assert core.dropped == 2
+    command(core, clock.now, core.stamp - round(0.9e9 * TIMEOUT))
+    assert core.commands.held() is not None
+
+
+def test_real_time_late_process_takes_the_queue_first() -> None:
+    """A command is not old because the process that would have read the next one was late."""
+    core = core_of(RealTime, waits=False)
+    assert isinstance(core, RealTime)
+    clock = Clock(core)
+    core.begin(clock.now)
+    command(core, clock.now)
+    clock.wake(PERIOD)
+    clock.wake(20.0)
+    assert core.commands.held() is not None
+
+
+def test_diverging_robot_ends_the_run_with_a_failure() -> None:
+    core = core_of(LockStep, changed={'torque_limit': (0.0,) * 4})
+    core.begin(0.0)
+    part = core.commands.parts[0]
+    actions: Actions = NOTHING
+    while not core.is_over:
+        actions = core.on_command(part, np.full(4, 1e200), core.stamp, 0.0)
+    (failure,) = actions
+    assert isinstance(failure, Failure)
+    assert core.robot.tick < round(50.0 / PERIOD)
+    assert command(core) == NOTHING
