@@ -29,6 +29,7 @@ from logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.records import RECORD_HEAD
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
@@ -275,6 +276,46 @@ def test_recover_log_without_chunks_keeps_messages(size: int, tmp_path: Path) ->
     messages, _ = read(path)
     assert messages == expected[: len(messages)]
     assert len(messages) >= 4
+
+
+def foreign_log(path: Path, private: bytes = b'') -> bytes:
+    """Write a complete log of another program with a private record, and return its bytes."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, chunk_size=100, enable_data_crcs=not private)
+        writer.start(library='another')
+        stream.write(private)
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/text', 'cdr', schema)
+        for time in range(10):
+            writer.add_message(channel, time, bytes(60), time)
+        writer.finish()
+    return path.read_bytes()
+
+
+def test_recover_complete_foreign_log_is_unchanged(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    for private in (b'', RECORD_HEAD.pack(0x80, 7) + b'private'):
+        data = foreign_log(path, private)
+        assert recover(path) is None
+        assert path.read_bytes() == data
+
+
+def test_recover_foreign_log_with_wrong_end_is_completed(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    whole = foreign_log(path)
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        messages = [message.data for _, _, message in reader.iter_messages()]
+        summary = reader.get_summary()
+    assert summary is not None
+    last = summary.chunk_indexes[-1]
+    start = last.chunk_start_offset + last.chunk_length + last.message_index_length
+    for place in range(start, len(whole), 11):
+        data = bytearray(whole)
+        data[place] ^= 4
+        path.write_bytes(data)
+        assert recover(path) is not None, place
+        assert [data for _, _, data in read(path)[0]] == messages, place
 
 
 def test_recover_keeps_link_and_mode(torn: Path) -> None:

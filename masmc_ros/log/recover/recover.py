@@ -24,13 +24,24 @@ import os
 from pathlib import Path
 import stat
 from typing import IO, NamedTuple
+import zlib
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.records import check_magic, LargeChunkError, MAGIC
+from masmc_ros.log.mcap.records import (
+    check_magic,
+    Data,
+    LargeChunkError,
+    MAGIC,
+    parsed,
+    RECORD_HEAD,
+)
 from masmc_ros.log.recover.salvage import Salvage
 from masmc_ros.whole_file import WholeFile
-from mcap.reader import make_reader
-from mcap.records import Statistics
+from mcap.reader import make_reader, NonSeekingReader
+from mcap.records import Footer, Statistics
+
+_FOOTER_SIZE = RECORD_HEAD.size + 20
+"""Bytes of the record at the end of a file; the checksum of the summary is its last four."""
 
 
 class Recovered(NamedTuple):
@@ -145,9 +156,7 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
             salvage = Salvage(data)
         except LargeChunkError as error:
             raise InputError(f'{path}: is left as it is: {error}') from None
-        if not salvage.dropped and (
-            salvage.is_unchanged() if is_ours(path) else _is_readable(stream)
-        ):
+        if salvage.is_unchanged() if is_ours(path) else _is_readable(stream, data, salvage):
             return None
         statistics = _replace(path, salvage, os.fstat(stream.fileno()))
     return Recovered(
@@ -159,17 +168,25 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     )
 
 
-def _is_readable(stream: IO[bytes]) -> bool:
-    """Return True if mcap reads a whole file, and finds as many messages as it states."""
+def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
+    """Return True if mcap reads the whole file, and its checksums and count are right."""
+    if salvage.has_damage:
+        return False
     stream.seek(0)
     try:
-        reader = make_reader(stream, validate_crcs=True)
-        summary = reader.get_summary()
+        summary = make_reader(stream).get_summary()
+        stream.seek(0)
+        reader = NonSeekingReader(stream, validate_crcs=True)
         count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+        footer = parsed(data[-_FOOTER_SIZE - len(MAGIC):-len(MAGIC)])
     except Exception:  # mcap raises many kinds for damaged bytes
         return False
+    assert isinstance(footer, Footer)
+    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(MAGIC)
     statistics = None if summary is None else summary.statistics
-    return statistics is None or statistics.message_count == count
+    return footer.summary_crc in (0, zlib.crc32(data[start:-len(MAGIC) - 4])) and (
+        statistics is None or statistics.message_count == count
+    )
 
 
 def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Statistics:

@@ -61,6 +61,9 @@ _HEADS = re.compile(rb'(?s)(?=[\x06\x09\x0c].{5}\0\0\0|\x0f\x04\0{7})')
 """Possible starts of a chunk, attachment or metadata below 2**40 bytes, or of the data end."""
 
 
+_PRIVATE = 0x80
+"""First opcode of private records, which readers skip."""
+
 _TIMES = struct.Struct('<QQ')
 """First and last log time in ns at the start of a chunk."""
 
@@ -77,7 +80,7 @@ class _SoundRecord(NamedTuple):
     end
         place in the file at which it ends.
     record
-        its content; None for an index of messages.
+        its content; None for an index of messages, and for a private record.
     definitions
         the record if it is a schema or a channel, or those in a chunk.
     content
@@ -104,6 +107,8 @@ class Salvage:
         bytes of the file that cannot be read.
     damaged
         first and last log time in ns of each damaged chunk, as its head states them.
+    has_damage
+        whether a part of the file is not a sound record.
     header
         of the file; None if it cannot be read.
 
@@ -126,6 +131,7 @@ class Salvage:
         """
         self.dropped = 0
         self.damaged: list[tuple[int, int]] = []
+        self.has_damage = False
         self.header: Header | None = None
         self._data = data
         self._copied: list[int] = []
@@ -134,8 +140,9 @@ class Salvage:
         in_summary: _Definitions = {}
         is_over = False
         for start, end, sound in _parts(data):
-            if sound is None:
+            if sound is None or data[start] >= _PRIVATE:
                 self.dropped += end - start
+            if sound is None:
                 self._note_damage(start)
                 continue
             record = sound.record
@@ -152,7 +159,8 @@ class Salvage:
         self._starts_with_definitions = bool(self.dropped or outside)
 
     def _note_damage(self, start: int) -> None:
-        """Note the times of a damaged chunk."""
+        """Note a damaged part, and the times of a damaged chunk."""
+        self.has_damage = True
         opcode, _, end = next(records(self._data, start), (0, 0, 0))
         if opcode == Opcode.CHUNK and end - start >= RECORD_HEAD.size + _TIMES.size:
             first, last = _TIMES.unpack_from(self._data, start + RECORD_HEAD.size)
@@ -161,7 +169,7 @@ class Salvage:
 
     def is_unchanged(self) -> bool:
         """Return True if `write` writes the bytes of the file."""
-        if self.dropped or self._data[-len(MAGIC):] != MAGIC:
+        if self.has_damage or self._data[-len(MAGIC):] != MAGIC:
             return False
         comparison = _Comparison(self._data)
         self.write(comparison)
@@ -213,6 +221,8 @@ def _parts(data: Data) -> Iterator[tuple[int, int, _SoundRecord | None]]:
 def _record_at(data: Data, start: int) -> _SoundRecord | None:
     """Return the record at a place of a file; None if it is not sound."""
     opcode, _, end = next(records(data, start), (0, 0, 0))
+    if opcode >= _PRIVATE:
+        return _SoundRecord(end)
     raw = data[start:end]
     if opcode == Opcode.MESSAGE_INDEX:
         size = int.from_bytes(raw[INDEX_HEAD - 4:INDEX_HEAD], 'little')
