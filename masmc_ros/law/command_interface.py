@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is commanded: torques, or rates for drives that have a velocity loop of their own."""
+"""Type of the command: torques, or joint velocities for drives with a velocity loop."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ENABLE_STAMPED_CMD_VEL = Parameter(
 
 
 def takes_rates(values: Mapping[str, Any]) -> bool:
-    """Tell whether rates are commanded, by the values of the plant or of the controller."""
+    """Return True if values of the plant or of the controller select commanded velocities."""
     return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
 
 

@@ -46,7 +46,7 @@ RIGID = 'rigid'
 
 PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
-"""What can move the robot: modules, which are imported when they are asked for, and classes."""
+"""Physics of the plant: modules, imported on demand, and their classes."""
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -289,7 +289,7 @@ def write_plant(
     with_rates = takes_rates(values)
     bandwidth = np.array(values['velocity_loop.bandwidth'])
     if not with_rates:
-        # Whoever commands torques integrates as the robot needs it; drives that hold follow.
+        # With commanded torques the robot determines the step; drives that hold use it too.
         bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
     for name, value in {
         'geometry': robot.geometry,
@@ -318,7 +318,7 @@ def write_plant(
 def write_start(
     memory: records.Records, robot: Robot, values: Mapping[str, Any], lane: int | None = None
 ) -> None:
-    """Write the state that checked values of `parameters` begin with."""
+    """Write the initial state of checked values of `parameters`."""
     position = robot.start(values['initial_pose'], values['initial_joints'])
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)

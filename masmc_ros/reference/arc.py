@@ -100,7 +100,7 @@ class Arc:
         u = x - along * nx, y - along * ny, z - along * nz
         if not any(u):
             raise InputError(
-                f'arc.start: {list(start)} is on the axis of the circle; expected one beside it'
+                f'arc.start: {list(start)} is on the axis of the circle; expected one off the axis'
             )
         w = ny * u[2] - nz * u[1], nz * u[0] - nx * u[2], nx * u[1] - ny * u[0]
         self._circle = np.array([u, w])[:, :dimensions].copy()

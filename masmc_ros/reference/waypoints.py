@@ -16,7 +16,7 @@
 Through points at given times, from rest to rest: at rest in each of them, or smoothly through all.
 
 Where it does not stop, the path is the one of least jerk through its points: of all that are at
-them at their times and begin and end at rest, that with the least integral of the squared third
+them at their times and start and end at rest, that with the least integral of the squared third
 derivative (Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
 predicts the speed profiles of complex arm movements). That is a spline of degree five whose
 derivatives are continuous up to the fourth. Where it stops, it goes in straight lines, each of

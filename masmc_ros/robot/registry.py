@@ -15,7 +15,7 @@
 """
 All mechanisms by name: those of this folder, and users' own.
 
-A new one is a file or folder beside the others and one line here, or in a package of its own
+A new one is a file or folder next to the others and one line here, or in a package of its own
 an entry point.
 """
 

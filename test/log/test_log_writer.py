@@ -14,19 +14,22 @@
 
 """Logs are what ROS 2's tools and the usual viewers read."""
 
+from array import array
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import arrived_records, ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, indexed_chunk
+from masmc_ros.log.mcap.record_stream import RecordStream
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
@@ -118,6 +121,27 @@ def test_statistics_and_indexes(log: Path) -> None:
         for each in summary.chunk_indexes
     )
     assert len(summary.metadata_indexes) == len(summary.attachment_indexes) == 1
+
+
+def test_recording_of_many_chunks_takes_little_memory() -> None:
+    """A recording of a day has half a million chunks, of 20 topics each."""
+    indexes = {channel: array('Q', (channel, 10 * channel)) for channel in range(1, 21)}
+    chunk = indexed_chunk(b'records', indexes)
+    output = RecordStream(_Discarded())
+    output.add_chunk(chunk)
+    tracemalloc.start()
+    try:
+        for _ in range(2000):
+            output.add_chunk(chunk)
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert grown < 2000 * 500
+
+
+class _Discarded:
+    def write(self, data: bytes, /) -> None:
+        """Ignore bytes."""
 
 
 def test_messages_are_in_the_order_of_their_times(log: Path) -> None:
@@ -278,7 +302,7 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
             metadata = {'offered_qos_profiles': Qos().to_yaml(), 'topic_type_hash': type_hash}
             writer.register_channel(topic, 'cdr', schema, metadata)
         writer.add_metadata('origin', {'law': 'smc'})
-        writer.add_message(2, 7, b'first', 5)
+        writer.add_message(2, 7, b'first', 7)
         messages = [
             (int(stamp), place, index)
             for place, source in enumerate(sources)
@@ -289,7 +313,7 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
             writer.add_message(source.channel, stamp, source.rows[index].tobytes(), stamp)
         writer.flush()
         writer.add_attachment(3, 3, 'robot.urdf', 'application/xml', b'<robot/>')
-        writer.add_message(1, 8, b'last', 9)
+        writer.add_message(1, 8, b'last', 8)
         writer.finish()
 
 
@@ -313,11 +337,11 @@ def test_the_bytes_are_those_of_the_library(
     with LogWriter(ours, compression) as log:
         one, other = (log.channel(topic, STATE, Qos()) for topic in ('/one', '/other'))
         log.metadata('origin', {'law': 'smc'})
-        log.write(other, 7, 5, b'first')
+        log.write(other, 7, b'first')
         log.write_rows(sources)
         log.commit()
         log.attach('robot.urdf', 'application/xml', b'<robot/>', 3)
-        log.write(one, 8, 9, b'last')
+        log.write(one, 8, b'last')
     assert ours.read_bytes() == theirs.read_bytes()
 
 
@@ -334,7 +358,7 @@ def test_messages_of_all_sizes_at_once_are_those_one_by_one(
                 log.channel(topic, STATE, Qos())
             if path is paths[0]:
                 for channel, stamp, data in messages:
-                    log.write(channel, stamp, stamp, data)
+                    log.write(channel, stamp, data)
                 continue
             records, first = arrived_records(messages), 0
             while first < len(messages):
@@ -361,7 +385,7 @@ def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
         'log = LogWriter(sys.argv[1], live=True)\n'
         'channel = log.channel("/text", "std_msgs/msg/String")\n'
         'for number in range(100):\n'
-        '    log.write(channel, number, number, b"message")\n'
+        '    log.write(channel, number, b"message")\n'
         'log.commit()\n'
         'print("flushed", flush=True)\n'
         'time.sleep(60)\n'

@@ -171,7 +171,7 @@ RBF_SLIDING = register(
         MEMORY,
         learn,
         project,
-        summary='sliding mode with a network of radial basis functions beside the model',
+        summary='sliding mode with the model and a network of radial basis functions',
         source='[5] of the paper; e-modification of Narendra and Annaswamy 1987',
         uses_switching=False,
     )

@@ -120,7 +120,7 @@ MOMENTUM_OBSERVER = register(
         MEMORY,
         learn,
         project,
-        summary='the model inverted in task space, less the disturbance that momentum tells of',
+        summary='inverse model in task space, less the disturbance estimated from the momentum',
         source='De Luca and Mattone 2003',
         uses_switching=False,
     )

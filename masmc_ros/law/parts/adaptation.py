@@ -99,7 +99,7 @@ PARAMETERS = (
         read_only=False,
     ),
 )
-"""What lets adaptation last, whatever law adapts."""
+"""Settings that keep the adaptation of any law bounded."""
 
 Numbers = tuple[float, ...]
 
@@ -161,7 +161,7 @@ def move_into_half_space(
 
     Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
     the estimation error: no point of both comes farther away. Entries that reach their bound
-    stay there, and the others go on, at most n times.
+    stay there, and the others continue, at most n times.
     """
     for _ in range(n):
         short = bound
@@ -233,7 +233,7 @@ def adapt_along(
 
 @formula
 def project(settings: Any, memory: Any, lane: int) -> None:
-    """Move theta_hat to where bodies can have it, where a projection is in force."""
+    """Project theta_hat onto physically possible values if a projection is active."""
     lower = get(settings, 'projection_lower', lane)
     model = mechanism.model_of(settings, lane)
     if (lower > 0.0) & (not mechanism.keeps_bodies(model, settings, lane)):

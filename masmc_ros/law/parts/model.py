@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model that laws compute with: theta_hat, what it begins as, and its torque."""
+"""Model of the laws: theta_hat, its initial value, and its torque."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PARAMETERS = (
 )
 
 ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
-"""What was learned, whatever law learned it; a change of law takes it on."""
+"""Adapted parameters of any law; a change of law keeps them."""
 
 
 @formula

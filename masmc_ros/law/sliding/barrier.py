@@ -17,7 +17,7 @@ Sliding mode with a barrier function for its gain: no bound of the disturbance i
 
     sdot = nu,    nu = -K sgn s,    K = rho |s| / (eps - |s|)
 
-once |s| has come within eps / 2; before that K begins with K_0 and grows at the rate K' |s|. In
+once |s| has come within eps / 2; before that K starts at K_0 and grows at the rate K' |s|. In
 implicit Euler, s+ being in the place of s on the right, |s+| < eps whatever s is.
 """
 
@@ -62,7 +62,7 @@ MEMORY = (
 
 @formula
 def _inside(inside: float, s: float, width: float) -> float:
-    """Return 1 where the barrier is in force, else 0."""
+    """Return 1 if the barrier is active, else 0."""
     entered = 1.0 if abs(s) <= 0.5 * width else inside
     return entered if abs(s) < width else 0.0
 

@@ -142,7 +142,7 @@ PARAMETERS = (
         minimum=0.0, exclusive_minimum=True,
     ),
 )  # fmt: skip
-"""Of a tree, beside URDF, which chooses it."""
+"""Parameters of a tree in addition to URDF, which selects it."""
 
 _DESCRIBING = (*PARAMETERS, SPEED_LIMITS)
 
@@ -178,7 +178,7 @@ _DRIVES = {
         Coordinate('base_turn_joint', 'turn', 'turn'),
     ),
 }
-"""What takes forces where no wheels do."""
+"""Coordinates with forces on a base without wheels."""
 
 _MOMENTS = (
     ('mass', 'kg'), ('mx', 'kg·m'), ('my', 'kg·m'), ('mz', 'kg·m'), ('mxx', 'kg·m²'),
@@ -197,7 +197,7 @@ class TreeMechanism(Mechanism):
 
     robot: TreeRobot
     model: Array
-    """What the formulas need of it: see `model.py`."""
+    """Numbers for the formulas: see `model.py`."""
     description: Description
     text: str
     """The URDF."""
@@ -206,7 +206,7 @@ class TreeMechanism(Mechanism):
     tips: tuple[str, ...]
     """Links that have the task; the robot's tip where joints have it."""
     held: Mapping[str, float]
-    """Where joints are held that are not controlled."""
+    """Positions of the held joints by name."""
     made_of: Mapping[str, Any]
     """Values of the parameters that describe it."""
 
@@ -260,7 +260,7 @@ class TreeMechanism(Mechanism):
         return (*pose, *angles)
 
     def _out_of_reach(self, lengths: Array, task: Array) -> None:
-        """Tell nothing: what cannot be reached is followed as far as the arm goes."""
+        """Return None: an unreachable position is followed as far as the arm reaches."""
 
     def _base_motion(self, position: Array, velocity: Array) -> tuple[Array, Array]:
         """Return poses and twists of the base."""
@@ -277,7 +277,7 @@ class TreeMechanism(Mechanism):
 
     @cached_property
     def _frames(self) -> Frames:
-        """Where the frames are, and which positions move them."""
+        """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
         below = {joint.child: joint for joint in self.description.joints.values()}
         origin = np.zeros((len(self.frames), 7))
