@@ -43,10 +43,10 @@ TOPICS = {
 
 
 @pytest.mark.parametrize('transport', [None, 'UDPv4'])
-def test_a_listener_outside_gets_what_is_recorded_inside(
+def test_composed_nodes_lose_no_message_of_a_run(
     transport: str | None, tmp_path: Path
 ) -> None:
-    """Also where the user has chosen a transport, and the middleware carries everything."""
+    """A subscription of another process and the recorder get the same messages."""
     log = tmp_path / 'run.mcap'
     arguments = ros_arguments(
         PAPER,
@@ -78,13 +78,13 @@ def test_a_listener_outside_gets_what_is_recorded_inside(
     assert len([raw for raw in recorded['rosout'] if b'ticks/s' in raw]) == 1
 
 
-def test_what_comes_from_outside_is_heard(tmp_path: Path) -> None:
+def test_composed_nodes_with_other_processes_get_all_messages(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     arguments = ros_arguments(PAPER, duration=0.0, recorder__output=log)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = started.start('composed', '--record', *arguments)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
-        # The plant and the recorder, both of which hear what comes from outside.
+        # The plant and the recorder.
         tester.wait_for_subscribers(commands, 2)
         wrong = EffortCdr()
         wrong.data[1] = float('inf')
@@ -107,10 +107,7 @@ def is_of_plant(report: DiagnosticArray) -> bool:
 
 
 @pytest.mark.parametrize('past', [True, False])
-def test_a_listener_that_comes_late_has_the_past_if_it_asks_for_it(
-    past: bool, tmp_path: Path
-) -> None:
-    """Though the middleware was given nothing as long as nobody outside listened."""
+def test_composed_nodes_send_the_past_on_request_only(past: bool, tmp_path: Path) -> None:
     arguments = ros_arguments(PAPER, duration=0.0)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         times = tester.watch_time()
@@ -120,7 +117,6 @@ def test_a_listener_that_comes_late_has_the_past_if_it_asks_for_it(
         paused = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
         reports.clear()
         here = round(float(paused.message.split()[-2]) * 1000)
-        # Nodes look for listeners more often than they report: what was sent is old by then.
         tester.until(lambda: sum(map(is_of_plant, reports)) > 2, 'reports of standstill')
         found = tester.collect(JointState, 'joint_states', raw=True, past=past)
         tester.until(lambda: tester.node.count_publishers('joint_states'), 'the plant')
