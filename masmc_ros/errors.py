@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors that the user can put right, each told in one line."""
+"""Errors that the user can correct, each reported in one line."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class InputError(UserError):
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """
-    Tell what `word` may have been meant to be.
+    Return a suggestion for an unknown `word`.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def shared_file(*parts: str) -> Path:
     """
     Return a file such as `config/paper.yaml`; InputError where it is not installed.
 
-    Looks beside the sources, in the prefix of a pip installation and in that of colcon.
+    Looks next to the sources, in the prefix of a pip installation and in that of colcon.
     """
     for folder in _folders():
         path = folder.joinpath(*parts)

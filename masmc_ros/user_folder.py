@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A folder for what one user's processes share while they run, which nobody else can prepare."""
+"""Folder that the running processes of one user share, inaccessible to other users."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from masmc_ros.errors import UserError
 
 def runtime_folder() -> Path:
     """
-    Return the user's folder, made if need be: ours, no link, and written by nobody else.
+    Return the user's folder, created if missing: owned, no link, writable by no other user.
 
     It is in XDG_RUNTIME_DIR, or in the temporary folder where that is not set. Raises
-    UserError where somebody else has put something in its place.
+    UserError if another user has created something in its place.
     """
     if not hasattr(os, 'getuid'):
         return Path(tempfile.gettempdir())  # on Windows it is the user's own
@@ -52,7 +52,7 @@ def runtime_folder() -> Path:
 
 
 def is_private(folder: Path) -> bool:
-    """Tell whether it is a folder, not a link to one, of this user, that nobody else writes to."""
+    """Return True for a folder, not a link, of this user, writable by no other user."""
     try:
         found = folder.lstat()
     except OSError:

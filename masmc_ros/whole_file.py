@@ -24,7 +24,7 @@ _unfinished: set[Path] = set()
 
 
 class WholeFile:
-    """A file that is written beside its place, as `NAME.part`, until it is complete."""
+    """A file that is written as `NAME.part` next to its place until it is complete."""
 
     def __init__(self, path: Path) -> None:
         """Begin the file; OSError where that is not possible."""

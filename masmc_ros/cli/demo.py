@@ -24,24 +24,36 @@ from pathlib import Path
 import subprocess
 import sys
 import time
+from typing import Any
 
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
+from masmc_ros.law.reaching.implicit import IMPLICIT
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.report.measure.labels import law_label
+from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.table import number
 from masmc_ros.robot.registry import chosen, DEFAULT
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 
-LAWS = ('smc', 'rasmc')
+RUNS: dict[str, dict[str, Any]] = {
+    'smc': {'law': 'smc'},
+    'rasmc': {'law': 'rasmc'},
+    'implicit': {'law': 'rasmc', 'switching': IMPLICIT.name, 'observer_gain': 0.5},
+}
+"""Controller parameters of each run: the paper's laws, and the implicit one with an estimate."""
+
 NODES = ('recorder', 'trajectory', 'controller', 'plant')
 
 _START = 60.0
-"""Time in s that nodes have to compile and to find each other."""
+"""Time in s for the nodes to compile and to discover each other."""
 
 _FIRST_START = 900.0
-"""The same where a robot's machine code may have to be made first."""
+"""The same if the code of a robot may have to be compiled first."""
 
 _SLOWEST = 20.0
 """Longest time in s that a simulated second may take."""
@@ -51,9 +63,10 @@ _END = 15.0
 
 def demo(output: str, *, robot: str, composed: bool) -> int:
     """
-    Run an experiment under every law, report it, and say where everything lies.
+    Run an experiment on real nodes with three laws, report it, and print what was shown.
 
-    `robot` is the name of an installed parameter file, `paper` being the paper's experiment.
+    `robot` is the name of an installed parameter file; `paper` is the paper's experiment. If its
+    switching term is implicit already, there is no third run.
     """
     if importlib.util.find_spec('rclpy') is None:
         raise UserError(
@@ -66,28 +79,42 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f'{folder}: cannot be made ({reason}); name another folder') from error
-    # An installed one first: a folder that is called as it must not be taken for it.
+    # An installed one first: a folder of the same name must not be taken for it.
     parameters = scenarios().get(robot) or Path(scenario_file(robot))
-    values = load_scenario(str(parameters))['plant']
+    scenario = load_scenario(str(parameters))
+    values, own = scenario['plant'], scenario['controller']['switching']
     duration = values['duration']
     start = _START if chosen(values).name == DEFAULT.name else _FIRST_START
     logs = []
-    for law in LAWS:
-        log = folder / f'{law}.mcap'
+    for name, controller in RUNS.items():
+        if own == controller.get('switching'):
+            continue
+        log = folder / f'{name}.mcap'
         with private_domain() as domain:
             patience = start + _SLOWEST * duration
-            _run(law, parameters, log, domain, duration, patience, composed=composed)
+            _run(name, parameters, log, domain, duration, patience, composed=composed)
         logs.append(str(log))
     report(logs, str(folder / 'report'))
     print()
-    print(f'Logs: {", ".join(logs)}')
-    print('Open one in Foxglove: app.foxglove.dev or the desktop application, "Open local file".')
-    print(f'Again, without ROS: masmc simulate {parameters}')
+    for line in _shown(logs):
+        print(line)
+    print(f'Report: {folder / "report" / "report.html"} (in a browser)')
+    print(f'Logs: {", ".join(logs)} (masmc view LOG, or "Open local file" in Foxglove)')
+    print(f'The same without ROS: masmc simulate {parameters}')
     return 0
 
 
+def _shown(logs: Sequence[str]) -> Iterator[str]:
+    """Yield a line about each run: its law, and its distance from the path."""
+    for log in logs:
+        run = read_run(log)
+        point, reached = next(iter(metrics(run).points.items()))
+        error = '-' if reached.rms is None else f'{number(1e3 * reached.rms)} {point.small_unit}'
+        yield f'{law_label(run.parameters["controller"])}: RMS error of {point.title} {error}'
+
+
 def _run(
-    law: str,
+    name: str,
     parameters: Path,
     log: Path,
     domain: Mapping[str, str],
@@ -96,12 +123,12 @@ def _run(
     *,
     composed: bool,
 ) -> None:
-    """Run all nodes in lock-step under a law, and record into `log`."""
+    """Run all nodes in lock-step with the controller of a run, and record into `log`."""
     arguments = ['--ros-args', '--params-file', str(parameters)]
     for setting in (
-        f'controller:law:={law}',
+        *(f'controller:{parameter}:={value}' for parameter, value in RUNS[name].items()),
         f'plant:wait_for:=[{", ".join(n for n in NODES if n != "plant")}]',
-        # Whatever the file says: a robot that takes longer than real time loses nothing.
+        # Also if the file has real time: a robot that computes more slowly loses nothing.
         *(f'{node}:pacing:=lockstep' for node in NODES),
         f'recorder:output:={log}',
         'recorder:overwrite:=true',
@@ -111,14 +138,14 @@ def _run(
         {'composed': ['--record', *arguments]} if composed else dict.fromkeys(NODES, arguments)
     )
     with _processes(commands, domain, log.parent) as processes:
-        _watch(law, processes, domain, duration, patience)
+        _watch(name, processes, domain, duration, patience)
 
 
 @contextmanager
 def _processes(
     commands: Mapping[str, Sequence[str]], domain: Mapping[str, str], folder: Path
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """Start nodes, their output into files; end them whatever happens."""
+    """Start nodes with their output in files; end them in any case."""
     processes: dict[str, subprocess.Popen[bytes]] = {}
     try:
         for name, arguments in commands.items():
@@ -150,26 +177,26 @@ def _processes(
 
 
 def _watch(
-    law: str,
+    name: str,
     processes: Mapping[str, subprocess.Popen[bytes]],
     domain: Mapping[str, str],
     duration: float,
     patience: float,
 ) -> None:
     """Show progress until all nodes have ended, one has failed, or it takes too long."""
-    # Imported here: without rclpy, `demo` is to say so in one line.
+    # Imported here: without rclpy, `demo` ends with one line.
     from masmc_ros.cli.progress import RunProgress
 
     limit = time.monotonic() + patience
     form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'
     with (
         RunProgress(int(domain['ROS_DOMAIN_ID'])) as progress,
-        tqdm(total=duration, desc=law.rjust(5), bar_format=form, disable=None) as bar,
+        tqdm(total=duration, desc=name.rjust(8), bar_format=form, disable=None) as bar,
     ):
         while any(process.poll() is None for process in processes.values()):
             if any(process.poll() not in (None, 0) for process in processes.values()):
                 return
             if time.monotonic() > limit:
-                raise UserError(f'{law}: no end after {patience:.0f} s')
+                raise UserError(f'{name}: no end after {patience:.0f} s')
             bar.update(min(progress.time(), duration) - bar.n)
         bar.update(duration - bar.n)

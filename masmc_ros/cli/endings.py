@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How a command ends when it is told to, and with whom a child process ends."""
+"""End of a command by a signal, and end of a child process with its parent."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Ended(KeyboardInterrupt):
-    """The process was told to end by a signal."""
+    """A signal ended the process."""
 
     def __init__(self, number: int) -> None:
         """Take the signal's number."""
@@ -58,7 +58,7 @@ def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        # A terminal that is closed tells it more than once.
+        # A terminal that is closed sends it more than once.
         for number in taken:
             signal.signal(number, signal.SIG_IGN)
         remove_unfinished()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `ros2 run masmc_ros NODE` calls: `masmc run NODE`."""
+"""Entry points of `ros2 run masmc_ros NODE`, which call `masmc run NODE`."""
 
 from __future__ import annotations
 

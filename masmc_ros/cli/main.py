@@ -33,11 +33,11 @@ from masmc_ros.optional import explained
 from masmc_ros.share import scenarios
 
 _NOT_TAKEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""What goes wrong where standard output is a file, a device, or a terminal that was closed."""
+"""Errors of standard output that is a file, a device, or a closed terminal."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells what is wrong with a command line in one line, and what was meant."""
+    """Prints one line about an error of the command line, with a suggestion."""
 
     def error(self, message: str) -> NoReturn:
         see = ' See' if message.endswith('?') else '; see'
@@ -104,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has gone, as in `masmc ... | head`.
         _let_go_of_output()
     except OSError as error:
-        # Files have names, and are told of by whoever writes them.
+        # Errors of files are reported by the code that writes them.
         if error.filename is not None or error.errno not in _NOT_TAKEN:
             raise
         _let_go_of_output()
@@ -130,7 +130,7 @@ def _run(name: str, arguments: list[str], *, restores_signals: bool) -> int:
     except Ended as end:
         how = 'interrupted' if end.number == signal.SIGINT else f'ended by {end.name}'
         return _tell(f'{name}: {how}', 128 + end.number)
-    except SystemExit as end:  # argparse has told all there is to say
+    except SystemExit as end:  # argparse has printed the reason
         return int(end.code or 0)
 
 
@@ -216,8 +216,9 @@ def _parser() -> argparse.ArgumentParser:
         'demo',
         help="run the paper's experiment on real nodes and report it",
         description="Run the paper's experiment: four ROS 2 nodes in lock-step on a private "
-        'domain of this machine, first smc, then rasmc; log both runs and report them. '
-        'With --robot those of another experiment.',
+        'domain of this machine, with smc, rasmc, and rasmc with the implicit switching term and '
+        'a disturbance estimate; log the runs and report them. With --robot those of another '
+        'experiment.',
     )
     demo.add_argument('--output', default='demo', help='folder for logs and report (%(default)s)')
     demo.add_argument(
@@ -286,7 +287,7 @@ def _parser() -> argparse.ArgumentParser:
         '--trials',
         default='all',
         metavar='TRIAL,...',
-        help='what they are put through beside the scenario as it is (%(default)s)',
+        help='trials in addition to the unmodified scenario (%(default)s)',
     )
     compare.add_argument(
         '--seeds',
@@ -339,7 +340,7 @@ def _parser() -> argparse.ArgumentParser:
         'view',
         help='see a logged run in Foxglove',
         description='Open a logged run in Foxglove where it is installed; otherwise serve it '
-        'to the Foxglove app on this machine, and tell where.',
+        'to the Foxglove app on this machine, and print its address.',
     )
     view.add_argument('log', metavar='RUN.mcap', help='logged run')
     view.add_argument(

@@ -31,7 +31,7 @@ from masmc_ros.params.node_name import complaint
 import yaml
 
 _REFUSED = 1
-"""Exit status where a node refuses a value."""
+"""Exit status if a node rejects a value."""
 
 _LONGEST_NAME = 200
 """Of a node, so that the names of its services are not too long."""
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     for verb, text in (
         ('list', 'names of the parameters of a node, or of all'),
-        ('get', 'the value in force'),
+        ('get', 'the current value'),
         ('set', 'change a value'),
         ('dump', 'all values as a parameter file'),
     ):
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def param(options: argparse.Namespace) -> int:
-    """Do what `masmc param` was told; return the exit status."""
+    """Run `masmc param`; return the exit status."""
     require_rclpy()
     from masmc_ros.nodes.parameters.session import ParameterSession
 

@@ -47,7 +47,7 @@ def private_domain() -> Iterator[dict[str, str]]:
 @contextmanager
 def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
     """
-    Yield the first domain that no other process of this user has locked, and nobody uses.
+    Yield the first domain that no other process of this user has locked, and no one uses.
 
     Raises UserError where all are taken.
     """
@@ -72,7 +72,7 @@ def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
 
 
 def _is_used(domain: int) -> bool:
-    """Tell whether somebody, of whatever user, listens where a domain's first node does."""
+    """Return True if a process of any user has the port of the first node of a domain."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(('', 7410 + 250 * domain))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far a run on real nodes is, seen from outside: the stamps of odom."""
+"""Progress of a run on real nodes, observed by the stamps of odom."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`masmc recover`: completes logs that were cut off or damaged."""
+"""`masmc recover`: completion of logs that were truncated or damaged."""
 
 from __future__ import annotations
 
@@ -44,6 +44,11 @@ def recover(logs: Sequence[str]) -> int:
             f'{log}: completed with {found.messages} messages over {length:.3f} s;'
             f' {found.dropped} bytes of it could not be read'
         )
+        for first, last in found.damaged:
+            print(
+                f'{log}: a damaged chunk was skipped, with its messages from'
+                f' {first / NANOSECONDS:.3f} to {last / NANOSECONDS:.3f} s'
+            )
         for topic, gaps in state_gaps(Path(log)).items():
             print(f'{log}: {topic}: {gaps.text()}, by its stamps')
     return status

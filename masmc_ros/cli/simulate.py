@@ -44,7 +44,7 @@ _PROGRESS_FROM = 200_000
 
 
 class _Source(NamedTuple):
-    """What is to be computed; the run of a log, to compare with, where it is that."""
+    """Run to compute, and the logged run to compare it with, if there is one."""
 
     values: Mapping[str, Any]
     changes: Sequence[Change]
@@ -110,7 +110,7 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
 
 
 def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
-    """Refuse a file that cannot be written or must not be, before anything is read."""
+    """Raise InputError for a file that cannot or must not be written, before reading."""
     from masmc_ros.log.write.writer import check_log_path
 
     check_log_path(path)

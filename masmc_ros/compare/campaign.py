@@ -47,7 +47,7 @@ _WORTH_LANES = 4 * LANES
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the runs of a contender in a trial went, by seed; None for one that diverged."""
+    """Metrics of a contender in a trial by seed; None for a run that diverged."""
 
     contender: Contender
     trial: str
@@ -71,7 +71,7 @@ def outcomes(tasks: Sequence[Task]) -> Iterator[Sequence[Outcome]]:
     if workers == 1:
         yield from map(compute, tasks)
         return
-    # Not forked: this process may have threads, of whoever calls it.
+    # Not forked: the caller may have started threads.
     context = multiprocessing.get_context('spawn')
     with context.Pool(workers, _leave_interrupts_to_parent) as pool:
         yield from pool.imap_unordered(compute, tasks)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which laws are compared: by name, and with a switching term of their own where one is given."""
+"""Contenders of a comparison: laws, each with its switching term if one is specified."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
     Return what `--laws` names: LAW or LAW:SWITCHING, separated by commas, or `all`.
 
     `all` is every law that a robot of this kind can have; those that ask for a reaching term have
-    the scenario's `own`, and `tanh` and `implicit` beside it. Raises InputError for an unknown
+    the scenario's `own`, and also `tanh` and `implicit`. Raises InputError for an unknown
     name, and for a law that is not of formulas or none for the robot.
     """
     if names == _ALL:

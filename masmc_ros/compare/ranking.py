@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who did how well: medians over the seeds, in the order of the error."""
+"""Ranking of contenders: medians over the seeds, in the order of the error."""
 
 from __future__ import annotations
 

@@ -34,11 +34,11 @@ from masmc_ros.report.page.template import STYLE, template_at
 from masmc_ros.robot.declaration import Point, symbols_of
 
 _SMALL = 1e3
-"""Errors are told in mm and mrad."""
+"""Factor of errors in mm and mrad."""
 _LOST = 'lost'
 _PAGE = Path(__file__).with_name('page.html')
 _DECADES = 4.0
-"""Of errors beside the least one, from pale to dark."""
+"""Colours of errors relative to the smallest one, from pale to dark."""
 
 
 def text(ranked: Sequence[Ranked], trials: Sequence[Trial], points: Sequence[Point]) -> str:
@@ -77,7 +77,7 @@ def _heads(points: Sequence[Point]) -> tuple[list[str], list[str]]:
 
 
 def _units(points: Sequence[Point]) -> str:
-    """Return what errors of all points are told in."""
+    """Return the units of the errors of all points."""
     return ' or '.join(dict.fromkeys(point.small_unit for point in points))
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What laws are put through: the scenario as it is, and what breaks one law or another."""
+"""Trials of a comparison: the unmodified scenario, and conditions that break some laws."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tells where torques are held for longer than a boundary layer can do with."""
+"""Detection of torques that are held for longer than a boundary layer tolerates."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class LayerWatch:
         return least_task_inertia(robot.mechanism, theta, robot.geometry, position)
 
     def begin(self) -> None:
-        """Look anew: the law has changed."""
+        """Restart: the law has changed."""
         self._most = 0
 
     def held(self, periods: int, position: Any, now: float) -> str | None:

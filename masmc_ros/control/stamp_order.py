@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the stamp of a state says beside the last one: next, again, late, or another time."""
+"""Order of the stamp of a state after the last one: next, repeated, late, or another time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def in_time(stamps: NDArray[np.int64], gap_ns: int | None) -> NDArray[np.intp]:
 
 
 class Order(Enum):
-    """How a stamp follows the ones before it."""
+    """Order of a stamp after the previous ones."""
 
     NEXT = 'next'
     REPEATED = 'repeated'
@@ -78,7 +78,7 @@ class StampOrder:
         self._older: list[int] = []
 
     def judge(self, stamp: int) -> Order:
-        """Tell how a stamp in ns follows, and note it unless it is late or repeated."""
+        """Return the order of a stamp in ns, and note the stamp unless it is late or repeated."""
         last = self.last
         if last is None or stamp > last:
             self.last = stamp

@@ -23,12 +23,12 @@ FAULT = 'fault'
 _GUIDED = 'hand guiding'
 
 NO_REFERENCE = 'no reference'
-"""How the reason of the fault begins that a reference ends."""
+"""Start of the reason of a fault because the reference ended."""
 
 
 def would_follow(text: str) -> bool:
     """
-    Tell whether a controller in the state that this text tells follows what is sent to it.
+    Return True if a controller in the state of this text follows its reference.
 
     One in the fault that a reference ends does: it becomes active by one alone.
     """
@@ -62,7 +62,7 @@ class Supervisor:
     """
 
     def __init__(self, *, active: bool) -> None:
-        """Start active, or inactive until somebody enables it."""
+        """Initialise as active, or as inactive until it is enabled."""
         self.activations = 0
         self._enter(INACTIVE, 'not enabled yet')
         if active:
@@ -93,7 +93,7 @@ class Supervisor:
         return self.state == INACTIVE and self.reason == _GUIDED
 
     def stop(self) -> None:
-        """Stop at once, from any state, until somebody enables it or clears the fault."""
+        """Stop at once, from any state, until it is enabled or the fault is cleared."""
         self.fail('emergency stop', 'emergency stop', is_latched=True)
 
     def clear(self) -> bool:
@@ -105,10 +105,10 @@ class Supervisor:
 
     def fail(self, cause: str, reason: str, *, is_latched: bool = False) -> bool:
         """
-        Note a fault; tell whether it is news.
+        Note a fault; return True if the state changes.
 
         A passing fault counts only where the controller is active; a latched one counts
-        everywhere but in another latched one, the reason of which stays.
+        in all states except another latched fault, whose reason stays.
         """
         counts = (self.state != FAULT or not self.is_latched) if is_latched else self.is_active
         if counts:
@@ -117,9 +117,9 @@ class Supervisor:
 
     def recover(self, cause: str, *, is_anew: bool) -> bool:
         """
-        Become active again if a passing fault of this cause stands; tell whether.
+        Become active again after a passing fault of this cause; return True then.
 
-        `is_anew`: whether that is an activation, or goes on where it was interrupted.
+        `is_anew`: True for an activation, False to continue after the interruption.
         """
         if self.state != FAULT or self.is_latched or self.cause != cause:
             return False

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is commanded: torques, or rates for drives that have a velocity loop of their own."""
+"""Type of the command: torques, or joint velocities for drives with a velocity loop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EFFORT, VELOCITY = range(len(COMMAND_INTERFACES))
 COMMAND_INTERFACE = Parameter(
     'command_interface',
     'effort',
-    'Torques, or rates for drives with a velocity loop of their own',
+    'effort: torques; velocity: joint velocities for drives with their own velocity loop',
     choices=COMMAND_INTERFACES,
 )
 """Declared by the controller and by the plant, which must agree."""
@@ -40,13 +40,13 @@ COMMAND_INTERFACE = Parameter(
 ENABLE_STAMPED_CMD_VEL = Parameter(
     'enable_stamped_cmd_vel',
     False,
-    'With commanded rates, cmd_vel is a TwistStamped instead of a Twist',
+    'Type of cmd_vel with command_interface velocity: TwistStamped instead of Twist',
 )
 """Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
 
 
 def takes_rates(values: Mapping[str, Any]) -> bool:
-    """Tell whether rates are commanded, by the values of the plant or of the controller."""
+    """Return True if values of the plant or of the controller select commanded velocities."""
     return bool(values[COMMAND_INTERFACE.name] == COMMAND_INTERFACES[VELOCITY])
 
 

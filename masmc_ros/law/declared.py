@@ -78,7 +78,7 @@ class PerEntry:
 
 
 Declared = Parameter | PerEntry
-"""What a law, a reaching term or a part declares."""
+"""Declarations of a law, a reaching term or a part."""
 
 
 def declared_for(

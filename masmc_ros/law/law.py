@@ -67,20 +67,20 @@ class Law:
     parameters: tuple[Declared, ...] = ()
     """Its gains. Those of the model, of adaptation and of limits are every law's."""
     memory: tuple[Field, ...] = ()
-    """What a tick hands on to the next: its own and its parts'."""
+    """Fields of its memory from tick to tick, those of its parts included."""
     learn: Callable[..., Any] = _learns_nothing
     settle: Callable[..., Any] = _settled
     summary: str = ''
-    """What it is, in a line."""
+    """Description in one line."""
     source: str = ''
-    """Where it is from."""
+    """Publication."""
     uses_switching: bool = True
     """Whether it asks for the reaching term that `switching` names."""
     most_parameters: int | None = None
     """Number of base inertial parameters of a robot that it can still reckon with."""
 
     def fits(self, mechanism: Mechanism) -> bool:
-        """Tell whether a robot of this kind can have it."""
+        """Return True if the law supports a robot of this type."""
         return self.most_parameters is None or len(mechanism.theta) <= self.most_parameters
 
     @property

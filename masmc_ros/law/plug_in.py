@@ -39,7 +39,7 @@ class TickInput:
     period: float
     """Control period T in s."""
     gains: Mapping[str, Any]
-    """Every parameter of the controller in force, by name; arrays for gains per axis."""
+    """Current parameters of the controller by name; arrays for gains per axis."""
     position: Array
     """Positions in the order of joint_states: the base's, then the joints'."""
     velocity: Array
@@ -69,13 +69,13 @@ class TickInput:
     estimate: Array
     """theta_hat (p)."""
     commanded: Array
-    """Torque (n) commanded at the last tick, N m: the law's own within the limits in force."""
+    """Torque (n) commanded at the last tick, N m: the law's own within the active limits."""
     singular: bool
     """True where the task is so close to singular that J^-1 is damped."""
 
 
 class PlugInLaw(Protocol):
-    """A user's own control law; made anew at start, at a reset and when `law` selects it."""
+    """Control law of a user; created at the start, at a reset and when `law` selects it."""
 
     parameters: tuple[Parameter, ...]
     """Parameters of its own, declared by the controller; name them `LAW.something`."""

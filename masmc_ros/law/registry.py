@@ -15,7 +15,7 @@
 """
 All control laws and reaching terms by name: those of this folder, and users' own.
 
-A new law or reaching term is a file beside the others and one line here.
+A new law or reaching term is a file next to the others and one line here.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ LAWS = {
         SMC,
         RASMC,
         NONLINEAR_FEEDBACK,
-        # what the paper cites beside it
+        # laws that the paper cites
         COMPUTED_TORQUE,
         NULL_SPACE,
         INPUT_OUTPUT_DECOUPLING,

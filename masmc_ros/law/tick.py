@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a law knows at a tick: the state, the reference, and the sliding surface of both."""
+"""Inputs of a law at a tick: the state, the reference, and the sliding surface of both."""
 
 from __future__ import annotations
 

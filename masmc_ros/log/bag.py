@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -32,29 +33,65 @@ _VERSION = 9
 """Of the form that rosbag2 of Jazzy writes."""
 
 
-class Part(NamedTuple):
-    """A file of a recording: name, first and last log time in ns, number of messages."""
+@dataclass
+class Part:
+    """
+    A file of a recording.
+
+    Attributes
+    ----------
+    name
+        name of the file.
+    first, last
+        first and last log time in ns.
+    messages
+        number of messages; 0 until the file is complete.
+
+    """
 
     name: str
-    first: int
-    last: int
-    messages: int
+    first: int = 0
+    last: int = 0
+    messages: int = 0
 
 
-class TopicCount(NamedTuple):
-    """A topic of a recording, as it is declared in the files, and its number of messages."""
+class RecordedTopic(NamedTuple):
+    """
+    A topic of a recording, as the files declare it.
+
+    Attributes
+    ----------
+    name, type_name
+        full name, and type such as `sensor_msgs/msg/JointState`.
+    qos
+        what each of its publishers offers.
+    defined
+        definition of the type if it is not one of ROS 2 Jazzy.
+
+    """
 
     name: str
     type_name: str
     qos: tuple[Qos, ...]
     defined: Definition | None
-    messages: int
 
 
 def write_bag_metadata(
-    folder: Path, parts: Sequence[Part], topics: Sequence[TopicCount]
+    folder: Path, parts: Sequence[Part], topics: Iterable[tuple[RecordedTopic, int]]
 ) -> None:
-    """Write the file for the parts that are there, whole or not at all."""
+    """
+    Write the file atomically.
+
+    Parameters
+    ----------
+    folder
+        folder of the recording.
+    parts
+        its files.
+    topics
+        its topics, each with its number of messages.
+
+    """
     first = min((part.first for part in parts if part.messages), default=0)
     last = max((part.last for part in parts if part.messages), default=0)
     content = {
@@ -64,7 +101,7 @@ def write_bag_metadata(
             'duration': {'nanoseconds': last - first},
             'starting_time': {'nanoseconds_since_epoch': first},
             'message_count': sum(part.messages for part in parts),
-            'topics_with_message_count': [_topic(topic) for topic in topics],
+            'topics_with_message_count': [_topic(*topic) for topic in topics],
             'compression_format': '',
             'compression_mode': '',
             'relative_file_paths': [part.name for part in parts],
@@ -130,17 +167,15 @@ def _number(name: str) -> tuple[str, int]:
     return (stem, int(number)) if number.isdecimal() else (name, 0)
 
 
-def _topic(topic: TopicCount) -> dict[str, object]:
+def _topic(topic: RecordedTopic, messages: int) -> dict[str, object]:
+    qos = yaml.safe_load('\n'.join(each.to_yaml() for each in topic.qos))
     return {
         'topic_metadata': {
             'name': topic.name,
             'type': topic.type_name,
             'serialization_format': 'cdr',
-            'offered_qos_profiles': yaml.safe_load(
-                '\n'.join(each.to_yaml() for each in topic.qos)
-            )
-            or [],
+            'offered_qos_profiles': qos or [],
             'type_description_hash': (topic.defined or definition(topic.type_name)).type_hash,
         },
-        'message_count': topic.messages,
+        'message_count': messages,
     }

@@ -37,7 +37,7 @@ from masmc_ros.robot.plant.tick import (
 import numpy as np
 
 SINGULAR, NOT_FINITE = 1, 2
-"""What may be said of a tick: the task is close to singular; there is nothing to command."""
+"""Flags of the status of a tick: task close to singular; torque not finite."""
 
 
 @kernel
@@ -45,11 +45,11 @@ def control_tick(
     settings: Any, memory: Any, now: Any, position: Any, velocity: Any, reference: Any
 ) -> int:
     """
-    Compute one tick of the law; return SINGULAR and NOT_FINITE, as far as they are so.
+    Compute one tick of the law; return the flags SINGULAR and NOT_FINITE.
 
     The first three arguments are arrays of one record: of the law's settings, of its memory,
     which the next tick takes up, and of the signals, where the state (positions) and the
-    reference (3 axes) are written beside torque, rates, error, surface and estimate.
+    reference (3 axes) are written next to torque, rates, error, surface and estimate.
     """
     signal = now[0]
     put(signal, 'position', 0, taken(position, get(signal, 'position', 0)))
@@ -100,7 +100,7 @@ def settle(settings: Any, memory: Any) -> None:
 @kernel
 def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
     """
-    Advance the plant by one control period; tell whether all of its state is still finite.
+    Advance the plant by one control period; return True if its state is finite.
 
     The signals' command answers the state of `tick`; their state becomes that of the next.
     """
@@ -112,7 +112,7 @@ def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bo
 @kernel
 def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
     """
-    Advance the plant by one control period in which nobody commands: its drives hold.
+    Advance the plant by one control period without a command: its drives hold.
 
     They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
     where torques are commanded, none of them is applied meanwhile: what the drives make to hold
@@ -130,8 +130,8 @@ def plant_drive(
     """
     Write the torques over one step of a plant that is integrated elsewhere.
 
-    They are `driven` and `push` of the memory, whose `rates` are those at the step's beginning;
-    the first step of a tick takes the signals' command, nobody's if `holds`.
+    They are `driven` and `push` of the memory, whose `rates` are those at the start of the step;
+    the first step of a tick uses the command of the signals, no command if `holds`.
     """
     drive_step(plant[0], memory[0], tick, step, now[0], holds)
 
@@ -140,7 +140,7 @@ def plant_drive(
 def plant_observe(
     plant: Any, memory: Any, delayed: Any, tick: int, now: Any, holds: bool
 ) -> bool:
-    """Measure the state in the memory of such a plant; tell whether all of it is finite."""
+    """Measure the state in the memory of such a plant; return True if it is finite."""
     release(plant[0], memory[0], now[0], holds)
     observe(plant[0], memory[0], delayed, tick, now[0])
     return is_finite(now[0])
@@ -158,7 +158,7 @@ def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
 @formula
 def is_finite(now: Any) -> bool:
     """
-    Tell whether the state, true and as it is measured, consists of finite numbers.
+    Return True if the true and the measured state consist of finite numbers.
 
     Of a finite true state it need not: beyond 1e9 rad an angle has no sine.
     """

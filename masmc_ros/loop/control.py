@@ -40,7 +40,7 @@ SETTINGS = (
     Field('takes_rates', description='Whether rates are commanded', kind='i8'),
     Field('group', 'joints', 'Which part of the robot moves by a joint: 0, 1, ...', kind='i8'),
 )
-"""What every law reads, beside the parameters that are declared."""
+"""Settings of every law in addition to its declared parameters."""
 
 MEMORY = (
     ESTIMATE,
@@ -49,7 +49,7 @@ MEMORY = (
     Field('velocity_command', 'joints', 'Rates commanded at the last tick', 'm/s, rad/s'),
     Field('disturbance', 'axes', "The law's disturbance estimate d", 'N'),
 )
-"""What every law hands on, beside what it declares."""
+"""Memory of every law in addition to its declared fields."""
 
 
 @inlined

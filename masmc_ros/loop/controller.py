@@ -110,7 +110,7 @@ class Controller:
         """
         Note that no torque is commanded in place of one that is computed.
 
-        What was predicted for the next tick is void, and the velocity estimator begins anew;
+        Predictions for the next tick are discarded, and the velocity estimator restarts;
         what was learned stays.
         """
         self.memory['commanded'] = 0.0
@@ -123,7 +123,7 @@ class Controller:
         """
         Return the driven joints' speeds in rad/s before a tick of these velocities.
 
-        Those measured, or the last tick's estimate, with which the estimator begins at zero.
+        Measured ones, or the estimate of the last tick; the estimator starts at zero.
         """
         joints = len(self.torque)
         if self.values['velocity_source'] != ESTIMATED_RATES:
@@ -155,7 +155,7 @@ class Controller:
         """
         Apply checked values of some parameters from the next tick on.
 
-        theta_hat persists, within the bounds of a projection that is in force. Entering the
+        theta_hat persists, within the bounds of an active projection. Entering the
         implicit law, or a disturbance estimate switched on or off, starts that estimate from
         zero.
         """
@@ -176,7 +176,7 @@ class Controller:
     @property
     def is_compiled(self) -> bool:
         """
-        Whether the law in force consists of formulas, which whole runs are compiled with.
+        Return True if the active law consists of compiled functions, as compiled runs need.
 
         So does the kinematic law of commanded rates, whatever `law` says.
         """
@@ -220,11 +220,11 @@ class Controller:
 
     @property
     def uses_switching(self) -> bool:
-        """Whether the law in force asks for the reaching term that `switching` names."""
+        """Return True if the active law uses the reaching term named by `switching`."""
         return self._law.uses_switching
 
     def _choose(self, values: Mapping[str, Any]) -> None:
-        """Make the records of a law; what it has in common with the one before goes on."""
+        """Create the records of a law; fields shared with the previous law keep their values."""
         law = registry.load_for(values['law'], self.mechanism)
         plug_in = None
         if self.commands_rates:
@@ -238,7 +238,7 @@ class Controller:
         read = records.read_by(settings, self.mechanism)
         memory = records.law_memory(self.mechanism, law)
         take_over(memory, self.memory)
-        # A law that cannot be made has raised by now, and the one in force is unchanged.
+        # An invalid law has raised by now, and the active one is unchanged.
         self._law, self._plug_in, self._kernel = law, plug_in, None
         self._of_tick_before = records.of_tick_before(law)
         self.settings, self._read, self.memory = settings, read, memory

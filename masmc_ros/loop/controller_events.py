@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What else than parameters changes the torque that a controller computes, from one tick on."""
+"""Events, other than parameter changes, that change the computed torque from a tick on."""
 
 from __future__ import annotations
 
 ACTIVATED = 'activated'
-"""The controller starts anew, as at the start of a run; if it was inactive, by an approach."""
+"""The controller restarts as at the start of a run; with an approach if it was inactive."""
 
 RESUMED = 'resumed'
-"""It goes on with what it had learned before it was deactivated."""
+"""The controller continues with the estimates from before its deactivation."""
 
 DEACTIVATED = 'deactivated'
 """The law is not computed; the safe stop commands, as `fault_action` says."""
@@ -32,6 +32,6 @@ UNFOLDED = 'leaving a singular posture'
 """Before an activation: the joints move to a posture in which the law can start."""
 
 ADAPTATION_RESET = 'adaptation reset'
-"""What was learned is forgotten; what was commanded is not."""
+"""The adaptation is reset; the last command persists."""
 
 EVENTS = (ACTIVATED, RESUMED, DEACTIVATED, GUIDED, UNFOLDED, ADAPTATION_RESET)

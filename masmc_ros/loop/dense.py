@@ -99,7 +99,7 @@ def tick_input(
     Parameters
     ----------
     settings
-        those of a built-in law, with the parameters in force.
+        those of a built-in law, with the current parameters.
     now
         signals with the state and the reference.
     gains

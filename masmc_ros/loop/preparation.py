@@ -70,7 +70,7 @@ _LONGEST_REASON = 200
 
 _NUMBA_FAILED = 'Failed in nopython mode pipeline'
 _PLACE = re.compile(r'File "(?:.*/)?([^/"]+)", line (\d+)')
-"""How Numba introduces a cause, and where it says that it is."""
+"""Texts with which Numba introduces a cause and its place."""
 
 Values = Mapping[str, Any]
 
@@ -117,7 +117,7 @@ def code_of_law(mechanism: Mechanism, law: Law, switching: str) -> Code:
         (law.name, switching if law.uses_switching else ''),
         (
             (control_tick, (settings, memory, now, *inputs(now))),
-            # Called when a parameter changes while a projection is in force.
+            # Called when a parameter changes while a projection is active.
             (settle, (settings, memory)),
         ),
     )
@@ -185,7 +185,7 @@ def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
 
 
 def mark(mechanism: Mechanism) -> Path:
-    """Return the file that tells that the kernels of these laws are on this machine's disk."""
+    """Return the marker file of the compiled kernels of these laws on this machine."""
     name = f'prepared-{mechanism.tag}'.replace(' ', '-')
     plain = ('plain',) if plain_laws() else ()
     return machine_code(name, *map(records.law_tag, laws()), *plain)
@@ -202,7 +202,7 @@ def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
 
 
 class Effect(NamedTuple):
-    """What becomes of requested values of parameters."""
+    """Effect of requested parameter values."""
 
     values: dict[str, Any]
     """Those with which the next tick is computed."""
@@ -214,11 +214,11 @@ class Effect(NamedTuple):
 
 class LawChange:
     """
-    Changes of a controller's parameters, of which `law` and `switching` may need other code.
+    Changes of a controller's parameters; `law` and `switching` may need other code.
 
     A change whose code is loaded is applied at once, and so is one of other parameters. Any
     other change is pending: its code is compiled by a process and loaded by a thread, while the
-    controller continues with the law in force. A later change of `law` or `switching` replaces
+    controller continues with the active law. A later change of `law` or `switching` replaces
     one that is pending. Values that are requested together are applied together.
 
     The caller requests, polls between two ticks, and carries out the `Effect` of both. Nothing
@@ -275,7 +275,7 @@ class LawChange:
                 self._controller.mechanism, code, {**in_force, **self._wanted}
             )
         elif not any(name in values for name in CHOOSES_CODE):
-            # For the law in force and, since it is in force then, for the one that comes.
+            # For the active law and for the requested one, which becomes active later.
             at_once = {n: self._wanted.pop(n) for n in values if n in self._wanted}
             self._controller.change(at_once)
             return Effect(at_once)
@@ -502,7 +502,7 @@ def _prepare_all(mechanism: Mechanism) -> None:
 
 
 def _is_first(file: int) -> bool:
-    """Lock a file for as long as this process lives; tell whether nobody has."""
+    """Lock a file until this process ends; return True if no other process has locked it."""
     try:
         import fcntl
     except ImportError:  # not on Windows

@@ -87,7 +87,7 @@ def write_law(
     values: Mapping[str, Any],
     lane: int | None = None,
 ) -> None:
-    """Write what a law's settings have beside its parameters: the nominal robot and the period."""
+    """Write the other settings of a law: the nominal robot and the control period."""
     fill(settings, 'geometry', robot.geometry, lane)
     fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
     fill(settings, 'period', period, lane)
@@ -106,7 +106,7 @@ def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
 
 
 def of_tick_before(law: Law) -> tuple[str, ...]:
-    """Return what the memory of a law has of the tick before: what begins as not-a-number."""
+    """Return the memory of a law from the previous tick: fields that start as NaN."""
     return tuple(field.name for field in _memory_fields(law) if math.isnan(field.initial))
 
 
@@ -153,7 +153,7 @@ def write_parameters(
 
 
 def _digest(law: Law) -> str:
-    """Return what tells versions of a law from elsewhere apart; '' for one of the package."""
+    """Return a digest of the source of a plug-in law; '' for a law of this package."""
     path = inspect.getsourcefile(getattr(law.torque, 'py_func', law.torque))
     if path is None or Path(path).is_relative_to(Path(__file__).parents[1]):
         return ''

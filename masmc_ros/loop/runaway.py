@@ -38,8 +38,8 @@ from numpy.typing import NDArray
 PARAMETER = Parameter(
     'runaway_detection',
     True,
-    'Whether a run-away is a fault in real time. Without it, a robot whose disturbance exceeds '
-    'its torque limits is followed on',
+    'Raise a fault if the robot runs away, in real time; false: a robot whose disturbance '
+    'exceeds its torque limits stays under control',
     read_only=False,
 )
 

@@ -110,7 +110,7 @@ class SideBySide:
         """
         Yield the signals of the runs from the first to the last tick, `block` ticks at a time.
 
-        Records (n) of `loop.signals.SIGNALS` by (component, lane). A run that diverges goes on
+        Records (n) of `loop.signals.SIGNALS` by (component, lane). A diverging run continues
         with numbers that are not finite, and leaves the others alone.
         """
         assert self.timing.last is not None

@@ -16,7 +16,7 @@
 The named signals of a tick: what passes between plant, controller, log and report.
 
 Declared here once. A run is an array of such records, one a tick; a node has one. What has a
-label is told on a topic of its own, and by that in logs, reports and exports.
+label has a topic, and thereby a place in logs, reports and exports.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Signal(Field):
     of_plant: bool = False
     """Whether the plant makes it, and not the controller."""
     label: str = ''
-    """Of its messages, and of their topic; none for what other messages tell, or none do."""
+    """Label of its messages and of their topic; empty without a topic."""
     of_torques: bool = False
     """Whether it means something only where torques are commanded."""
     title: str = ''
@@ -69,16 +69,16 @@ SIGNALS = (
            'N·m', label='raw_torque', of_torques=True),
     Signal('singular', description='Whether the task is close to singular', unit='1', kind='i8'),
 )
-"""Every signal; of those that are told, the order is that of topics, columns and plots."""
+"""All signals; the published ones are in the order of topics, columns and plots."""
 
 OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
 """Names of those that the plant makes."""
 
 INPUTS = ('position', 'velocity', 'reference')
-"""Names of those that the controller goes by."""
+"""Names of the signals that the controller reads."""
 
 TOLD = tuple(signal for signal in SIGNALS if signal.label)
-"""What the controller tells of its ticks, a topic each."""
+"""Signals that the controller publishes, one topic each."""
 
 CONTACT = (
     Signal('slip_along', description='slip in the rolling direction', unit='m/s'),
@@ -86,11 +86,11 @@ CONTACT = (
     Signal('normal_force', description='normal force', unit='N'),
     Signal('friction', description='friction', unit='N'),
 )
-"""What a plant whose wheels touch the ground tells of each of them."""
+"""Signals of each wheel in contact with the ground."""
 
 
 def inputs(now: NDArray[np.void]) -> tuple[NDArray[np.float64], ...]:
-    """Return what the controller goes by in the signals (1) of one robot, as views."""
+    """Return views of the signals (1) of one robot that the controller reads."""
     return tuple(now[name][0, :, 0] for name in INPUTS)
 
 

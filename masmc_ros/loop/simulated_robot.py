@@ -46,7 +46,7 @@ RIGID = 'rigid'
 
 PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
-"""What can move the robot: modules, which are imported when they are asked for, and classes."""
+"""Physics of the plant: modules, imported on demand, and their classes."""
 
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -65,35 +65,37 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'physics',
             RIGID,
-            'What moves the robot: its equations of motion, in which wheels cannot slip, or '
-            'MuJoCo, where they are in contact with the ground',
+            'Physics of the plant: rigid integrates the equations of motion, without slip of the '
+            'wheels; mujoco simulates their contact with the ground',
             choices=tuple(PHYSICS),
         ),
         Parameter(
             'friction',
             0.8,
-            'With MuJoCo, friction coefficient of wheels on the ground',
+            'Friction coefficient of the wheels on the ground, with MuJoCo',
             minimum=0.0,
             exclusive_minimum=True,
         ),
         Parameter(
             'castor_distance',
             0.0,
-            'With MuJoCo, how far ahead of the axle and behind it a castor without friction is, '
-            'or wheels from the middle of an omnidirectional base; 0 is half of the track, '
-            'or 0.4 m',
+            'Distance of the frictionless castors from the axle, or of the wheels from the '
+            'centre of an omnidirectional base, with MuJoCo; 0: half of the track, or 0.4 m',
             unit='m',
             minimum=0.0,
         ),
         Parameter(
             'payload.mass',
             0.0,
-            'With MuJoCo, mass that the robot picks up with its tip; 0 is none',
+            'Mass that the tip of the robot picks up, with MuJoCo; 0: none',
             unit='kg',
             minimum=0.0,
         ),
         Parameter(
-            'payload.time', 0.0, 'When it does so, rounded to control periods', unit='s',
+            'payload.time',
+            0.0,
+            'Time at which the tip picks it up, rounded to control periods',
+            unit='s',
             minimum=0.0,
         ),
         Parameter(
@@ -104,7 +106,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             length=len(mechanism.base),
         ),
         of_joints('initial_joints', f'Angles of {joints} at t = 0', 'rad'),
-        of_joints('initial_velocity', f'Rates of {joints} at t = 0', 'rad/s'),
+        of_joints('initial_velocity', f'Velocities of {joints} at t = 0', 'rad/s'),
         of_joints(
             'disturbance.amplitude',
             'Amplitude of the disturbance torque, amplitude sin(frequency t + phase)',
@@ -122,13 +124,13 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         of_joints(
             'torque_limit',
-            "Limit of each motor's torque, unknown to the controller; 0 is none",
+            "Torque limit of each motor, unknown to the controller; 0: no limit",
             'N·m',
             minimum=0.0,
         ),
         of_joints(
             'torque_rate_limit',
-            'Limit of its change per time under commanded torques; 0 is none',
+            'Limit of the rate of the commanded torques; 0: no limit',
             'N·m/s',
             broadcast=True,
             minimum=0.0,
@@ -137,8 +139,8 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ENABLE_STAMPED_CMD_VEL,
         of_joints(
             'velocity_loop.bandwidth',
-            "Bandwidth of the drives' velocity loops, which follow commanded rates, and hold the "
-            'joints where nothing is commanded',
+            "Bandwidth of the drives' velocity loops, which follow commanded velocities, and hold "
+            'the joints without a command',
             'rad/s',
             100.0,
             broadcast=True,
@@ -147,14 +149,14 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         ),
         of_joints(
             'encoder_resolution',
-            f'Step of the encoders of {joints}; 0 is exact',
+            f'Step of the encoders of {joints}; 0: exact',
             'rad',
             broadcast=True,
             minimum=0.0,
         ),
         of_joints(
             'velocity_noise',
-            'Standard deviation of the noise on the measured rates of the same joints',
+            'Standard deviation of the noise of the measured velocities of the same joints',
             'rad/s',
             broadcast=True,
             minimum=0.0,
@@ -167,7 +169,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             minimum=0.0,
             maximum=1.0,
         ),
-        Parameter('seed', 0, 'Which noise it is', minimum=0, maximum=4294967295),
+        Parameter('seed', 0, 'Seed of the measurement noise', minimum=0, maximum=4294967295),
     )
 
 
@@ -287,7 +289,7 @@ def write_plant(
     with_rates = takes_rates(values)
     bandwidth = np.array(values['velocity_loop.bandwidth'])
     if not with_rates:
-        # Whoever commands torques integrates as the robot needs it; drives that hold follow.
+        # With commanded torques the robot determines the step; drives that hold use it too.
         bandwidth = np.minimum(bandwidth, _BANDWIDTH_STEP * steps / period)
     for name, value in {
         'geometry': robot.geometry,
@@ -316,7 +318,7 @@ def write_plant(
 def write_start(
     memory: records.Records, robot: Robot, values: Mapping[str, Any], lane: int | None = None
 ) -> None:
-    """Write the state that checked values of `parameters` begin with."""
+    """Write the initial state of checked values of `parameters`."""
     position = robot.start(values['initial_pose'], values['initial_joints'])
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)

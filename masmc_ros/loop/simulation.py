@@ -57,7 +57,7 @@ class Simulation:
         """
         Take the checked parameter values of every node, by node name.
 
-        `changes` of the controller are made on the way, in order of their ticks. It begins
+        `changes` of the controller are applied during the run, in order of their ticks. It starts
         active or not, by `active_on_start`. Raises InputError where they do not fit together.
         """
         plant, control = values['plant'], values['controller']

@@ -34,26 +34,26 @@ TIMING = (
         exclusive_minimum=True,
         maximum=1.0,
     ),
-    Parameter('duration', 0.0, 'Length of the run; 0 is endless', unit='s', minimum=0.0),
+    Parameter('duration', 0.0, 'Duration of the run; 0: until interrupted', unit='s', minimum=0.0),
 )
 
 LATE_TICKS = 2
 """Ticks of real time that a plant makes up for at once when the wall clock has run ahead.
 
-The torque at hand acts through all of them, and a law can do with only so much of that: by more
+The last torque acts through all of them, and a law tolerates only a few such ticks: by more
 than this the robot's time falls behind instead.
 """
 
 
 MOST_TICKS = 100_000
-"""Ticks in a second, and steps of integration in a tick, beyond which nobody can mean them."""
+"""Largest plausible numbers of ticks per second and of integration steps per tick."""
 
 _LONGEST = 2**31
 """Stamps of ROS 2 end before so many s."""
 
 
 def check_count(count: Decimal, most: int, name: str, value: float, what: str) -> None:
-    """Refuse a parameter's value by InputError where it makes more of something than can be."""
+    """Raise InputError if a parameter's value gives an implausibly large number."""
     if count > most:
         raise InputError(f'{name} = {value!r}: {_text(count)} {what}; expected at most {most}')
 

@@ -45,7 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 NANOSECOND_DIGITS = 9
 
 LABEL_SIZE = slice(len(ENCAPSULATION) + 4, len(ENCAPSULATION) + 8)
-"""Where a message holds the size of its first label."""
+"""Place of the size of the first label in a message."""
 
 _SECOND_DIGITS = 10
 
@@ -83,7 +83,7 @@ class _Form:
             self.parts.unpack(message) for message in layout.messages(data_offset=[0, joints])
         )
         self.before, self.after = usual[0], (usual[2], void[2])
-        """What is before the digits; what is after them, and where the command is void."""
+        """Bytes before and after the digits, and those of a void command."""
 
 
 class CommandKind:
@@ -249,7 +249,7 @@ class LabelledCdr:
         return b''.join((form.before, self._digits, form.after[self.is_void], self._numbers))
 
     def is_finite(self) -> bool:
-        """Tell whether every number is finite."""
+        """Return True if every number is finite."""
         return all_finite(self.data.tolist())
 
     def load(self, raw: bytes) -> bool:
@@ -338,7 +338,7 @@ EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)
 """Torques in N m, labelled `effort@SECONDS.NANOSECONDS`."""
 
 ARM_VELOCITY = CommandKind('arm velocity command', 'rate', 'velocity@', RATED_JOINTS)
-"""Rates in rad/s, labelled `velocity@SECONDS.NANOSECONDS`; the base's come beside, as a twist."""
+"""Velocities in rad/s, labelled `velocity@SECONDS.NANOSECONDS`; the base has a twist."""
 
 
 class EffortCdr(LabelledCdr):

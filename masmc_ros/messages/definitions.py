@@ -15,7 +15,7 @@
 """
 Message definitions of ROS 2 Jazzy: their text and hash, as a log keeps them.
 
-Those of the package's own topics lie beside this file, as `tools/definitions.py` writes them.
+Those of the package's own topics are next to this file, written by `tools/definitions.py`.
 """
 
 from __future__ import annotations

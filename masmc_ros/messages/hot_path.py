@@ -66,7 +66,7 @@ def _forms(layout: Layout, *constant: str) -> Bytes:
 
 @formula
 def _is_like(raw: Any, forms: Any) -> bool:
-    """Tell whether bytes are a message of these forms, whatever they align with."""
+    """Return True if bytes are a message of these forms; padding bytes are ignored."""
     template, mask = forms[0], forms[1]
     if len(raw) != len(template):
         return False
@@ -203,7 +203,7 @@ def _write_command(stamp: int, numbers: Any, places: Any, message: Any) -> None:
 
 
 def _command_places(layout: Layout) -> Places:
-    """Return in which byte of a command its stamp begins and ends, and its numbers begin."""
+    """Return the bytes of a command at which its stamp starts and ends, and its numbers start."""
     characters, data = layout.places['characters'], layout.places['data']
     return np.array([characters.start, characters.stop, data.start])
 
@@ -231,7 +231,7 @@ class CommandReader:
         return stamp
 
     def _is_of_another_size(self, raw: bytes) -> bool:
-        """Tell whether the label is of another size than the last one, and go by it if so."""
+        """Return True if the label has another size than the last one, and adopt that."""
         form = self._kind.form_of_label(raw[LABEL_SIZE])
         if form is None or form.layout is self._layout:
             return False

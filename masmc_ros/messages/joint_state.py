@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FIELDS = ('position', 'velocity', 'effort')
-"""Of which a joint state has a number for each joint."""
+"""Fields of a joint state with a number for each joint."""
 
 _REMEDY = 'set velocity_source to estimated for a robot that measures positions alone'
 
@@ -78,14 +78,14 @@ class JointStateCdr(StampedMessage):
         self._order: list[int] = []
 
     def is_finite(self) -> bool:
-        """Tell whether every position and velocity is a finite number."""
+        """Return True if every position and velocity is a finite number."""
         return all_finite(self.position.tolist() + self.velocity.tolist())
 
     def check(
         self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None
     ) -> None:
         """
-        Refuse positions and velocities of `joints` that are not finite, by InputError.
+        Raise InputError for positions and velocities of `joints` that are not finite.
 
         With `unknown_velocity` that takes the place of such velocities instead.
         """
@@ -119,7 +119,7 @@ class JointStateCdr(StampedMessage):
             `names`; what is held of the others stays.
         unknown_velocity
             what to take for velocities that are absent or not finite; None
-            refuses them.
+            rejects them.
 
         Raises
         ------

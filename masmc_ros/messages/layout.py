@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where everything stands in a CDR message whose strings and sizes are known."""
+"""Layout of a CDR message with known strings and sizes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def checked_stamp(stamp_ns: int) -> int:
 
 
 def all_finite(numbers: list[float]) -> bool:
-    """Tell whether every number is finite; quick for a few."""
+    """Return True if every number is finite; fast for a few."""
     # A sum is finite only where every number is; it overflows before they do.
     return isfinite(sum(numbers)) or all(map(isfinite, numbers))
 
@@ -196,11 +196,11 @@ class Layout:
         return self._rest.unpack(self.template)
 
     def equals(self, raw: bytes) -> bool:
-        """Tell whether `raw` is such a message with zeros for all aligning bytes."""
+        """Return True if `raw` is such a message with zeros for all padding bytes."""
         return len(raw) == self.size and self._rest.unpack(raw) == self._template_rest
 
     def matches(self, raw: bytes) -> bool:
-        """Tell whether `raw` is such a message, whatever its aligning bytes hold."""
+        """Return True if `raw` is such a message; padding bytes are ignored."""
         return self.equals(raw) or (
             len(raw) == self.size
             and int.from_bytes(raw, 'little') & self._mask_number == self._template_number
@@ -269,7 +269,7 @@ class Message:
     Attributes
     ----------
     words
-        all of the message as float64, of which the first ends with the encapsulation header.
+        the message as float64; the first number ends with the encapsulation header.
 
     """
 

@@ -54,7 +54,7 @@ def multi_array_layout(dimensions: Sequence[tuple[str, int]], data_offset: int) 
 
 def labelled_layout(label: str, characters: int, count: int) -> Layout:
     """
-    Return the layout of `count` numbers whose label goes on behind `label`.
+    Return the layout of `count` numbers whose label continues after `label`.
 
     Its fields are `characters`, of the rest of the label, `data_offset`, and `data`.
     """

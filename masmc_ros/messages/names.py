@@ -21,13 +21,13 @@ from masmc_ros.robot.names import all_joints
 from masmc_ros.robot.registry import DEFAULT
 
 JOINTS = all_joints(DEFAULT)
-"""Of a joint state, where nothing else is told."""
+"""Default joint names of a joint state."""
 DRIVEN_JOINTS = JOINTS[len(DEFAULT.base):]
 RATED_JOINTS = DRIVEN_JOINTS[len(DEFAULT.twist):]
 """Those that are commanded rates of their own where rates are."""
 
 TASK_AXES = len(DEFAULT.axes)
-"""Of a reference, where nothing else is told."""
+"""Default axes of a reference."""
 
 DERIVATIVES = 3
 """Position (m), velocity (m/s) and acceleration (m/s^2) of a reference."""
@@ -45,7 +45,7 @@ ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
 TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in TOLD}
-"""Label of each telemetry message and its number of values, where nothing else is told."""
+"""Label of each telemetry message and its default number of values."""
 
 
 def telemetry_topic(label: str) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node says on `NODE/parameters`: its parameters in force, and events, as JSON."""
+"""Messages on `NODE/parameters`: the current parameters, and events, as JSON."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _INTEGERS = range(-(2**63), 2**63)
 
 class ParameterRecord(NamedTuple):
     """
-    The parameters of a node in force from one tick on.
+    Parameters of a node that apply from a tick on.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ParameterRecord(NamedTuple):
 
     @property
     def is_start(self) -> bool:
-        """Whether the node tells what it started with."""
+        """Return True if the record has the parameters of the start."""
         return not self.changed and not self.event
 
     @property

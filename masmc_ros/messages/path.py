@@ -44,7 +44,7 @@ def path_layouts(frame: str) -> tuple[Layout, Layout, Layout]:
 
 
 def _pose(frame: str, position: int) -> Layout:
-    """Return the layout of a pose that begins at a place of the message."""
+    """Return the layout of a pose that starts at a place of the message."""
     layout = Layout(position)
     layout.stamp()
     layout.string(frame)

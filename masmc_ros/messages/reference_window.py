@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 STAMP_NUMBERS = 3
-"""How many numbers come before the samples: seconds, nanoseconds, sample period."""
+"""Number of entries before the samples: seconds, nanoseconds, sample period."""
 
 LABELS = ('samples', 'derivative', 'task')
 _SECONDS = 2.0**31
@@ -176,7 +176,7 @@ def _window(numbers: NDArray[np.float64], axes: int) -> ReferenceWindow:
         )
     if (len(samples) - 1) * period >= _SECONDS:
         raise InputError(
-            f'reference: {len(samples)} samples {period:g} s apart go on beyond 2**31 s'
+            f'reference: {len(samples)} samples {period:g} s apart end beyond 2**31 s'
         )
     return ReferenceWindow(int(seconds) * NANOSECONDS + int(nanoseconds), period, samples)
 

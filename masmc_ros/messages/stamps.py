@@ -45,7 +45,7 @@ _STAMPED = (
 
 def header_stamp(raw: bytes) -> int:
     """
-    Return the stamp in ns of a message that begins with a header or a time.
+    Return the stamp in ns of a message that starts with a header or a time.
 
     Raises InputError where the message is too short for one, and for one that is no time.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controller tells of itself: one vector per tick as std_msgs/Float64MultiArray."""
+"""Telemetry of the controller: one vector per tick as std_msgs/Float64MultiArray."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 STAMP_NUMBERS = 2
-"""How many numbers come before the values: seconds and nanoseconds."""
+"""Number of entries before the values: seconds and nanoseconds."""
 
 _STAMP_PAIR = struct.Struct('<2d')
 

@@ -70,7 +70,7 @@ def _in_unit(signal: Signal) -> str:
 
 
 def parameters_topic(node: str) -> str:
-    """Return the topic on which a node tells its parameters in force."""
+    """Return the topic of a node's current parameters."""
     return f'{node}/parameters'
 
 
@@ -87,7 +87,7 @@ def transforms_topic(namespace: str, frame_prefix: str) -> str:
     """
     Return where a robot sends its transforms.
 
-    Robots share /tf where prefixes tell their frames apart. Where nothing but the namespace
+    Robots share /tf if prefixes distinguish their frames. If only the namespace
     does, each has a topic of its own.
     """
     is_shared = frame_prefix or namespace == '/'
@@ -159,7 +159,7 @@ TOPICS = (
             parameters_topic(node),
             'std_msgs/msg/String',
             f'{node} →',
-            'parameters in force as JSON, at the start and at every change with its first tick'
+            'current parameters as JSON, at the start and at every change with its first tick'
             + ('; resets and activations too' if node == 'controller' else ''),
             holds=True,
         )
@@ -208,7 +208,7 @@ TOPICS = (
     ),
     TRANSFORMS,
 )
-"""What the nodes of this package publish."""
+"""Topics that the nodes of this package publish."""
 
 SYSTEM_TOPICS = (
     Topic('/rosout', 'rcl_interfaces/msg/Log', 'all →', 'log messages'),
@@ -220,4 +220,4 @@ SYSTEM_TOPICS = (
         is_latched=False,
     ),
 )
-"""What every ROS 2 node publishes; recorded too."""
+"""Topics that every ROS 2 node publishes; they are recorded too."""

@@ -127,7 +127,7 @@ def first_names(frame_prefix: str, frames: Frames = DEFAULT.frames) -> tuple[byt
 
 def is_of_robot(raw: bytes, frame_prefix: str) -> bool:
     """
-    Tell whether a TFMessage speaks of a robot whose frames have this prefix.
+    Return True if a TFMessage is about a robot whose frames have this prefix.
 
     It does so where parent or child is the robot's own: `map` to `left/odom` is of `left/`.
     A robot without a prefix has the frames without one.

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How numbers are computed: compiled formulas, portable functions, tuples and records."""
+"""Numerical foundations: compiled formulas, portable functions, tuples and records."""

@@ -42,7 +42,7 @@ _DAMAGED = (
     TypeError,
     ValueError,
 )
-"""What unpickling raises of a file that is not whole, or of something that is no more."""
+"""Errors of unpickling a damaged file, or one with removed names."""
 
 
 class CodeFiles:
@@ -68,7 +68,7 @@ class CodeFiles:
     def save(self, key: Any, data: Any) -> None:
         """Save what was made under a key."""
         content = dumps((self._made_of, key, data))
-        # Whoever reads meanwhile has the file before or this one, both whole.
+        # A concurrent reader gets the previous file or this one, both complete.
         descriptor, temporary = tempfile.mkstemp(dir=self._folder, prefix=f'{self._name}.tmp.')
         try:
             with open(descriptor, 'wb') as file:

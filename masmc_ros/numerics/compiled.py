@@ -74,7 +74,7 @@ class _RareCollections(event.Listener):
     def on_start(self, event: event.Event) -> None:
         usual = gc.get_threshold()
         self._usual.append(usual)
-        # Zero is never, for whoever wants that.
+        # Zero disables the collection.
         gc.set_threshold(usual[0] and max(usual[0], 20_000), *usual[1:])
 
     def on_end(self, event: event.Event) -> None:
@@ -103,7 +103,7 @@ class Formula:
 
     @property
     def _numba_type_(self) -> Any:
-        """What compiled code sees in the place of this object."""
+        """Function that compiled code uses in place of this object."""
         return self._compiled._numba_type_
 
     @cached_property
@@ -144,7 +144,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def is_interpreted(kernel: Any) -> bool:
-    """Tell whether formulas run as they stand, without a compiler."""
+    """Return True if formulas run as Python, without a compiler."""
     return not hasattr(kernel, 'compile')
 
 
@@ -194,7 +194,7 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
     settings: Any = config  # its attributes are made when it is imported
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_cache_directory())
     try:
-        # Nobody calls by C's conventions, and a wrapper for it takes long to compile.
+        # No caller uses C's conventions, and a wrapper for them takes long to compile.
         options = {'error_model': 'numpy', 'cache': True, 'no_cfunc_wrapper': True, **options}
         compiled = njit(**options)(function)
     finally:
@@ -209,7 +209,7 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
 
 def machine_code(name: str, *contents: str) -> Path:
     """
-    Return the path of a file beside the machine code of these sources for this machine.
+    Return the path of a file next to the compiled code of these sources for this machine.
 
     `contents` tell what else that code was made from. Numba keeps it apart by where the sources
     are, too.

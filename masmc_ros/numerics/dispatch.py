@@ -16,7 +16,7 @@
 Functions of a contract: which formula is meant is chosen by the type of the first argument.
 
 A contract (of mechanisms, of laws, of reaching terms) names functions and says what they
-take and return. Whoever fulfils it is an object with formulas of these names. The choice is
+take and return. An implementation is an object with formulas of these names. The choice is
 made when a kernel is compiled, by the type of what is passed first: the class of a named
 tuple, or a tag in the type of a record. It costs nothing when the kernel runs.
 """

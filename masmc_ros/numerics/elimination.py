@@ -26,7 +26,7 @@ _NO_PIVOT = 1.0e300
 @formula
 def solve_definite(n: int, work: Any) -> None:
     """
-    Solve A x = b in place: `work` (n, n + 1) is A and b beside it, and then has x in b's place.
+    Solve A x = b in place: `work` (n, n + 1) is [A, b], and then has x in the place of b.
 
     By elimination without pivoting. Where A is only semi-definite an entry whose pivot is not
     positive is zero.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is declared of a field of a record; the records themselves are in `record.py`."""
+"""Declaration of a field of a record; the records are in `record.py`."""
 
 from __future__ import annotations
 

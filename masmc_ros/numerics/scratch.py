@@ -16,7 +16,7 @@
 Arrays to work in, which end with the function that asks for them.
 
 They lie on the stack, where making one costs nothing; one from the heap costs as much as a
-hundred products. Whoever makes one hands it to others, but never returns it nor keeps it.
+hundred products. Its creator passes it on to other functions, but neither returns nor keeps it.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
 def array_over(
     compiler: Compiler, kind: types.Array, room: Any, lengths: list[Any], owner: Any = None
 ) -> Any:
-    """Return an array of numbers that lie somewhere, which belong to somebody or to nobody."""
+    """Return an array over existing memory; without an owner it is not reference-counted."""
     context, build = compiler.context, compiler.builder
     own = context.make_array(kind)(context, build)
     size = context.get_constant(types.intp, context.get_abi_sizeof(room.type.pointee))

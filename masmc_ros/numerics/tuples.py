@@ -51,7 +51,7 @@ def _is_tuple(kind: types.Type) -> bool:
 
 
 def is_array(kind: types.Type) -> bool:
-    """Tell whether a vector of this type is an array."""
+    """Return True if a vector of this type is an array."""
     return isinstance(kind, types.Array)
 
 

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a parameter is: its declaration, its check, its documentation and its file."""
+"""Parameters: declaration, check, documentation and files."""

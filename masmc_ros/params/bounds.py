@@ -30,7 +30,7 @@ class Bounds:
     exclusive_maximum: bool
 
     def contain(self, value: float) -> bool:
-        """Tell whether a number is finite and within the bounds."""
+        """Return True if a number is finite and within the bounds."""
         if not math.isfinite(value):
             return False
         if self.minimum is not None and (

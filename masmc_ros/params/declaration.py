@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a parameter is: name, type, default, range and the check of its values."""
+"""Declaration of a parameter: name, type, default, range and the check of its values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from masmc_ros.params.text import yaml_text
 
 Value = bool | int | float | str | tuple[float, ...] | tuple[str, ...]
 Values = dict[str, Any]
-"""Checked value by parameter name; the declaration says of which type."""
+"""Checked value by parameter name, of the declared type."""
 
 Kind = Literal['', 'bool', 'integer', 'double', 'string', 'doubles', 'strings']
 
@@ -166,7 +166,7 @@ class Parameter:
         value
             as a parameter file, a ROS 2 node or a command line gives it.
         integers_for_doubles
-            take `1` where `1.0` is meant. ROS 2 refuses that for a
+            take `1` where `1.0` is meant. ROS 2 rejects that for a
             parameter of static type; a broadcast parameter takes it always.
 
         Returns
@@ -202,7 +202,7 @@ class Parameter:
         return coerced
 
     def _mixed(self, value: object) -> str:
-        """Tell of an array that has become a string, as `ros2` makes it where types differ."""
+        """Return a hint for an array passed as a string, as `ros2` does with mixed types."""
         array = _ARRAY.fullmatch(value) if isinstance(value, str) else None
         if array is None or self.kind != 'doubles':
             return ''

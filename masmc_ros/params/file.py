@@ -48,7 +48,7 @@ class ParameterFile:
         return {parameter: value for parameter, (value, _) in self._merged(name, namespace)}
 
     def places(self, name: str, namespace: str = '/') -> dict[str, str]:
-        """Where each value of `for_node` stands, as 'path:line: ' in front of a message."""
+        """Place of each value of `for_node`, as 'path:line: ' in front of a message."""
         return {
             parameter: f'{self.path}:{line}: '
             for parameter, (_, line) in self._merged(name, namespace)

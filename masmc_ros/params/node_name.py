@@ -26,7 +26,7 @@ _WILDCARDS = ('*', '**')
 
 def complaint(pattern: str) -> str:
     """
-    Tell what rcl refuses about a node name in a parameter file.
+    Return the reason for which rcl rejects a node name in a parameter file.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _token_complaint(token: str, limit: int) -> str:
 
 
 def is_wildcard(pattern: str) -> bool:
-    """Tell whether a pattern is for nodes of any name, as `/**` and `/left/*` are."""
+    """Return True if a pattern applies to nodes of any name, such as `/**` and `/left/*`."""
     return pattern.rpartition('/')[2] in _WILDCARDS
 
 
@@ -76,7 +76,7 @@ def qualified(name: str, namespace: str = '/') -> str:
 
 def matches(pattern: str, qualified_name: str) -> bool:
     """
-    Tell whether a block of a parameter file is for a node.
+    Return True if a block of a parameter file applies to a node.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _SETTLING = 0.5
 """Time in s in which the robot comes to rest on wheels and castors before it starts."""
 
 _CALM = 0.95
-"""What one step of that leaves of the motion up and down."""
+"""Share of the vertical motion that remains after one step of settling."""
 
 _UPRIGHT = 0.95
 """Least cosine of the base's tilt: beyond it the robot has fallen over."""
@@ -123,7 +123,7 @@ class ContactRobot(SimulatedRobot):
             )
 
     def _rates(self) -> NDArray[np.float64]:
-        """Return the rates of the mechanism's joints, of which a base's own are in its frame."""
+        """Return the velocities of the mechanism's joints; those of a base are in its frame."""
         rates: NDArray[np.float64] = self._data.qvel[self._parts.rates]
         return np.concatenate([self._base_rates(), rates]) if self._parts.forces else rates
 
@@ -150,11 +150,11 @@ class ContactRobot(SimulatedRobot):
 
     @property
     def _is_lost(self) -> bool:
-        """Tell whether MuJoCo has had numbers too large to go on with."""
+        """Return True if MuJoCo met numbers that are too large."""
         return any(self._data.warning[each].number for each in _LOST)
 
     def _settle(self) -> None:
-        """Put the robot where it begins, standing still on what touches the ground, and let go."""
+        """Put the robot at its start, at rest on its wheels."""
         data, memory, parts = self._data, self.memory[0], self._parts
         start, velocity = memory['position'][:, 0].copy(), memory['velocity'][:, 0].copy()
         x, y, self._yaw = start[:self._base]
@@ -187,7 +187,7 @@ class ContactRobot(SimulatedRobot):
         memory['rates'][:, 0] = rates
 
     def _see(self, holds: bool = False) -> bool:
-        """Measure the state; tell whether it is finite."""
+        """Measure the state; return True if it is finite."""
         moved = self.settings, self.memory, self.delayed, self.tick, self.now, holds
         self._observe = self._observe or bound(plant_observe, *moved)
         return self._observe(*moved)

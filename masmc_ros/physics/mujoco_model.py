@@ -56,7 +56,7 @@ _ROLLER = 1.0e-3
 """Friction of rollers along the axle as a part of the wheel's: zero for all that moves."""
 
 _FLATNESS = 1.0e-3
-"""Length of what touches the ground as a part of the radius: it tells where the axle points."""
+"""Length of the contact cylinder as a part of the radius; it defines the axle direction."""
 
 _SOFTNESS = 0.004
 """Time constant of contacts in s: 20 kg sink in by 10 um, and wheels creep by 0.1 mm/s."""
@@ -158,7 +158,7 @@ def contact_model(
     # Of two frictions it means that in the first direction, which is the axle's.
     option.impratio = _IMPEDANCE_RATIO * (_ROLLER**2 if has_rollers else 1.0)
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # Who goes on from zero after a failure would tell of no failure.
+    # A reset to zero after a failure would hide the failure.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.worldbody.add_geom(
         name='ground', type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0], condim=1,

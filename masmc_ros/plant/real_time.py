@@ -47,7 +47,7 @@ class RealTime(PlantCore):
         *,
         waits: bool,
     ) -> None:
-        """Initialise as `PlantCore`; with `waits` time begins with the first command."""
+        """Initialise as `PlantCore`; with `waits` time starts with the first command."""
         super().__init__(robot, timing, values, commands)
         self._runs = not waits
         self._woken = self._repeated = 0.0
@@ -56,7 +56,7 @@ class RealTime(PlantCore):
         self._logged: dict[str, float] = {}
 
     def begin(self, now: float) -> Actions:
-        """Publish the first state; time runs, or begins with the first command."""
+        """Publish the first state; time runs, or starts with the first command."""
         self._set_anchor(now)
         return super().begin(now)
 

@@ -97,7 +97,7 @@ def _approach_sample(
 
 @kernel
 def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bool:
-    """Tell whether a reference does not go on from where it was `time` s before."""
+    """Return True if a reference does not continue that of `time` s before."""
     steps = False
     n = len(now) // 3
     for i in range(n):
@@ -111,7 +111,7 @@ class Approach:
     """
     Joins the reference from wherever the robot is, at a bounded speed.
 
-    A new approach begins when one is asked for, and, where the reference is watched, when it
+    A new approach starts on request and, if the reference is watched, when it
     steps: by more than 0.05 s of `speed` in position, or by more than `speed` in velocity.
 
     Attributes
@@ -144,7 +144,7 @@ class Approach:
         self._is_due = self.is_on = self._speed > 0.0
 
     def watch(self, stamp: int, reference: Array) -> None:
-        """Begin where the reference steps; to be called with every one, stamps in ns."""
+        """Begin an approach if the reference steps; to be called with every one, stamps in ns."""
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:

@@ -56,18 +56,18 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )  # fmt: skip
     return (
         Parameter(
-            'arc.start', start, 'Where it begins; other axes than those of the circle stay there',
+            'arc.start', start, 'Start of the arc; axes outside the plane of the circle stay',
             unit=units, length=len(start),
         ),
         Parameter(
-            'arc.centre', (0.0,) * dimensions, 'A point of the axis about which it goes',
+            'arc.centre', (0.0,) * dimensions, 'Point on the axis of the circle',
             unit='m', length=dimensions,
         ),
         *((normal,) if dimensions == _SPACE else ()),
-        Parameter('arc.angle', 2.0 * math.pi, 'How far it goes about the axis', unit='rad'),
-        Parameter('arc.delay', 0.0, 'When it sets out', unit='s', minimum=0.0),
+        Parameter('arc.angle', 2.0 * math.pi, 'Angle of the arc about the axis', unit='rad'),
+        Parameter('arc.delay', 0.0, 'Time at which the motion starts', unit='s', minimum=0.0),
         Parameter(
-            'arc.duration', 10.0, 'How long it takes',
+            'arc.duration', 10.0, 'Duration of the motion',
             unit='s', minimum=0.0, exclusive_minimum=True,
         ),
     )  # fmt: skip
@@ -100,7 +100,7 @@ class Arc:
         u = x - along * nx, y - along * ny, z - along * nz
         if not any(u):
             raise InputError(
-                f'arc.start: {list(start)} is on the axis of the circle; expected one beside it'
+                f'arc.start: {list(start)} is on the axis of the circle; expected one off the axis'
             )
         w = ny * u[2] - nz * u[1], nz * u[0] - nx * u[2], nx * u[1] - ny * u[0]
         self._circle = np.array([u, w])[:, :dimensions].copy()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a type of trajectory is: the contract of those built in and plugged in."""
+"""Interface of a trajectory type, built in or plugged in."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Declared = tuple[Parameter, ...] | Callable[[Mechanism], tuple[Parameter, ...]]
-"""What a type of trajectory declares: parameters, or a function of the mechanism for them."""
+"""Declarations of a trajectory type: parameters, or a function of the mechanism."""
 
 
 class Reference(Protocol):
@@ -47,6 +47,6 @@ class Reference(Protocol):
 
 
 def made(kind: type[Reference], values: Mapping[str, Any], mechanism: Mechanism) -> Reference:
-    """Return a trajectory of a type from checked values; InputError for those that it refuses."""
+    """Return a trajectory of a type from checked values; InputError if it rejects them."""
     of: Callable[[Mapping[str, Any], Mechanism], Reference] | None = getattr(kind, 'of', None)
     return kind(values) if of is None else of(values, mechanism)

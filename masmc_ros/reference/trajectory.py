@@ -54,7 +54,7 @@ def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 _AT_ONCE = 128
-"""Times of which a path is sampled at once."""
+"""Number of times at which a path is sampled at once."""
 
 
 class LineSine:

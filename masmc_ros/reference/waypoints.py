@@ -16,7 +16,7 @@
 Through points at given times, from rest to rest: at rest in each of them, or smoothly through all.
 
 Where it does not stop, the path is the one of least jerk through its points: of all that are at
-them at their times and begin and end at rest, that with the least integral of the squared third
+them at their times and start and end at rest, that with the least integral of the squared third
 derivative (Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
 predicts the speed profiles of complex arm movements). That is a spline of degree five whose
 derivatives are continuous up to the fourth. Where it stops, it goes in straight lines, each of
@@ -50,16 +50,17 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     units = ', '.join(dict.fromkeys(axis.unit for axis in mechanism.axes))
     return (
         Parameter(
-            'waypoints.times', (0.0,), 'When it is at each point, one after the other',
+            'waypoints.times', (0.0,), 'Times at which the path passes the points, ascending',
             unit='s', minimum=0.0,
         ),
         Parameter(
             'waypoints.points', mechanism.default('line_sine.offset', 'axes'),
-            'The points, one after the other, with a number for each task axis', unit=units,
+            'Coordinates of the points, one point after the other, with a number for each task '
+            'axis', unit=units,
         ),
         Parameter(
             'waypoints.stops', False,
-            'Whether it stops at each point, with straight lines from one to the next',
+            'Stop at each point and connect the points by straight lines',
         ),
     )  # fmt: skip
 

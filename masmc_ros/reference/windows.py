@@ -16,8 +16,8 @@
 The reference as the controller receives it: windows of samples sent ahead of time.
 
 It has one owner at a time. Windows, once they cover the present, are a trajectory that runs: a
-set-point is refused until they have ended. A set-point that holds is replaced by windows that
-begin to cover the present.
+set-point is rejected until they have ended. A set-point that holds is replaced by windows that
+start to cover the present.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _ON_GRID_NS = 2
 """A sample this close to the stamp asked for is used as it is: stamps are rounded to 1 ns."""
 
 _KEPT_NS = 10_000_000_000
-"""How long windows are kept after their end, for a plant that is set back a little."""
+"""Time for which windows are kept after their end, for a plant that is set back a little."""
 
 _MOST = 1000
 """Windows that are kept at once; of more, the first that came goes."""
@@ -71,7 +71,7 @@ class Window:
         return out
 
     def covers(self, stamp: int, beyond: float = _ON_GRID_NS) -> bool:
-        """Tell whether a stamp lies between start and end, or `beyond` them by less, in ns."""
+        """Return True if a stamp in ns is within start and end, or less than `beyond` outside."""
         return self.start - beyond <= stamp <= self.end + beyond
 
 

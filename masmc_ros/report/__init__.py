@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What logged runs say: `report.write_report` for people, `export.write_export` for programs."""
+"""Results of logged runs: `report.write_report` for people, `export.write_export` for code."""

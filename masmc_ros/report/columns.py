@@ -33,7 +33,7 @@ class Column(NamedTuple):
     """A column."""
 
     name: str
-    """What stands above it; it ends with the unit."""
+    """Head of the column; it ends with the unit."""
     unit: str
     """With `per` for a stroke, and no points or raised figures."""
 
@@ -99,7 +99,7 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
     yield _columns('applied_effort', driven, efforts), run.applied_effort
     if not run.commands_rates:
         yield _columns('command', driven, efforts), run.torque
-    # What drives are told that take no torques.
+    # Commands of drives that follow velocities.
     if len(run.cmd_vel) or len(run.arm_rates):
         twist = mechanism.twist
         names = [each.name.replace(' ', '_') for each in twist]

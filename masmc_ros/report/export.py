@@ -172,4 +172,4 @@ FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {
     'parquet': _write_parquet,
     'npz': _write_npz,
 }
-"""What writes a run, by the name of the format and of its files."""
+"""Writers of a run by format, which is also the suffix of the files."""

@@ -37,7 +37,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Raise InputError where it can be told, without writing, that a folder cannot be made."""
+    """Raise InputError if a folder evidently cannot be created; write nothing."""
     there = folder
     while not os.path.lexists(there) and there != there.parent:
         there = there.parent

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which files of a folder a report made, so that the next one leaves none of them behind."""
+"""List of the files that a report wrote, for the next report to remove."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def remove_stale(folder: Path, earlier: Iterable[Entry], names: Iterable[str]) -
     """
     Remove files of an earlier report that are none of this one's, by their names.
 
-    What somebody has changed since is left.
+    Files that were changed since are kept.
     """
     kept = set(names)
     for digest, name in earlier:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The platform's pose where it comes as odometry, beside joint states without base joints."""
+"""Platform pose from odometry, for joint states without base joints."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 OLDEST_POSE_NS = 100_000_000
-"""How far in ns odometry may be from a joint state that it is carried on to."""
+"""Largest age in ns of odometry that is extrapolated to a joint state."""
 
 _FLAT = 1e-3
 """Largest tilt, as the sine of half its angle, and largest error of a quaternion's length."""
@@ -34,7 +34,7 @@ class BasePose:
     The latest odometry, carried on to the stamps of the joint states.
 
     Odometry comes less often than joint states. In between the twist is taken as constant:
-    the platform goes on along an arc of its circle. Yaw is unwound, so that it never steps
+    the platform continues along an arc of its circle. Yaw is unwound, so that it never steps
     by a whole turn.
 
     Attributes

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a mechanism is called and has: everything but its formulas, for whoever needs no compiler.
+Declaration of a mechanism: everything except its formulas, for code without a compiler.
 
-The contract as a whole is told in `mechanism.py`.
+The whole interface is in `mechanism.py`.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ URDF = 'robot.urdf'
 SPEED_LIMITS = Parameter(
     'robot.speed_limits',
     (),
-    'Largest speeds of joints in rad/s or m/s, each as a name and a number, such as '
-    '[arm_joint_1 2.0]; they replace those of the URDF, and 0 is no limit',
+    'Speed limits of joints in rad/s or m/s, each as a name and a number, such as '
+    '[arm_joint_1 2.0]; they replace those of the URDF; 0: no limit',
 )
 """Parameter of every node that needs the robot, whatever kind of robot it is."""
 
@@ -75,7 +75,7 @@ class Coordinate(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """What a number is: a task axis, a base inertial parameter, a commanded velocity."""
+    """Meaning of a number: a task axis, a base inertial parameter, a commanded velocity."""
 
     name: str
     """Such as x_E or yaw_inertia; words are joined by underscores."""
@@ -113,13 +113,13 @@ class Point(NamedTuple):
     title: str
     """As titles call it."""
     first: int
-    """Which task axis is its x, or the first of its axes."""
+    """Index of the task axis of its x, or of the first of its axes."""
     size: int = 2
-    """How many axes it has."""
+    """Number of its axes."""
     unit: str = 'm'
     """m or rad."""
     is_place: bool = True
-    """Whether they are x and y, of which a path can be drawn."""
+    """True if they are x and y, which give a path to draw."""
 
     @property
     def axes(self) -> slice:
@@ -128,7 +128,7 @@ class Point(NamedTuple):
 
     @property
     def small_unit(self) -> str:
-        """Return the thousandth of its unit, in which errors are told."""
+        """Return the thousandth of its unit, the unit of errors in tables."""
         return f'm{self.unit}'
 
 
@@ -205,7 +205,7 @@ class Outline(NamedTuple):
     """Of `base_link`, m."""
     shapes: tuple[Shape, ...]
     below: float
-    """How far below the origin nothing is drawn any more, m."""
+    """Lowest drawn height below the origin in m."""
     text: float
     """Height to leave for a text there, m."""
 
@@ -231,7 +231,7 @@ class Mechanism:
     twist
         velocities of the base that are commanded where rates are.
     points
-        what errors are told of; paths are drawn of those that are places.
+        points whose errors are reported; those that are places have a drawn path.
     groups
         of joints, for figures.
     frames
@@ -240,7 +240,7 @@ class Mechanism:
     parameters : sequence
         of the robot, lengths and masses, named `robot.`.
     law_parameters : sequence
-        of the controller, which laws on such a robot have beside their own.
+        of the controller, additional ones of every law on such a robot.
     point_frame
         child frame of the first point; that of the last transform where it is empty.
     lengths
@@ -336,7 +336,7 @@ class Mechanism:
 
     @property
     def places(self) -> tuple[Point, ...]:
-        """Return the points of which a path can be drawn."""
+        """Return the points with a path to draw."""
         return tuple(point for point in self.points if point.is_place)
 
     @property

@@ -15,7 +15,7 @@
 """
 The contract of a mechanism: what the laws and the plant ask of a kind of robot.
 
-A mechanism has *joints* that take a torque, *positions* of which the first few are the base's
+A mechanism has *joints* that take a torque, *positions*, the first of which are the base's
 pose and the others the joints' positions, *axes* of its task, as many as joints or fewer, and
 *parameters* theta in which its dynamics are linear. Its equations are written in velocities of
 its own choice, `motion`, a constant linear map of the joints' rates, with the forces conjugate to
@@ -25,7 +25,7 @@ What it is called and has, without formulas, is a `Mechanism` (`declaration.py`)
 module with the formulas: all of this file, under these names. They are chosen by the type of
 `model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
 units, radians; world frame and REP-103 where a formula speaks of a task. `like` is a vector as
-long as the result. Built-in mechanisms stand beside this file, others come by entry points
+long as the result. Built-in mechanisms are next to this file, others come by entry points
 (`registry.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reachable_surface` nor
@@ -34,7 +34,7 @@ A mechanism without redundancy and without speed limits needs neither `reachable
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
 
-Beside the formulas the module has, in plain Python or as kernels over arrays:
+In addition to the formulas the module has, in plain Python or as kernels over arrays:
 
     MODEL                             the class of the named tuple of lengths
     constants(values)                 lengths and theta, two tuples, of values by the names of the
@@ -232,7 +232,7 @@ def forces_from_task(model: Any, posture: Any, force: Numbers, like: Numbers) ->
 
 @of_model
 def is_singular(model: Any, posture: Any) -> bool:
-    """Tell whether J of a square task cannot be inverted as it is; asked by `square_task`."""
+    """Return True if J of a square task cannot be inverted undamped; called by `square_task`."""
 
 
 @of_model
@@ -266,7 +266,7 @@ def theta_step(
 
 @of_model
 def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
-    """Tell whether `theta_step` leaves a theta that bodies can have, with nothing to project."""
+    """Return True if `theta_step` keeps theta physically possible, without a projection."""
 
 
 @of_model
@@ -332,4 +332,4 @@ def dead_reckoned(model: Any, pose: Numbers, turned: Numbers) -> Numbers:
 
 @of_model
 def counts_turns(model: Any, resolution: Numbers) -> bool:
-    """Tell whether the encoders by which the base's pose is reckoned have a finite resolution."""
+    """Return True if the encoders for the base's pose have a finite resolution."""

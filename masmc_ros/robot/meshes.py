@@ -23,7 +23,7 @@ from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.urdf import read_urdf
 
 _SUFFIXES = {'.dae', '.glb', '.gltf', '.obj', '.ply', '.stl'}
-"""Of meshes: whoever is shown a robot gets no other files for being told their names."""
+"""Suffixes of mesh files; a viewer gets no other files of this machine."""
 
 
 def mesh_files(description: str) -> dict[str, Path]:

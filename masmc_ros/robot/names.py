@@ -54,7 +54,7 @@ def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str
 
 
 def _are_joint_names(mechanism: Mechanism, names: Sequence[str]) -> bool:
-    """Tell whether a robot may have joints of these names: all of them, or the driven ones."""
+    """Return True if a robot may have joints of these names: all of them, or the driven ones."""
     whole = joint_names_of(mechanism, names)
     taken = {*whole, *mechanism.fixed_joints}
     return (
@@ -83,7 +83,7 @@ PREFIX = (
     Parameter(
         'frame_prefix',
         '',
-        'Put before the name of every frame, such as left/, where several robots are shown',
+        'Prefix of the name of every frame, such as left/, if several robots are shown',
     ),
 )
 """Parameter of every node that names frames."""

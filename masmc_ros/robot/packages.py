@@ -73,7 +73,7 @@ def resource_path(uri: str, folder: Path | None = None) -> Path:
 
 def _folders(name: str) -> Iterator[Path]:
     """Yield the folders of a package of a name."""
-    # Wheels may have a prefix of their own beside Python's packages.
+    # Python wheels may have a separate prefix next to Python's packages.
     own = [Path(sys.prefix), *(Path(each, 'cmeel.prefix') for each in sys.path if each)]
     for prefix in [*_listed('AMENT_PREFIX_PATH'), *own]:
         if (prefix / _INDEX / name).is_file():

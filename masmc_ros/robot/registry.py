@@ -15,7 +15,7 @@
 """
 All mechanisms by name: those of this folder, and users' own.
 
-A new one is a file or folder beside the others and one line here, or in a package of its own
+A new one is a file or folder next to the others and one line here, or in a package of its own
 an entry point.
 """
 
@@ -95,9 +95,9 @@ def parameters() -> tuple[Parameter, ...]:
         Parameter(
             NAME,
             DEFAULT.name,
-            'Kind of robot, which has its own robot parameters',
+            'Type of robot; each type has its own robot parameters',
             choices=names(),
         ),
-        Parameter(URDF, '', 'File of a URDF, or its text: any robot, in place of those kinds'),
+        Parameter(URDF, '', 'URDF file, or its text: any robot, in place of the built-in types'),
         SPEED_LIMITS,
     )

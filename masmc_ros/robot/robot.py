@@ -47,7 +47,7 @@ class Robot:
     """A robot as the formulas take it."""
 
     mechanism: Mechanism
-    """What kind it is of."""
+    """Type of the robot."""
     values: Mapping[str, Any]
     """Its own parameters by name, without `robot.`."""
     geometry: Array
@@ -74,7 +74,7 @@ class Robot:
 
     @cached_property
     def frame_origins(self) -> Array:
-        """Where each frame is in its parent, (frames, 3) in m; zero what moves in the world."""
+        """Position of each frame in its parent, (frames, 3) in m; zero in the world frame."""
         found: Array = self.mechanism.formulas.frame_origins(self.geometry)
         return found
 

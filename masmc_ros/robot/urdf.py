@@ -17,7 +17,7 @@ Robot descriptions in URDF: links, joints, and the line on which each stands.
 
 What the package needs of a description is read, and nothing else: inertias, joints and where
 meshes are. Errors name link or joint and line. Text of XML beyond that (document types, and
-with them entities) is refused; files of other programs (xacro) are named as what they are.
+with them entities) is rejected; files of other programs (xacro) are named as such.
 """
 
 from __future__ import annotations
@@ -272,7 +272,7 @@ def _keep(among: dict[str, Any], named: Any, where: str) -> None:
 
 
 class _Reader:
-    """Reads elements; what cannot be read is refused with its line."""
+    """Reads elements; an error names the line."""
 
     def __init__(self, where: str) -> None:
         self._where = where

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which parameters each node declares. Knows nothing of ROS: offline commands read it too."""
+"""Parameter declarations of each node, without ROS: offline commands use them as well."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ PACING = ('lockstep', 'realtime')
 _PACING = Parameter(
     'pacing',
     'realtime',
-    'The plant advances when the command for the present state arrives, or by the wall '
-    'clock; a controller of real hardware: realtime',
+    'lockstep: the plant advances when the command to the last state arrives; realtime: it '
+    'advances with time. A controller of real hardware needs realtime',
     choices=PACING,
 )
 
 
 def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
-    """Return what a file may give to all nodes at once, needed there or not."""
+    """Return the parameters that a file may set for all nodes, needed by each of them or not."""
     return (
         *TIMING,
         *PREFIX,
@@ -60,7 +60,7 @@ _PLANT_NODE = (
     Parameter(
         'real_time_factor',
         1.0,
-        'Simulated seconds per second with realtime pacing',
+        'Speed of the simulated time relative to real time, with pacing realtime',
         minimum=0.01,
         maximum=100.0,
         read_only=False,
@@ -68,7 +68,7 @@ _PLANT_NODE = (
     Parameter(
         'command_timeout',
         0.1,
-        'With realtime pacing, a command older than this is none: the drives hold',
+        'Age from which a command is ignored and the drives hold, with pacing realtime',
         unit='s',
         minimum=0.0,
         exclusive_minimum=True,
@@ -76,7 +76,7 @@ _PLANT_NODE = (
     Parameter(
         'wait_for',
         ('controller',),
-        'Nodes of the same namespace without which the run does not begin',
+        'Nodes of the same namespace for which the plant waits before the run starts',
     ),
     Parameter(
         'odom_decimation',
@@ -87,13 +87,13 @@ _PLANT_NODE = (
     Parameter(
         'clock_decimation',
         1,
-        'Ticks between two messages on clock, which is /clock without a namespace; 0: no messages',
+        'Ticks between two messages on clock (/clock without a namespace); 0: no messages',
         minimum=0,
     ),
     Parameter(
         'tf_decimation',
         1,
-        'Ticks between two messages on /tf, or on tf in a namespace without a frame_prefix; '
+        'Ticks between two messages on /tf, or on tf of the namespace if frame_prefix is empty; '
         '0: no messages',
         minimum=0,
     ),
@@ -103,21 +103,21 @@ _LATEST_START = 2e9
 """Time in s: stamps end some years later."""
 
 _MOST = 1e9
-"""Size in MB or time in s that no recording reaches."""
+"""Largest size in MB and time in s of a recording."""
 
 _LEAST_PART = 1.0
-"""Size in MB and time in s of a part of a recording: less makes a file of every message."""
+"""Smallest size in MB and time in s of a part; less would give one file for each message."""
 
 
 def _is_part(value: float) -> bool:
-    """Return True for the size or the time of a part, and for 0, which is one file."""
+    """Return True for a valid size or time of a part, and for 0, which disables parts."""
     return value == 0.0 or value >= _LEAST_PART
 
 
 _PART_TEXT = f'0, or a number in [{_LEAST_PART:g}, {_MOST:g}]'
 
 _SHORTEST_WINDOW = 0.001
-"""Time in s: with a horizon of 10 s there are then 10 000 windows ahead of the robot."""
+"""Shortest window in s: a horizon of 10 s then needs 10 000 windows."""
 
 _TRAJECTORY_NODE = (
     Parameter(
@@ -131,7 +131,7 @@ _TRAJECTORY_NODE = (
     Parameter(
         'horizon',
         2.0,
-        'How far ahead of the robot the reference is sent',
+        'Time ahead of the robot for which the reference is published',
         unit='s',
         minimum=_SHORTEST_WINDOW,
         maximum=10.0,
@@ -139,8 +139,8 @@ _TRAJECTORY_NODE = (
     Parameter(
         'start_time',
         0.0,
-        'Stamp at which the trajectory begins; negative: the stamp of the first state after '
-        'the controller has become active',
+        'Stamp at which the trajectory starts; negative: stamp of the first state after the '
+        'activation of the controller',
         unit='s',
         maximum=_LATEST_START,
     ),
@@ -159,21 +159,21 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'active_on_start',
             True,
-            'Whether the controller moves the robot from the start; otherwise ~/enable does it',
+            'Activate the controller at the start; false: ~/enable activates it',
         ),
         FAULT_ACTION,
         RUNAWAY_DETECTION,
         Parameter(
             'pose_source',
             'joint_states',
-            "Where the platform's pose comes from: the joints base_..._joint, or odom",
+            "Source of the platform's pose: the joints base_..._joint of joint_states, or odom",
             choices=('joint_states', 'odom') if mechanism.is_planar else ('joint_states',),
         ),
         Parameter(
             'state_timeout',
             0.1,
-            'In real time, a fault when no usable state has come for so long, or for five control '
-            'periods if that is longer',
+            'Time without a usable state after which the controller raises a fault, in real time; '
+            'at least five control periods',
             unit='s',
             minimum=0.0,
             exclusive_minimum=True,
@@ -183,7 +183,7 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'reference_timeout',
             0.0,
-            'In real time, a fault when the reference has ended for so long; 0 holds for ever',
+            'Time from the end of the reference to a fault, in real time; 0: hold indefinitely',
             unit='s',
             minimum=0.0,
             maximum=1e6,
@@ -192,31 +192,31 @@ def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
         Parameter(
             'approach_speed',
             0.25,
-            'Speed per task axis at which the controller goes to a reference that it is away '
-            'from, in real time and when it is enabled; 0 jumps',
+            'Speed per task axis of the approach to a distant reference, in real time and after '
+            '~/enable; 0: no approach, the error steps',
             unit='m/s',
             minimum=0.0,
         ),
         Parameter(
             'approach_on_start',
             False,
-            'Whether a run in lock-step or by masmc simulate starts with an approach, as runs in '
-            'real time always do; runs side by side start on the reference',
+            'Start with an approach in lock-step and in masmc simulate; runs in real time always '
+            'do, parallel runs never',
         ),
     )
 
 
 _RECORDER_NODE = (
     Parameter(
-        'output', '.', 'File to record into (*.mcap), or folder for a file named by the time'
+        'output', '.', 'Output file (*.mcap), or a folder for a file named by date and time'
     ),
-    Parameter('overwrite', False, 'Replace a file that is there already'),
+    Parameter('overwrite', False, 'Replace an existing file'),
     Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
-    Parameter('extra_topics', (), 'Further topics to record, as they turn up'),
+    Parameter('extra_topics', (), 'Additional topics to record, as soon as they exist'),
     Parameter(
         'flush_period',
         0.2,
-        'Time after which what came is on the disk, whatever happens to the recorder',
+        'Longest time until a received message is on disk, also if the recorder is killed',
         unit='s',
         minimum=0.01,
         maximum=3600.0,
@@ -224,7 +224,7 @@ _RECORDER_NODE = (
     Parameter(
         'max_size',
         0.0,
-        'Size at which a new part of the recording begins, in a folder; 0 is one file',
+        'Size at which a new part of the recording starts, in a folder; 0: one file',
         unit='MB',
         minimum=0.0,
         maximum=_MOST,
@@ -234,7 +234,7 @@ _RECORDER_NODE = (
     Parameter(
         'max_duration',
         0.0,
-        'Time on the log at which a new part of the recording begins; 0 is one file',
+        'Recorded time at which a new part of the recording starts; 0: one file',
         unit='s',
         minimum=0.0,
         maximum=_MOST,
@@ -244,7 +244,7 @@ _RECORDER_NODE = (
     Parameter(
         'queue_size',
         64.0,
-        'Messages that wait for a slow or full disk; what comes on top is counted and lost',
+        'Size of the queue for a slow or full disk; further messages are counted and lost',
         unit='MB',
         minimum=1.0,
         maximum=_MOST,
@@ -253,13 +253,13 @@ _RECORDER_NODE = (
 
 _LIVE_NODE = (
     Parameter(
-        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0 is reachable from other machines'
+        'host', '127.0.0.1', 'Address to listen on; 0.0.0.0: reachable from other machines'
     ),
-    Parameter('port', 8765, 'Port to listen on; 0 is any free one', minimum=0, maximum=65535),
+    Parameter('port', 8765, 'Port to listen on; 0: any free port', minimum=0, maximum=65535),
     Parameter(
         'rate',
         60.0,
-        'How often the topics that come every tick are shown',
+        'Rate of the messages shown of topics that are published every tick',
         unit='Hz',
         minimum=1.0,
         maximum=1000.0,
@@ -267,7 +267,7 @@ _LIVE_NODE = (
     Parameter(
         'max_viewers',
         16,
-        'Number of viewers that get messages; further ones wait until one of them leaves',
+        'Number of viewers that receive messages; further viewers wait until one disconnects',
         minimum=1,
         maximum=1000,
     ),
@@ -277,13 +277,13 @@ _FROM_RCL = ('use_sim_time', 'start_type_description_service')
 _QOS_OVERRIDES = 'qos_overrides.'
 
 _SLIP = 0.85
-"""Likeness to a known name from which on another one is a slip, not somebody else's."""
+"""Similarity to a known name from which an unknown one is taken for a misspelling."""
 
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
 
 def declared(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
-    """Return the declarations of a node by its name, for a mechanism."""
+    """Return the parameters that a node declares for a mechanism."""
     common = shared(mechanism)
     if node == 'plant':
         return (*common, *simulated_robot.parameters(mechanism), *_PLANT_NODE)
@@ -297,7 +297,7 @@ def declared(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Para
 
 
 def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[str]:
-    """Names that a node accepts without declaring them: shared ones that it does not need."""
+    """Return the shared parameters that a node accepts and does not need."""
     names = frozenset(p.name for p in shared(mechanism))
     return names - {p.name for p in declared(node, mechanism)}
 
@@ -306,16 +306,24 @@ def drop_foreign(
     node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
 ) -> list[str]:
     """
-    Take out of what a node is given what is not for it, and return what is for nobody here.
+    Remove the values of other nodes; return the names that no node of this package knows.
 
-    `shared` are the names that stand under wildcards such as `/**`, which nodes of other
-    packages read too. `where` is as in `check_all`. What the node is to refuse stays.
+    Parameters
+    ----------
+    node
+        Name of the node.
+    given
+        Values by name. Unknown names outside wildcards stay, so that the node rejects them.
+    shared
+        Names under wildcards such as `/**`, which nodes of other packages read as well.
+    where
+        Places of the values, as in `check_all`.
 
     Raises
     ------
     InputError
-        for a name under a wildcard that is a slip of a known one, and for
-        quality of service, which cannot be overridden.
+        If a name under a wildcard is a misspelling of a known one, or overrides a quality of
+        service.
 
     """
     mechanism = mechanisms.chosen(given)
@@ -334,14 +342,14 @@ def drop_foreign(
             foreign.append(name)
         elif name.startswith(_QOS_OVERRIDES):
             raise InputError(
-                f'{place}{name}: the quality of service of these nodes is fixed, lest runs lose '
-                'messages or stand still; remove it'
+                f'{place}{name}: the quality of service of these nodes is fixed, since runs could '
+                'lose messages or stop; remove it'
             )
     return foreign
 
 
 def foreign_text(names: Collection[str]) -> str:
-    """Tell of names under wildcards that none of the nodes knows."""
+    """Return a line about names under wildcards that no node knows."""
     return f'{", ".join(names)}: no parameter of this package, without effect on its nodes'
 
 

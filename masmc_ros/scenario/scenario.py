@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One parameter file and the command line's settings, as the values of every node."""
+"""Values of every node from a parameter file and the settings of a command line."""
 
 from __future__ import annotations
 
@@ -46,29 +46,43 @@ import numpy as np
 Values = dict[str, Any]
 
 _OF_ROBOT = 'robot.'
-"""What names of parameters begin with that say what the robot is."""
+"""Prefix of the parameters that describe the robot."""
 
 _MOST_MISSING = 1000
-"""Ticks to a state in a log that lacks most of them."""
+"""Ticks per state above which a log lacks most of its states."""
 
 _UNSTATED_DURATION = 20.0
-"""Length in s of an offline run of which nothing says how long it is; nodes are then endless."""
+"""Duration in s of an offline run without a `duration`; nodes then run until interrupted."""
 
 _ABSENT = {'plant': {'torque_rate_limit': 0.0}}
-"""What held in logs that do not tell a parameter, where that is not its default."""
+"""Values for logs that lack a parameter, if they differ from its default."""
 
 
 def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     """
-    Read a parameter file as the nodes would, settings on top, defaults below.
+    Read a parameter file as the nodes do; settings replace its values.
 
-    `settings` are NAME=VALUE as on the command line, NAME being NODE.parameter or a shared
-    one, which then holds for every node. Returns checked values by node name. Raises
-    InputError for what a node would refuse.
+    Parameters
+    ----------
+    path
+        Parameter file.
+    settings
+        NAME=VALUE of the command line. NAME is NODE.parameter, or a shared parameter, which
+        then applies to every node.
+
+    Returns
+    -------
+        Checked values by node name.
+
+    Raises
+    ------
+    InputError
+        If a node would reject a value.
+
     """
     file = read(path)
     extra = _settings(settings, file.for_node('plant'))
-    # Of every node, also of one that needs no robot and only passes its parameters over.
+    # For every node: one that needs no robot skips the parameters of its mechanism.
     robot = {n: value for n, value in extra['plant'].items() if n.startswith(_OF_ROBOT)}
     scenario = {}
     for node in NODES:
@@ -76,13 +90,13 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
         given, places = dict(start.values), start.places
         mechanism = chosen(given)
         for name in accepted(node, mechanism) & given.keys():
-            # Shared parameters are checked where they stand, needed by this node or not.
+            # Shared parameters are checked in the file, needed by this node or not.
             value = given.pop(name)
             if name not in extra['plant']:
                 _check_shared(mechanism, name, value, places[name])
         drop_foreign(node, given, start.shared, places)
         declarations = declared(node, mechanism)
-        # A value that a setting replaces is not checked: a node does not see it either.
+        # A value that a setting replaces is not checked, as a node does not receive it.
         kept = {name: value for name, value in given.items() if name not in extra[node]}
         values = check_all(declarations, kept, places)
         names = {parameter.name: parameter for parameter in declarations}
@@ -98,7 +112,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
 
 
 def activation(scenario: Mapping[str, Values]) -> list[Change]:
-    """Return what a simulation of a file needs that nobody enables: the controller enabled."""
+    """Return the activation of a controller that is inactive at the start: no user enables it."""
     return [] if scenario['controller']['active_on_start'] else [Change(0, {}, ACTIVATED)]
 
 
@@ -106,15 +120,23 @@ def logged_scenario(
     run: Run, settings: Iterable[str] = ()
 ) -> tuple[dict[str, Values], list[Change]]:
     """
-    Return a run's parameters and changes, so that it can be computed again.
+    Return the parameters and changes of a run, with which it can be computed again.
 
-    It is as long as its log. `settings` as in `load_scenario`; a parameter of the controller
-    that is set there is not changed on the way.
+    Parameters
+    ----------
+    run
+        Logged run; the computed one has its length.
+    settings
+        As in `load_scenario`. Later changes of a controller parameter that is set are skipped.
+
+    Returns
+    -------
+        Checked values by node name, and the changes of the controller.
 
     Raises
     ------
     InputError
-        where the log does not tell them, or tells what this version does not know.
+        If the log lacks them, or has values that this version does not know.
 
     """
     for node in PARAMETER_NODES:
@@ -145,14 +167,14 @@ def logged_scenario(
         begun = ~np.isnan(run.reference).any(axis=1)
         when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
         raise InputError(
-            f'{run.path}: its path begins {when}; only a run that follows it from its first'
+            f'{run.path}: its path starts {when}; only a run that follows it from its first'
             ' state on can be computed again'
         )
     return scenario, _controller_changes(run, without=extra['controller'])
 
 
 def _check_timing(values: Values, path: str, node: str) -> None:
-    """Refuse times with which there is no run, as the node does."""
+    """Raise InputError if no run has these times, as the node does."""
     try:
         Timing.from_values(values)
     except InputError as error:
@@ -160,17 +182,17 @@ def _check_timing(values: Values, path: str, node: str) -> None:
 
 
 def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
-    """Check that the path begins with the robot, as the simulation lets it."""
+    """Raise InputError if the path starts later than the robot."""
     start = scenario['trajectory']['start_time']
     if start > 0.0:
         raise InputError(
-            f'{place}: trajectory: start_time = {start}: a simulated path begins with the robot;'
+            f'{place}: trajectory: start_time = {start}: a simulated path starts with the robot;'
             ' expected 0 or a negative number'
         )
 
 
 def _controller_changes(run: Run, without: Values) -> list[Change]:
-    """Return what changed of the controller, checked, some parameters left out."""
+    """Return the checked changes of the controller, except those of some parameters."""
     mechanism = chosen(run.parameters['controller'])
     known = {parameter.name: parameter for parameter in declared('controller', mechanism)}
     changes = []
@@ -196,19 +218,19 @@ def _length(run: Run) -> float:
 
 
 def _check_length(run: Run, timing: Timing) -> None:
-    """Refuse a log whose time has not begun at 0, or that has next to no states."""
+    """Raise InputError if the time of a log does not start at 0, or if it has few states."""
     if (timing.last or 0) > _MOST_MISSING * len(run.times):
         raise InputError(
             f'{run.path}: its {len(run.times)} states end at t = {run.times[-1]:g} s, after'
-            f' {timing.last} ticks; only a run whose time begins at 0 can be computed again'
+            f' {timing.last} ticks; only a run whose time starts at 0 can be computed again'
         )
 
 
 def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
     """
-    Return one line for each block of a file, and one for all names, that no node here knows.
+    Return a line for each block of a file that applies to no node, and one for unknown names.
 
-    `settings` as in `load_scenario`: which names nodes know depends on the robot.
+    `settings` as in `load_scenario`: the robot determines the known names.
     """
     file = read(path)
     told = _settings(settings, file.for_node('plant'))['plant']
@@ -231,7 +253,7 @@ def _check_shared(mechanism: Mechanism, name: str, value: Any, place: str) -> No
 
 
 def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
-    """Sort NAME=VALUE settings by node; `plant` is what else that node is given."""
+    """Return NAME=VALUE settings by node; `plant` has the other values of that node."""
     sorted_: dict[str, Values] = {node: {} for node in NODES}
     parsed = [(setting, *_parsed(setting)) for setting in settings]
     of_robot = {name: value for _, name, value in parsed if name.startswith(_OF_ROBOT)}
@@ -267,7 +289,7 @@ def _parsed(setting: str) -> tuple[str, FileValue]:
 
 
 def _meant(mechanism: Mechanism, name: str) -> str:
-    """Tell which parameter an unknown name may mean: one without its node above all."""
+    """Return a suggestion for an unknown name, first of all one without its node."""
     common = {parameter.name for parameter in shared(mechanism)}
     full: dict[str, list[str]] = {}
     for node in NODES:

@@ -17,7 +17,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from masmc_ros.log.chunks import ChannelRows
+from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import EFFORT
@@ -102,5 +102,5 @@ def write_numbers(
         for first in range(0, len(run.stamps), window):
             stamp = int(run.stamps[first])
             samples = run.reference[first:first + window].reshape(-1, 3, 4)
-            log.write(channel, stamp, stamp, ReferenceWindow(stamp, period, samples).to_bytes())
+            log.write(channel, stamp, ReferenceWindow(stamp, period, samples).to_bytes())
     log.write_rows(sources)

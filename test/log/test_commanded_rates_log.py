@@ -48,13 +48,13 @@ def write(
         state, command = JointStateCdr(), ArmVelocityCdr()
         for tick in range(5):
             state.set_stamp(tick * TICK)
-            log.write(states, tick * TICK, tick * TICK, state.to_bytes())
+            log.write(states, tick * TICK, state.to_bytes())
         for time, message in twists:
-            log.write(platform, time, time, message.to_bytes())
+            log.write(platform, time, message.to_bytes())
         for stamp in arm:
             command.set_stamp(stamp)
             command.data[:] = stamp, -stamp
-            log.write(joints, stamp, stamp, command.to_bytes())
+            log.write(joints, stamp, command.to_bytes())
 
 
 def twist(forward: float, turn: float) -> TwistCdr:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Damaged logs: one line from every command, and recovery keeps every chunk that is there."""
+"""Damaged logs: one line from every command, and recovery keeps every complete chunk."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ import time
 from damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
-from masmc_ros.log import chunks
+from masmc_ros.log.mcap import chunks
+from masmc_ros.log.mcap.records import decompressed, RECORD_HEAD
 from masmc_ros.log.read.scan import scan
-from masmc_ros.log.records import decompressed, RECORD_HEAD
 from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
@@ -125,15 +125,14 @@ def chunks_in(data: bytes, whole: bytes) -> Iterator[list[tuple[str, int, bytes]
 
     Their definitions stand in the first chunk and in the summary: without both, of no chunk.
     """
-    place = RECORD_HEAD.size
     indexes = summaries(whole)
-    first = whole[indexes[0].chunk_start_offset + place:][: indexes[0].chunk_length - place]
+    first = whole[indexes[0].chunk_start_offset:][: indexes[0].chunk_length]
     end = whole[indexes[-1].chunk_start_offset + indexes[-1].chunk_length:]
     if not (first in data or end in data):
         return
     for index, messages in zip(indexes, contents(whole), strict=True):
-        body = whole[index.chunk_start_offset + place:][: index.chunk_length - place]
-        if body in data:
+        chunk = whole[index.chunk_start_offset:][: index.chunk_length]
+        if chunk in data:
             yield messages
 
 

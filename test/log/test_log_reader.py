@@ -119,15 +119,15 @@ def test_messages_of_other_senders_among_ours(tmp_path: Path) -> None:
         states = log.channel('/joint_states', STATE)
         commands = log.channel('/effort_commands', ARRAY)
         errors = log.channel('/controller/tracking_error', ARRAY)
-        log.write(states, 0, 0, ours.to_bytes())
-        log.write(states, 1, 1, foreign_state(10**9, order, [float(n) for n in range(8)]))
-        log.write(states, 2, 2, foreign_state(2 * 10**9, ['camera'], [1.0]))
-        log.write(commands, 0, 0, command.to_bytes())
-        log.write(commands, 10, 10, foreign_array([5.0, 6.0, 7.0, 8.0], []))
-        log.write(commands, 0, 0, foreign_array([5.0, 6.0, 7.0], []))
-        log.write(commands, 0, 0, foreign_array([9.0, 9.0, 9.0, 9.0], ['effort@3.7']))
-        log.write(errors, 0, 0, foreign_array([1.0, 5.0, 1.0, 2.0, 3.0, 4.0], ['e'], 2))
-        log.write(errors, 0, 0, foreign_array([1.0, 2.0, 3.0, 4.0], ['e']))
+        log.write(states, 0, ours.to_bytes())
+        log.write(states, 1, foreign_state(10**9, order, [float(n) for n in range(8)]))
+        log.write(states, 2, foreign_state(2 * 10**9, ['camera'], [1.0]))
+        log.write(commands, 0, command.to_bytes())
+        log.write(commands, 10, foreign_array([5.0, 6.0, 7.0, 8.0], []))
+        log.write(commands, 0, foreign_array([5.0, 6.0, 7.0], []))
+        log.write(commands, 0, foreign_array([9.0, 9.0, 9.0, 9.0], ['effort@3.7']))
+        log.write(errors, 0, foreign_array([1.0, 5.0, 1.0, 2.0, 3.0, 4.0], ['e'], 2))
+        log.write(errors, 0, foreign_array([1.0, 2.0, 3.0, 4.0], ['e']))
     run = read_run(path)
     assert run.times.tolist() == [0.0, 1.0]
     assert run.position.tolist() == [[0, 1, 2, 3, 4, 5, 6], [7, 6, 5, 4, 3, 2, 1]]
@@ -155,7 +155,7 @@ def test_log_of_ros2_itself(tmp_path: Path) -> None:
                 effort=[1.0] * 7,
             )
             message.header.stamp.nanosec = number
-            log.write(states, number, number, serialize_message(message))
+            log.write(states, number, serialize_message(message))
     run = read_run(path)
     assert run.position[:, 3].tolist() == list(range(50))
     assert (run.applied_effort == 1.0).all()
@@ -169,9 +169,9 @@ def test_set_point_of_another_sender(tmp_path: Path) -> None:
         reference = log.channel('/reference', ARRAY)
         for stamp in range(4):
             state.set_stamp(10 * stamp)
-            log.write(states, 10 * stamp, 10 * stamp, state.to_bytes())
-        log.write(reference, 20, 20, foreign_array([1.0, 2.0, 3.0, 4.0], []))
-        log.write(reference, 30, 30, foreign_array([1.0, 2.0, 3.0], []))
+            log.write(states, 10 * stamp, state.to_bytes())
+        log.write(reference, 20, foreign_array([1.0, 2.0, 3.0, 4.0], []))
+        log.write(reference, 30, foreign_array([1.0, 2.0, 3.0], []))
     run = read_run(path)
     assert run.reference is not None
     assert np.isnan(run.reference[:2]).all()
@@ -190,9 +190,9 @@ def test_last_pass_after_a_reset(tmp_path: Path) -> None:
                 state.position[0] = 10 * count + tick
                 command.set_stamp(tick * 10**9)
                 command.data[0] = 10 * count + tick
-                log.write(states, tick, tick, state.to_bytes())
-                log.write(commands, tick, tick, command.to_bytes())
-        log.write(states, 2, 2, state.to_bytes())
+                log.write(states, tick, state.to_bytes())
+                log.write(commands, tick, command.to_bytes())
+        log.write(states, 2, state.to_bytes())
     run = read_run(path)
     assert run.times.tolist() == [0.0, 1.0, 2.0]
     assert run.position[:, 0].tolist() == [10.0, 11.0, 12.0]
@@ -211,12 +211,12 @@ def test_in_real_time_a_late_state_is_no_reset(tmp_path: Path, pacing: str) -> N
     with LogWriter(path) as log:
         states = log.channel('/joint_states', STATE)
         parameters = log.channel('/controller/parameters', 'std_msgs/msg/String')
-        log.write(parameters, 0, 0, string_message(began.to_text()))
+        log.write(parameters, 0, string_message(began.to_text()))
         for place, tick in enumerate([0, 1, 2, 3, 6, 4, 7, 8]):
             state.set_stamp(tick * 10_000_000)
-            log.write(states, place, place, state.to_bytes())
+            log.write(states, place, state.to_bytes())
             if place == 2:
-                log.write(parameters, place, place, string_message(changed.to_text()))
+                log.write(parameters, place, string_message(changed.to_text()))
     run = read_run(path)
     if pacing == 'realtime':
         assert run.times.tolist() == [0.0, 0.01, 0.02, 0.03, 0.06, 0.07, 0.08]
@@ -232,7 +232,7 @@ def test_several_records_of_one_name(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with LogWriter(path) as log:
         states = log.channel('/joint_states', STATE)
-        log.write(states, 0, 0, JointStateCdr().to_bytes())
+        log.write(states, 0, JointStateCdr().to_bytes())
         log.metadata('change', {'tick': '1'})
         log.metadata('change', {'tick': '2'})
     assert read_run(path).metadata == {'change': [{'tick': '1'}, {'tick': '2'}]}
@@ -297,7 +297,7 @@ def test_refused_contents(tmp_path: Path) -> None:
         path = tmp_path / 'run.mcap'
         with LogWriter(path) as log:
             for topic, type_name, raw in channels:
-                log.write(log.channel(topic, type_name), 0, 0, raw)
+                log.write(log.channel(topic, type_name), 0, raw)
         with pytest.raises(InputError) as caught:
             read_run(path)
         return str(caught.value).removeprefix(f'{path}: ')
@@ -375,8 +375,8 @@ def test_reference_window_off_the_grid(tmp_path: Path) -> None:
     with LogWriter(path) as log:
         states = log.channel('/joint_states', STATE)
         reference = log.channel('/reference', ARRAY)
-        log.write(reference, 0, 0, ReferenceWindow(0, 0.1, samples).to_bytes())
-        log.write(states, 123_456_789, 123_456_789, state.to_bytes())
+        log.write(reference, 0, ReferenceWindow(0, 0.1, samples).to_bytes())
+        log.write(states, 123_456_789, state.to_bytes())
     run = read_run(path)
     assert run.reference is not None
     expected = [0.123456789] * 4 + [1.0] * 4 + [0.0] * 4

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import arrived_records, ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS
 from masmc_ros.log.qos import LATCHED, Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import CHUNK_SIZE, LogWriter
@@ -278,7 +278,7 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
             metadata = {'offered_qos_profiles': Qos().to_yaml(), 'topic_type_hash': type_hash}
             writer.register_channel(topic, 'cdr', schema, metadata)
         writer.add_metadata('origin', {'law': 'smc'})
-        writer.add_message(2, 7, b'first', 5)
+        writer.add_message(2, 7, b'first', 7)
         messages = [
             (int(stamp), place, index)
             for place, source in enumerate(sources)
@@ -289,7 +289,7 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
             writer.add_message(source.channel, stamp, source.rows[index].tobytes(), stamp)
         writer.flush()
         writer.add_attachment(3, 3, 'robot.urdf', 'application/xml', b'<robot/>')
-        writer.add_message(1, 8, b'last', 9)
+        writer.add_message(1, 8, b'last', 8)
         writer.finish()
 
 
@@ -313,11 +313,11 @@ def test_the_bytes_are_those_of_the_library(
     with LogWriter(ours, compression) as log:
         one, other = (log.channel(topic, STATE, Qos()) for topic in ('/one', '/other'))
         log.metadata('origin', {'law': 'smc'})
-        log.write(other, 7, 5, b'first')
+        log.write(other, 7, b'first')
         log.write_rows(sources)
         log.commit()
         log.attach('robot.urdf', 'application/xml', b'<robot/>', 3)
-        log.write(one, 8, 9, b'last')
+        log.write(one, 8, b'last')
     assert ours.read_bytes() == theirs.read_bytes()
 
 
@@ -334,7 +334,7 @@ def test_messages_of_all_sizes_at_once_are_those_one_by_one(
                 log.channel(topic, STATE, Qos())
             if path is paths[0]:
                 for channel, stamp, data in messages:
-                    log.write(channel, stamp, stamp, data)
+                    log.write(channel, stamp, data)
                 continue
             records, first = arrived_records(messages), 0
             while first < len(messages):
@@ -361,7 +361,7 @@ def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
         'log = LogWriter(sys.argv[1], live=True)\n'
         'channel = log.channel("/text", "std_msgs/msg/String")\n'
         'for number in range(100):\n'
-        '    log.write(channel, number, number, b"message")\n'
+        '    log.write(channel, number, b"message")\n'
         'log.commit()\n'
         'print("flushed", flush=True)\n'
         'time.sleep(60)\n'

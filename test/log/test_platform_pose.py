@@ -68,7 +68,7 @@ def without_base_joints(
                     for field in ('name', 'position', 'velocity', 'effort') * (type_name == STATE):
                         setattr(message, field, getattr(message, field)[3:])
                     data = bytes(STORE.serialize_cdr(message, type_name))
-                writer.write(channel, time, time, data)
+                writer.write(channel, time, data)
     return path
 
 

@@ -163,14 +163,14 @@ def test_events_of_another_version_are_not_passed_over(tmp_path: Path) -> None:
 
 
 def test_a_path_that_begins_later_than_the_robot_is_no_simulation(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r'start_time = 5\.0: a simulated path begins with'):
+    with pytest.raises(InputError, match=r'start_time = 5\.0: a simulated path starts with'):
         load_scenario(PAPER, ['trajectory.start_time=5.0'])
     load_scenario(PAPER, ['trajectory.start_time=-1.0'])
     run = read_run(logged(tmp_path))
     assert run.reference is not None
     late = run.reference.copy()
     late[run.times < 0.1] = np.nan
-    with pytest.raises(InputError, match=r'its path begins at t = 0\.1 s; only a run'):
+    with pytest.raises(InputError, match=r'its path starts at t = 0\.1 s; only a run'):
         logged_scenario(replace(run, reference=late))
     logged_scenario(run)
 

@@ -12,20 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Logs that were cut off anywhere are completed, with everything that was whole in them."""
+"""Logs that were truncated anywhere are completed, with all their complete chunks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+import errno
 import fcntl
+import os
 from pathlib import Path
 import random
+import stat
 
 from logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.chunks import ChannelRows, COMPRESSIONS
+from masmc_ros.log.mcap.records import RECORD_HEAD
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import is_complete, recover, recover_all
@@ -33,6 +37,7 @@ from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.commands import EFFORT
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
+from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 import pytest
 from rosbags.highlevel import AnyReader
@@ -119,30 +124,12 @@ def test_a_log_that_is_cut_off_anywhere(log: Whole, tmp_path: Path) -> None:
         completed = path.read_bytes()
         messages, _ = read(path)
         assert messages == log.messages[: len(messages)], size
-        chunks = log.whole_chunks(size)
-        assert len(messages) >= sum(log.counts[:chunks]), size
-        if chunks:
-            kept = log.chunks[chunks - 1].chunk_start_offset
-            assert completed[:kept] == log.data[:kept], size
+        assert len(messages) == sum(log.counts[: log.whole_chunks(size)]), size
         times = [time for _, time, _ in messages] or [0]
         assert found[:3] == (len(messages), min(times), max(times)), size
         assert is_complete(path), size
         assert recover(path) is None, size
         assert path.read_bytes() == completed, size
-
-
-def test_messages_of_the_chunk_that_was_cut_off_are_kept(log: Whole, tmp_path: Path) -> None:
-    """Of an uncompressed one all but the last; compressors hold back a block."""
-    path = tmp_path / 'run.mcap'
-    chunk = log.chunks[3]
-    path.write_bytes(log.data[: chunk.chunk_start_offset + chunk.chunk_length - 1])
-    recover(path)
-    messages, _ = read(path)
-    before = sum(log.counts[:3])
-    if chunk.compression in ('', 'none'):
-        assert len(messages) == before + log.counts[3] - 1
-    else:
-        assert len(messages) >= before
 
 
 def test_other_readers_open_what_was_recovered(log: Whole, tmp_path: Path) -> None:
@@ -224,30 +211,135 @@ def test_damaged_bytes_keep_what_is_before_and_bring_nothing_wrong(
         data[place] ^= draw.randrange(1, 256)
         path.write_bytes(data)
         recover(path)
-        completed = path.read_bytes()
         messages, _ = read(path)
-        chunks = log.whole_chunks(place)
-        assert len(messages) >= sum(log.counts[:chunks]), place
-        if chunks:
-            kept = log.chunks[chunks - 1].chunk_start_offset
-            assert completed[:kept] == log.data[:kept], place
-            before = sum(log.counts[:chunks])
-            assert messages[:before] == log.messages[:before], place
+        before = sum(log.counts[: log.whole_chunks(place)])
+        assert messages[:before] == log.messages[:before], place
+        assert set(messages) <= set(log.messages), place
         assert recover(path) is None, place
 
 
-def test_a_whole_chunk_with_a_wrong_checksum_is_left_out(tmp_path: Path) -> None:
-    """Its messages must not come back with a checksum that makes them look right."""
+@pytest.mark.parametrize('broken', [0, 4, TICKS // COMMIT - 1])
+def test_recover_damaged_chunk_skipped_and_reported(
+    log: Whole, broken: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Messages of a chunk with a wrong checksum must not appear to be right."""
     path = tmp_path / 'run.mcap'
-    record(path, 'none')
-    log = whole(path)
-    chunk = log.chunks[4]
-    data = bytearray(log.data[:-1])
+    chunk = log.chunks[broken]
+    data = bytearray(log.data)
     data[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 1
     path.write_bytes(data)
+    assert main(['recover', str(path)]) == 0
+    first, last = sum(log.counts[:broken]), sum(log.counts[: broken + 1])
+    assert read(path)[0] == log.messages[:first] + log.messages[last:]
+    times = [time for _, time, _ in log.messages[first:last]]
+    line = (
+        f'{path}: a damaged chunk was skipped, with its messages from'
+        f' {min(times) / 1e9:.3f} to {max(times) / 1e9:.3f} s\n'
+    )
+    assert line in capsys.readouterr().out
+    assert recover(path) is None
+
+
+@pytest.mark.parametrize('length', [0, 1, 2**31, 2**63])
+def test_recover_wrong_chunk_length_keeps_all_others(
+    log: Whole, length: int, tmp_path: Path
+) -> None:
+    path = tmp_path / 'run.mcap'
+    data = bytearray(log.data)
+    place = log.chunks[3].chunk_start_offset + 1
+    data[place:place + 8] = length.to_bytes(8, 'little')
+    path.write_bytes(data)
+    recover(path)
+    first, last = sum(log.counts[:3]), sum(log.counts[:4])
+    assert read(path)[0] == log.messages[:first] + log.messages[last:]
+    with path.open('rb') as stream:
+        names = [each.name for each in make_reader(stream).iter_metadata()]
+    assert names == ['origin', 'parameters']
+
+
+@pytest.mark.parametrize('size', [1000, 100_000])
+def test_recover_log_without_chunks_keeps_messages(size: int, tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/text', 'cdr', schema)
+        expected = [('/text', time, bytes(size)) for time in range(10)]
+        for _, time, message in expected:
+            writer.add_message(channel, time, message, time)
+        writer.finish()
+    assert recover(path) is None
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index(bytes(size)) + 5 * size])
     recover(path)
     messages, _ = read(path)
-    assert messages == log.messages[: sum(log.counts[:4])] + log.messages[sum(log.counts[:5]):]
+    assert messages == expected[: len(messages)]
+    assert len(messages) >= 4
+
+
+def foreign_log(path: Path, private: bytes = b'') -> bytes:
+    """Write a complete log of another program with a private record, and return its bytes."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, chunk_size=100, enable_data_crcs=not private)
+        writer.start(library='another')
+        stream.write(private)
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/text', 'cdr', schema)
+        for time in range(10):
+            writer.add_message(channel, time, bytes(60), time)
+        writer.finish()
+    return path.read_bytes()
+
+
+def test_recover_complete_foreign_log_is_unchanged(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    for private in (b'', RECORD_HEAD.pack(0x80, 7) + b'private'):
+        data = foreign_log(path, private)
+        assert recover(path) is None
+        assert path.read_bytes() == data
+
+
+def test_recover_foreign_log_with_wrong_end_is_completed(tmp_path: Path) -> None:
+    path = tmp_path / 'run.mcap'
+    whole = foreign_log(path)
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        messages = [message.data for _, _, message in reader.iter_messages()]
+        summary = reader.get_summary()
+    assert summary is not None
+    last = summary.chunk_indexes[-1]
+    start = last.chunk_start_offset + last.chunk_length + last.message_index_length
+    for place in range(start, len(whole), 11):
+        data = bytearray(whole)
+        data[place] ^= 4
+        path.write_bytes(data)
+        assert recover(path) is not None, place
+        assert [data for _, _, data in read(path)[0]] == messages, place
+
+
+def test_recover_keeps_link_and_mode(torn: Path) -> None:
+    torn.chmod(0o640)
+    link = torn.with_name('link.mcap')
+    link.symlink_to(torn.name)
+    assert recover(link) is not None
+    assert link.is_symlink()
+    assert stat.S_IMODE(torn.stat().st_mode) == 0o640
+    assert recover(torn) is None
+
+
+def test_recover_on_full_disk_leaves_log_unchanged(
+    torn: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    data = torn.read_bytes()
+    monkeypatch.setattr(os, 'fsync', full)
+    with pytest.raises(InputError, match='cannot be recovered: No space left on device'):
+        recover(torn)
+    assert torn.read_bytes() == data
+    assert [each.name for each in torn.parent.iterdir()] == [torn.name]
 
 
 def test_chunks_of_a_long_run(tmp_path: Path) -> None:
@@ -333,7 +425,7 @@ def test_a_log_that_is_being_recorded_is_refused(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with LogWriter(path, live=True) as writer:
         channel = writer.channel('/text', 'std_msgs/msg/String')
-        writer.write(channel, 1, 1, b'message')
+        writer.write(channel, 1, b'message')
         writer.commit()
         before = path.read_bytes()
         with pytest.raises(InputError, match='is being recorded; recover it when'):

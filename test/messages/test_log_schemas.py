@@ -38,7 +38,7 @@ def schemas(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
     with LogWriter(path) as log:
         for type_name in TYPES:
-            log.write(log.channel(f'/{type_name}', type_name), 0, 0, bytes(8))
+            log.write(log.channel(f'/{type_name}', type_name), 0, bytes(8))
     with path.open('rb') as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None

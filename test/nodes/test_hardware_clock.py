@@ -209,14 +209,14 @@ def test_a_clock_that_jumps_an_hour_either_way(tmp_path: Path) -> None:
         assert np.abs(torque).max() < 10.0 * calm + 1.0
         torque = robot.ticks(robot.stamp + PERIOD, 50)
         assert np.abs(torque).max() < 10.0 * calm + 1.0
-        assert robot.nodes['trajectory'].logged('INFO', 'the path begins anew')
+        assert robot.nodes['trajectory'].logged('INFO', 'the path restarts')
         # A single stamp that is wrong changes nothing for those that follow.
         here = robot.stamp
         for wrong in (here + HOUR, 0):
             robot.ticks(wrong)
             assert robot.ticks(here + PERIOD, 50).any()
             here = robot.stamp
-        assert len(robot.nodes['trajectory'].logged('INFO', 'the path begins anew')) == 1
+        assert len(robot.nodes['trajectory'].logged('INFO', 'the path restarts')) == 1
         assert robot.told == ['active']
         robot.end()
 

@@ -162,7 +162,7 @@ def test_nodes_and_simulation_agree(tmp_path: Path) -> None:
             break
         path.write_text(mutated(number), encoding='utf-8')
         taken, said = offline(path)
-        if 'a simulated path begins with the robot' in said:
+        if 'a simulated path starts with the robot' in said:
             continue  # what a node may do and a simulation cannot
         refused = refusal_of_nodes(path)
         assert taken == (refused is None), (number, said, refused)

@@ -263,7 +263,7 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
         (
             replace(paper_like(), reference=None),
             ['path', 'error_E', 'error_F', 'torque'],
-            'No reference: where',
+            'No reference: the',
         ),
         (replace(paper_like(), **BARE), ['path', 'error_E', 'error_F', 'torque'], 'No parameters'),
         (replace(without_error(paper_like()), **BARE), ['path', 'torque'], 'No errors: neither'),
@@ -314,9 +314,9 @@ def test_a_log_whose_topics_were_renamed_says_what_it_needs(
         for stamp in range(0, 40_000_000, 1_000_000):
             state.set_stamp(stamp)
             command.set_stamp(stamp)
-            writer.write(states, stamp, stamp, state.to_bytes())
-            writer.write(commands, stamp, stamp, command.to_bytes())
-            writer.write(twists, stamp, stamp, TwistCdr().to_bytes())
+            writer.write(states, stamp, state.to_bytes())
+            writer.write(commands, stamp, command.to_bytes())
+            writer.write(twists, stamp, TwistCdr().to_bytes())
     assert main(['report', str(log), '--output', str(folder)]) == 0
     (line,) = [each for each in capsys.readouterr().err.splitlines() if 'Not read' in each]
     assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
@@ -332,7 +332,7 @@ def test_a_node_that_was_started_again_is_told() -> None:
     (box,) = page(replace(paper_like(), restarted=('controller',))).root.find_all(
         'div', **{'class': 'missing'}
     )
-    assert 'controller was started again' in box.text
+    assert 'controller was restarted' in box.text
 
 
 def test_whole_log_lacks_nothing(both: Page) -> None:

@@ -68,7 +68,7 @@ class FileServer(ThreadingHTTPServer):
         return f'http://{HOST}:{self.server_port}{location}'
 
     def verify_request(self, request: Any, client_address: object) -> bool:
-        """Return True if a connection gets a thread; otherwise tell it to come again."""
+        """Return True if a connection gets a thread; otherwise respond with a retry status."""
         if threading.active_count() <= _MOST_THREADS:
             return True
         with suppress(OSError):
@@ -96,7 +96,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def do_HEAD(self) -> None:
-        """Tell how large the file is."""
+        """Respond with the size of the file."""
         self._answer(with_content=False)
 
     def do_GET(self) -> None:

@@ -55,7 +55,7 @@ def laws(*, costs: bool, as_data: bool) -> int:
         source = f' [{row["source"]}]' if row['source'] else ''
         print(f'{row["law"]:{width}}  {cost}{row["summary"]}{source}')
     if costs:
-        print('cost: of a compiled tick on this machine, and beside that of rasmc')
+        print('cost: of a compiled tick on this machine, and relative to rasmc')
     return 0
 
 

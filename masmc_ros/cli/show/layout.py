@@ -42,7 +42,7 @@ _LEGEND = 190
 """Width of legends, for names of links and joints."""
 
 _CAMERA = {'distance': 4.0, 'targetOffset': [0.8, 0.0, 0.5]}
-"""Where the robot begins, and what is before it, in m."""
+"""Start of the robot and view ahead of it, in m."""
 
 MOST_ESTIMATES = 12
 """Of more, only the masses are plotted."""
@@ -60,7 +60,7 @@ def layout(source: str, output: str) -> int:
 
 
 def mechanism_of(source: str) -> Mechanism:
-    """Return the mechanism of a parameter file, or of a log by what its plant told."""
+    """Return the mechanism of a parameter file, or of the parameters in a log."""
     if is_log(Path(source)):
         told = read_run(source).parameters
         if 'plant' not in told:

@@ -22,16 +22,15 @@ are web addresses. Viewers show the latest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-import mmap
+import os
 from pathlib import Path
 import shutil
 from typing import NamedTuple
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.chunks import indexed_chunk, OpenChunk
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import MAGIC, RECORD_HEAD, stream_of
-from masmc_ros.log.summary import read_summary
+from masmc_ros.log.mcap.chunks import arrived_records, indexed_chunk, OpenChunk
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files
@@ -51,7 +50,7 @@ class Described(NamedTuple):
 
 
 def described(path: Path) -> Described | None:
-    """Return what a log says of a robot with meshes of which some are here; None for nothing."""
+    """Return the robot description of a log with local meshes; None without one."""
     with path.open('rb') as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
@@ -79,15 +78,19 @@ def write_with_addresses(
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
-        with mmap.mmap(source.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            footer = Footer.read(stream_of(data[-_FOOTER - len(MAGIC) + RECORD_HEAD.size:]))
-            end = footer.summary_start - _DATA_END
-            summary = read_summary(data, end)
+        source.seek(-_FOOTER - len(MAGIC), os.SEEK_END)
+        footer = parsed(source.read(_FOOTER))
+        assert isinstance(footer, Footer)
+        end = footer.summary_start - _DATA_END
+        source.seek(0)
+        summary = make_reader(source).get_summary()
+        source.seek(0)
         shutil.copyfileobj(source, target)
         target.seek(end)
         target.truncate()
-        chunk, time = OpenChunk(), told.message.log_time + 1
-        chunk.add_message(told.message.channel_id, time, time, string_message(text))
+        message = told.message.channel_id, told.message.log_time + 1, string_message(text)
+        chunk = OpenChunk()
+        chunk.add_messages(arrived_records([message]), 0, 1, 0)
         stream = RecordStream(target, end, summary)
         stream.add_chunk(indexed_chunk(chunk.content(), chunk.indexes))
         stream.finish()

@@ -98,7 +98,7 @@ def _text(found: dict[str, Any]) -> str:
         *lines,
         '',
         f'task: {task}',
-        f'at the start, where a path had better begin: [{start}]',
+        f'at the start, where a path should start: [{start}]',
         *([f'masses in kg: {masses}'] if masses else []),
         *([f'outside of its limits at the start: {", ".join(wrong)}'] if wrong else []),
         '',

@@ -31,7 +31,7 @@ from masmc_ros.cli.show.file_server import FileServer, HOST
 from masmc_ros.cli.show.layout import mechanism_of, write_layout
 from masmc_ros.cli.show.meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
-from masmc_ros.log.records import check_magic, cut_off, MAGIC
+from masmc_ros.log.mcap.records import check_magic, cut_off, MAGIC
 from masmc_ros.log.recover.recover import is_complete
 from masmc_ros.robot.registry import DEFAULT
 from masmc_ros.share import shared_file
@@ -92,7 +92,7 @@ def _served(server: FileServer, path: Path, folder: Path) -> str:
 
 
 def _layout_of(path: Path) -> Path:
-    """Return the layout for the robot of a log: the paper's, unless it tells of another."""
+    """Return the layout for the robot of a log; that of the paper's robot by default."""
     with suppress(InputError):
         mechanism = mechanism_of(str(path))
         if mechanism.name != DEFAULT.name:
@@ -129,7 +129,7 @@ def _open(path: Path) -> str | None:
 
 
 def _check(path: Path) -> None:
-    """Refuse what no viewer would open."""
+    """Raise InputError for a file that no viewer would open."""
     if os.path.isdir(path):
         raise InputError(f'{path}: is a folder; name the .mcap file in it')
     try:

@@ -49,7 +49,7 @@ PARAMETERS = (
     Parameter(
         'composite_adaptation.kappa',
         0.1,
-        'Weight kappa of the prediction error beside the tracking error; 0 is rasmc',
+        'Weight kappa of the prediction error relative to the tracking error; 0: rasmc',
         unit='s',
         minimum=0.0,
         read_only=False,

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Concurrent learning: theta_hat goes on learning from what was recorded.
+Concurrent learning: theta_hat adapts to recorded data as well.
 
 The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of every period, f the forces that were
 commanded in it and H of the nominal model,
@@ -51,7 +51,7 @@ PARAMETERS = (
     Parameter(
         'concurrent_learning.kappa',
         10.0,
-        'Weight kappa of the recorded beside the tracking error; 0 is rasmc',
+        'Weight kappa of the recorded data relative to the tracking error; 0: rasmc',
         unit='s',
         minimum=0.0,
         read_only=False,
@@ -59,7 +59,7 @@ PARAMETERS = (
     Parameter(
         'concurrent_learning.forgetting',
         0.0,
-        'Rate at which the record fades; 0 is never',
+        'Rate at which the record fades; 0: never',
         unit='1/s',
         minimum=0.0,
         read_only=False,
@@ -117,7 +117,7 @@ def _add(
     weighted: tuple[Numbers, ...],
     forces: Numbers,
 ) -> None:
-    """Add to A and b, of which a part is kept."""
+    """Add to A and b, which fade."""
     information = memory['concurrent_learning_information']
     vector = memory['concurrent_learning_vector']
     n = len(rows[0])
@@ -192,7 +192,7 @@ CONCURRENT_LEARNING = register(
         MEMORY,
         learn,
         project,
-        summary='rasmc that goes on learning from what it has recorded of its own motion',
+        summary='rasmc with additional adaptation to recorded data of the motion',
         source='Chowdhary and Johnson 2010',
         most_parameters=32,
     )

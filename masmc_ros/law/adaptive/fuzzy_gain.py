@@ -55,7 +55,7 @@ PARAMETERS = (
     Parameter(
         'fuzzy_gain.span',
         0.3,
-        'Where s belongs to the outermost sets',
+        's at the centre of the outermost sets',
         unit='m/s',
         minimum=0.0,
         exclusive_minimum=True,

@@ -63,7 +63,7 @@ PARAMETERS = (
         'hybrid_network.delta',
         'joints',
         0.2,
-        'Boundary layer, and what k does not grow within',
+        'Boundary layer, within which k does not grow',
         'rad/s',
         is_positive=True,
     ),

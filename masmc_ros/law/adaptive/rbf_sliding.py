@@ -59,7 +59,7 @@ PARAMETERS = (
     Parameter(
         'rbf_sliding.rate',
         10000.0,
-        'Rate Gamma^-1 of learning',
+        'Adaptation rate Gamma^-1',
         unit='N/m',
         minimum=0.0,
         read_only=False,
@@ -67,7 +67,7 @@ PARAMETERS = (
     Parameter(
         'rbf_sliding.nu',
         0.001,
-        'Leakage nu in proportion to |s|, the inverse of the largest weight; 0 is off',
+        'Leakage nu in proportion to |s|, the inverse of the largest weight; 0: none',
         unit='1/N',
         minimum=0.0,
         read_only=False,
@@ -75,7 +75,7 @@ PARAMETERS = (
     Parameter(
         'rbf_sliding.velocity_span',
         0.5,
-        'Where xdot_r belongs to the outermost functions',
+        'xdot_r at the centre of the outermost functions',
         unit='m/s',
         minimum=0.0,
         exclusive_minimum=True,
@@ -84,7 +84,7 @@ PARAMETERS = (
     Parameter(
         'rbf_sliding.acceleration_span',
         1.0,
-        'Where xddot_r belongs to the outermost functions',
+        'xddot_r at the centre of the outermost functions',
         unit='m/s²',
         minimum=0.0,
         exclusive_minimum=True,
@@ -171,7 +171,7 @@ RBF_SLIDING = register(
         MEMORY,
         learn,
         project,
-        summary='sliding mode with a network of radial basis functions beside the model',
+        summary='sliding mode with the model and a network of radial basis functions',
         source='[5] of the paper; e-modification of Narendra and Annaswamy 1987',
         uses_switching=False,
     )

@@ -43,7 +43,7 @@ from masmc_ros.robot import mechanism
 Numbers = tuple[float, ...]
 
 PARAMETERS = (
-    PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the rates', '1/s'),
+    PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the joint velocities', '1/s'),
     PerEntry('computed_torque.k_p', 'joints', 100.0, 'Gain K_p of their integral', '1/s²'),
     SIGMA,
 )

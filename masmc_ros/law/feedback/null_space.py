@@ -61,7 +61,7 @@ PARAMETERS = (
 )
 
 _LEAST_SHARE = 1.0e-6
-"""Part of its mobility that an axis must keep beside those before it, lest it is given up."""
+"""Share of its mobility that an axis must keep next to previous axes, or it is dropped."""
 
 
 @formula

@@ -50,7 +50,7 @@ PARAMETERS = (
     Parameter(
         'momentum_observer.rate',
         200.0,
-        'Rate K_o of the observer; 0 is off',
+        'Rate K_o of the observer; 0: no observer',
         unit='1/s',
         minimum=0.0,
         read_only=False,
@@ -120,7 +120,7 @@ MOMENTUM_OBSERVER = register(
         MEMORY,
         learn,
         project,
-        summary='the model inverted in task space, less the disturbance that momentum tells of',
+        summary='inverse model in task space, less the disturbance estimated from the momentum',
         source='De Luca and Mattone 2003',
         uses_switching=False,
     )

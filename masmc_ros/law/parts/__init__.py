@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What laws are made of: surface, adaptation, limits, and the estimate of velocities."""
+"""Parts of laws: surface, adaptation, limits, and the velocity estimator."""

@@ -54,7 +54,7 @@ PARAMETERS = (
     Parameter(
         'leakage',
         0.02,
-        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0 is off',
+        'Rate at which theta_hat returns to the nominal model (sigma-modification); 0: none',
         unit='1/s',
         minimum=0.0,
         read_only=False,
@@ -62,7 +62,7 @@ PARAMETERS = (
     Parameter(
         'e_modification',
         0.0,
-        'Leakage in proportion to |s| outside the dead zone; 0 is off',
+        'Leakage in proportion to |s| outside the dead zone; 0: none',
         unit='1/m',
         minimum=0.0,
         read_only=False,
@@ -70,7 +70,7 @@ PARAMETERS = (
     Parameter(
         'dead_zone',
         0.0,
-        'Norm |s| within which nothing is learned; 0 is none',
+        'Norm |s| below which the adaptation stops; 0: no dead zone',
         unit='m/s',
         minimum=0.0,
         read_only=False,
@@ -78,7 +78,7 @@ PARAMETERS = (
     Parameter(
         'projection.lower',
         0.2,
-        'Least theta_hat as a multiple of the nominal model; 0 is no projection',
+        'Lower bound of theta_hat as a multiple of the nominal model; 0: no projection',
         minimum=0.0,
         maximum=1.0,
         exclusive_maximum=True,
@@ -87,7 +87,7 @@ PARAMETERS = (
     Parameter(
         'projection.upper',
         5.0,
-        'Largest theta_hat as a multiple of the nominal model, with projection',
+        'Upper bound of theta_hat as a multiple of the nominal model, with projection',
         minimum=1.0,
         exclusive_minimum=True,
         read_only=False,
@@ -95,11 +95,11 @@ PARAMETERS = (
     Parameter(
         'freeze_when_saturated',
         True,
-        'Learn nothing while torque_limit or torque_rate_limit cuts the torque',
+        'Stop the adaptation while torque_limit or torque_rate_limit limits the torque',
         read_only=False,
     ),
 )
-"""What lets adaptation last, whatever law adapts."""
+"""Settings that keep the adaptation of any law bounded."""
 
 Numbers = tuple[float, ...]
 
@@ -161,7 +161,7 @@ def move_into_half_space(
 
     Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
     the estimation error: no point of both comes farther away. Entries that reach their bound
-    stay there, and the others go on, at most n times.
+    stay there, and the others continue, at most n times.
     """
     for _ in range(n):
         short = bound
@@ -233,7 +233,7 @@ def adapt_along(
 
 @formula
 def project(settings: Any, memory: Any, lane: int) -> None:
-    """Move theta_hat to where bodies can have it, where a projection is in force."""
+    """Project theta_hat onto physically possible values if a projection is active."""
     lower = get(settings, 'projection_lower', lane)
     model = mechanism.model_of(settings, lane)
     if (lower > 0.0) & (not mechanism.keeps_bodies(model, settings, lane)):

@@ -33,15 +33,15 @@ PARAMETERS = (
         'torque_limit',
         'Limit of the commanded torque',
         'N·m',
-        note='; 0 is none',
+        note='; 0: no limit',
     ),
     PerEntry(
         'torque_rate_limit',
         'joints',
         'torque_rate_limit',
-        'Limit of its change per time',
+        'Limit of the rate of the commanded torque',
         'N·m/s',
-        note='; 0 is none',
+        note='; 0: no limit',
     ),
 )
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the last period tells: how the robot was accelerated, and what a model has for it.
+Acceleration of the robot in the last period, measured and according to the model.
 
 `before` is v at the tick before, not-a-number where there is none: the results are so, too.
 """

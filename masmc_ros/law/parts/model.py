@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model that laws compute with: theta_hat, what it begins as, and its torque."""
+"""Model of the laws: theta_hat, its initial value, and its torque."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ PARAMETERS = (
     Parameter(
         'model_scale',
         0.5,
-        'Nominal model as a multiple of the robot parameters, and the start of theta_hat',
+        'Nominal model, and initial theta_hat, as a multiple of the robot parameters',
         minimum=0.0,
         exclusive_minimum=True,
     ),
 )
 
 ESTIMATE = Field('estimate', 'parameters', 'theta_hat of the next tick')
-"""What was learned, whatever law learned it; a change of law takes it on."""
+"""Adapted parameters of any law; a change of law keeps them."""
 
 
 @formula

@@ -36,8 +36,8 @@ from masmc_ros.robot import mechanism
 SLIP_BACKOFF = Parameter(
     'slip_backoff',
     0.0,
-    'Slip of the base against its wheels, in m/s and rad/s together, at which the disturbance '
-    'estimate of the implicit law follows half as fast; 0 is none',
+    'Slip of the wheels, in m/s and rad/s together, at which the disturbance estimate of the '
+    'implicit law adapts at half its rate; 0: no reduction',
     unit='m/s',
     minimum=0.0,
     read_only=False,

@@ -43,7 +43,7 @@ PARAMETERS = (
     Parameter(
         'velocity_source',
         'measured',
-        'Rates as measured, or estimated from the joint angles alone',
+        'measured: joint velocities of joint_states; estimated: estimates from the joint angles',
         choices=SOURCES,
         read_only=False,
     ),
@@ -59,7 +59,7 @@ PARAMETERS = (
 )
 
 _PUSH = 0.1
-"""How fast the push follows, in proportion to what a filter of third order would have."""
+"""Rate of the disturbance estimate relative to that of a filter of third order."""
 
 
 @formula
@@ -111,7 +111,7 @@ MEMORY = (
     Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
     Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
 )
-"""What the estimator hands on to the next tick."""
+"""Memory of the estimator."""
 
 
 @formula

@@ -51,7 +51,7 @@ import numpy as np
 OBSERVER_GAIN = Parameter(
     'observer_gain',
     0.5,
-    'Gain beta of the disturbance estimate of the implicit law; 0 is off',
+    'Gain beta of the disturbance estimate of the implicit law; 0: no estimate',
     minimum=0.0,
     maximum=1.0,
     read_only=False,
@@ -187,7 +187,7 @@ def implicit_reaching(
     Solve for s+ (`following`, n, m/s) and zeta (n).
 
     s+ minimises the strictly convex function s+' A s+ / 2 - (H_x s)' s+ + sum T K_s2 |s+|,
-    A = H_x + T K_s1. A primal active-set method finds it exactly: axes begin on the surface;
+    A = H_x + T K_s1. A primal active-set method finds it exactly: axes start on the surface;
     the one whose box is exceeded most leaves it; with the sides known the rest is a linear
     system, and an axis that would cross the surface on the way is put back on it. Every step
     lessens the function, so that no set of sides comes twice. `work` is (n, n + 1).
@@ -241,7 +241,7 @@ def _minimise_on_sides(
 
 @formula
 def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
-    """Move to the minimiser, or to where the first axis meets the surface; tell if one did."""
+    """Move to the minimiser, or until the first axis meets the surface; return True then."""
     part = 1.0
     meeting = -1
     for i in range(n):

@@ -37,7 +37,7 @@ K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 
 K_S2 = PerEntry('k_s2', 'axes', 100.0, 'Gain K_s2 of the switching term', 'N')
 
 GAINS = (K_S1, K_S2)
-"""What every reaching term reads."""
+"""Settings of every reaching term."""
 
 BOUNDARY_LAYER = Parameter(
     'boundary_layer',
@@ -48,7 +48,7 @@ BOUNDARY_LAYER = Parameter(
     exclusive_minimum=True,
     read_only=False,
 )
-"""What the smooth ones read too."""
+"""Additional settings of the smooth ones."""
 
 
 @formula

@@ -46,7 +46,7 @@ Numbers = tuple[float, ...]
 PARAMETERS = (
     PerEntry('adaptive_gain.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
     PerEntry('adaptive_gain.gamma', 'axes', 1000.0, 'Growth gamma of k by |s|', 'N/m'),
-    PerEntry('adaptive_gain.dead_zone', 'axes', 0.01, '|s| within which k does not grow', 'm/s'),
+    PerEntry('adaptive_gain.dead_zone', 'axes', 0.01, '|s| below which k does not grow', 'm/s'),
     Parameter(
         'adaptive_gain.leak',
         0.1,

@@ -17,7 +17,7 @@ Sliding mode with a barrier function for its gain: no bound of the disturbance i
 
     sdot = nu,    nu = -K sgn s,    K = rho |s| / (eps - |s|)
 
-once |s| has come within eps / 2; before that K begins with K_0 and grows at the rate K' |s|. In
+once |s| has come within eps / 2; before that K starts at K_0 and grows at the rate K' |s|. In
 implicit Euler, s+ being in the place of s on the right, |s+| < eps whatever s is.
 """
 
@@ -47,9 +47,10 @@ PARAMETERS = (
         'barrier.width', 'axes', 0.02, 'Barrier eps that |s| does not reach', 'm/s',
         is_positive=True,
     ),
-    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho, which it has at eps / 2', 'm/s²'),
-    PerEntry('barrier.start', 'axes', 10.0, 'Gain K_0 at first, outside', 'm/s²'),
-    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside, per |s|", '1/s²'),
+    PerEntry('barrier.gain', 'axes', 50.0, 'Gain rho at |s| = eps / 2', 'm/s²'),
+    PerEntry('barrier.start', 'axes', 10.0, 'Initial gain K_0 outside the barrier', 'm/s²'),
+    PerEntry('barrier.growth', 'axes', 100.0, "Growth K' of the gain outside the barrier, per "
+                                              "|s|", '1/s²'),
 )
 
 MEMORY = (
@@ -61,7 +62,7 @@ MEMORY = (
 
 @formula
 def _inside(inside: float, s: float, width: float) -> float:
-    """Return 1 where the barrier is in force, else 0."""
+    """Return 1 if the barrier is active, else 0."""
     entered = 1.0 if abs(s) <= 0.5 * width else inside
     return entered if abs(s) < width else 0.0
 

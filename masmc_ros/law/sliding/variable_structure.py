@@ -43,7 +43,7 @@ Numbers = tuple[float, ...]
 PARAMETERS = (
     PerEntry('variable_structure.alpha', 'axes', 200.0, 'Gain alpha by |e|', 'N/m'),
     PerEntry('variable_structure.beta', 'axes', 100.0, 'Gain beta by |edot|', 'N·s/m'),
-    PerEntry('variable_structure.k', 'axes', 120.0, 'Gain k whatever the errors are', 'N'),
+    PerEntry('variable_structure.k', 'axes', 120.0, 'Constant gain k', 'N'),
     BOUNDARY_LAYER,
     SIGMA,
 )

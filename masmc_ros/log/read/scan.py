@@ -19,11 +19,12 @@ from __future__ import annotations
 import mmap
 import os
 from pathlib import Path
+import struct
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.read.contents import Records, Topic
-from masmc_ros.log.records import (
+from masmc_ros.log.mcap.records import (
+    all_records,
     check_magic,
     cut_off,
     Data,
@@ -32,16 +33,28 @@ from masmc_ros.log.records import (
     LARGEST_RATIO,
     MAGIC,
     MESSAGE_HEAD,
+    parsed,
     RECORD_HEAD,
     records,
-    stream_of,
-    unpacked_size,
 )
+from masmc_ros.log.read.contents import Records, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 _MEMORY = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // 2
 """Bytes that a log may take at most: half of what the machine has."""
+
+_READ = Opcode.CHUNK, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.SCHEMA, Opcode.CHANNEL
+"""Records whose content is read, in addition to messages."""
+
+_MESSAGE = struct.Struct('<9xH4xQ')
+"""Channel and log time in ns of the record of a message."""
+
+_MESSAGE_HEAD = RECORD_HEAD.size + MESSAGE_HEAD.size
+"""Bytes before the content of a message."""
+
+_SIZE = slice(RECORD_HEAD.size + 16, RECORD_HEAD.size + 24)
+"""Place of the unpacked size in the record of a chunk."""
 
 
 def scan(path: Path) -> Records:
@@ -91,7 +104,7 @@ def _scan_data(path: Path, data: Data, found: Records) -> None:
     collector, end, is_over = _Collector(found), len(MAGIC), False
     for opcode, start, end in records(data):
         try:
-            collector.take(opcode, data[start + RECORD_HEAD.size:end])
+            collector.take(data, opcode, start, end)
         # Whatever a library says of bytes that were never written so.
         except Exception as error:
             reason = f'channel {error} is not declared' if type(error) is KeyError else error
@@ -110,9 +123,9 @@ def _scan_data(path: Path, data: Data, found: Records) -> None:
 
 
 def _check_size(path: Path, data: Data) -> None:
-    """Refuse a log that unpacks to what no run can mean, or to more than there is memory."""
+    """Raise InputError for a log that unpacks to more than a run, or half the memory, can be."""
     size = sum(
-        unpacked_size(data, start)
+        int.from_bytes(data[start + _SIZE.start:start + _SIZE.stop], 'little')
         for opcode, start, _ in records(data)
         if opcode == Opcode.CHUNK
     )
@@ -129,72 +142,62 @@ def _check_size(path: Path, data: Data) -> None:
 
 
 class _Collector:
-    """Sorts records by topic."""
+    """Records of one file, sorted by topic."""
 
-    def __init__(self, found: Records) -> None:
-        self._records = found
+    def __init__(self, contents: Records) -> None:
+        """Initialise the collector with the content of earlier files."""
+        self._records = contents
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, Topic] = {}
-        self._number = sum(len(topic.messages) for topic in found.topics.values())
-        # A later part begins with messages that are still valid: these are there already.
+        self._number = sum(len(topic.messages) for topic in contents.topics.values())
+        # A later part starts with messages that are still valid: these are there already.
         self._repeated = {
-            topic.name: topic.messages[-1] for topic in found.topics.values() if topic.messages
+            topic.name: topic.messages[-1] for topic in contents.topics.values() if topic.messages
         }
 
-    def take(self, opcode: int, body: bytes) -> None:
-        if opcode == Opcode.CHUNK:
-            self._split(decompressed(Chunk.read(stream_of(body))))
-        elif opcode == Opcode.METADATA:
-            metadata = Metadata.read(stream_of(body))
-            self._records.metadata.setdefault(metadata.name, []).append(metadata.metadata)
-        elif opcode == Opcode.ATTACHMENT:
-            attachment = Attachment.read(stream_of(body))
-            self._records.attachments[attachment.name] = attachment.data
-        else:
-            self._take_part(opcode, body)
+    def take(self, data: Data, opcode: int, start: int, end: int) -> None:
+        """
+        Add a record.
 
-    def _take_part(self, opcode: int, body: bytes) -> None:
-        """Take a record that may stand in a chunk."""
+        Parameters
+        ----------
+        data
+            a file, or the records of a chunk.
+        opcode, start, end
+            kind of the record and its place in the data.
+
+        """
         if opcode == Opcode.MESSAGE:
-            channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(body)
-            self._add(channel, log_time, body[MESSAGE_HEAD.size:])
-        elif opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream_of(body))
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            self._open(Channel.read(stream_of(body)))
+            self._add_message(data, start, end)
+            return
+        record = parsed(data[start:end]) if opcode in _READ else None
+        if isinstance(record, Chunk):
+            content = decompressed(record)
+            for kind, first, last in all_records(content):
+                if kind == Opcode.MESSAGE:
+                    self._add_message(content, first, last)
+                else:
+                    self.take(content, kind, first, last)
+        elif isinstance(record, Metadata):
+            self._records.metadata.setdefault(record.name, []).append(record.metadata)
+        elif isinstance(record, Attachment):
+            self._records.attachments[record.name] = record.data
+        elif isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            # A topic of several channels is one topic, and the summary repeats the channels.
+            schema = self._schemas.get(record.schema_id)
+            topic = Topic(record.topic, record.message_encoding, schema)
+            self._topics[record.id] = self._records.topics.setdefault(topic.name, topic)
 
-    def _split(self, chunk: bytes) -> None:
-        """
-        Take the records out of a chunk.
-
-        The library makes an object of each message, which takes five times as long.
-        """
-        position, size = 0, len(chunk)
-        while position < size:
-            opcode, length = RECORD_HEAD.unpack_from(chunk, position)
-            start = position + RECORD_HEAD.size
-            position = start + length
-            if position > size:
-                raise ValueError('a record goes beyond the end of its chunk')
-            if opcode == Opcode.MESSAGE:
-                channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(chunk, start)
-                self._add(channel, log_time, chunk[start + MESSAGE_HEAD.size:position])
-            else:
-                self._take_part(opcode, chunk[start:position])
-
-    def _open(self, channel: Channel) -> None:
-        # A topic of several channels is one topic, and the summary repeats the channels.
-        self._topics[channel.id] = self._records.topics.setdefault(
-            channel.topic,
-            Topic(channel.topic, channel.message_encoding, self._schemas.get(channel.schema_id)),
-        )
-
-    def _add(self, channel: int, log_time: int, data: bytes) -> None:
+    def _add_message(self, data: Data, start: int, end: int) -> None:
+        # mcap makes an object of each message, which takes five times as long.
+        channel, log_time = _MESSAGE.unpack_from(data, start)
         topic = self._topics[channel]
-        if self._repeated and self._repeated.pop(topic.name, None) == data:
+        message = data[start + _MESSAGE_HEAD:end]
+        if self._repeated and self._repeated.pop(topic.name, None) == message:
             return
         topic.orders.append(self._number)
         self._number += 1
         topic.log_times.append(log_time)
-        topic.messages.append(data)
+        topic.messages.append(message)

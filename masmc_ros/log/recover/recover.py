@@ -12,42 +12,54 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Completes logs that were cut off or damaged: what is whole stays, indexes are made anew."""
+"""Recovery of logs that were truncated or damaged: their complete chunks go into a new file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext, suppress
 import fcntl
-from io import BytesIO
 import mmap
 import os
 from pathlib import Path
-import shutil
+import stat
 from typing import IO, NamedTuple
+import zlib
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.records import check_magic, MAGIC
+from masmc_ros.log.mcap.records import (
+    check_magic,
+    Data,
+    LargeChunkError,
+    MAGIC,
+    parsed,
+    RECORD_HEAD,
+)
 from masmc_ros.log.recover.salvage import Salvage
-from masmc_ros.log.summary import read_summary
+from masmc_ros.whole_file import WholeFile
+from mcap.reader import make_reader, NonSeekingReader
+from mcap.records import Footer, Statistics
 
-_BLOCK = 2**20
-"""Bytes that are copied at a time."""
+_FOOTER_SIZE = RECORD_HEAD.size + 20
+"""Bytes of the record at the end of a file; the checksum of the summary is its last four."""
 
 
 class Recovered(NamedTuple):
     """
-    What there is in a log that was completed.
+    Content of a log that was completed.
 
     Attributes
     ----------
     messages
-        how many.
+        number of messages.
     begin
-        log time of the first, ns.
+        log time of the first message in ns.
     end
-        log time of the last, ns.
+        log time of the last message in ns.
     dropped
-        bytes of the file in which nothing could be read.
+        bytes of the file that could not be read.
+    damaged
+        first and last log time in ns of each damaged chunk that was skipped.
 
     """
 
@@ -55,6 +67,7 @@ class Recovered(NamedTuple):
     begin: int
     end: int
     dropped: int
+    damaged: tuple[tuple[int, int], ...] = ()
 
 
 def is_complete(path: Path) -> bool:
@@ -93,27 +106,26 @@ def recover_all(folder: Path) -> Iterator[tuple[Path, Recovered]]:
 
 def recover(path: Path) -> Recovered | None:
     """
-    Complete a log in its place.
+    Complete a log.
 
-    Whole chunks stay where they are, byte for byte. Of a chunk that was cut off, the messages
-    that can be decompressed are kept. Where more can be read behind what is damaged, the log
-    is written anew beside its place and takes it over as a whole: damaged chunks are left out,
-    all others kept in their order. A recovery that is itself cut off can be repeated.
+    The complete chunks are written into a new file next to the log, which then replaces it
+    atomically. Damaged and truncated chunks are skipped. The log is unchanged if the recovery
+    is interrupted or the disk is full.
 
     Parameters
     ----------
     path
-        a log that a recorder left without its end, or that was damaged.
+        a log that its recorder did not complete, or that was damaged.
 
     Returns
     -------
-        What is in it; None for a log that is complete already, which is left as it is: every
-        record was read, and every checksum and index is right.
+        The content of the new file; None if the log is complete: it has its end, and every
+        checksum, index and count is right.
 
     Raises
     ------
     InputError
-        for a file that is missing, no MCAP file, being recorded, or not writable.
+        if the file is missing, no MCAP file, being recorded, or if it cannot be replaced.
 
     """
     if not path.is_file():
@@ -136,64 +148,61 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
     check_magic(path, stream.read(len(MAGIC)))
-    data: mmap.mmap | bytes = b''
-    if size:
-        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-    try:
+    # An empty file cannot be mapped.
+    with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else nullcontext(
+        b''
+    ) as data:
         try:
-            contents = Salvage(data)
-        except InputError as error:
+            salvage = Salvage(data)
+        except LargeChunkError as error:
             raise InputError(f'{path}: is left as it is: {error}') from None
-        if _is_whole(data, contents):
+        if salvage.is_unchanged() if is_ours(path) else _is_readable(stream, data, salvage):
             return None
-        if contents.is_damaged:
-            _write_anew(path, data, contents)
-        else:
-            _complete(stream, contents)
-    finally:
-        if isinstance(data, mmap.mmap):
-            data.close()
-    statistics = contents.summary.statistics
+        statistics = _replace(path, salvage, os.fstat(stream.fileno()))
     return Recovered(
         statistics.message_count,
         statistics.message_start_time,
         statistics.message_end_time,
-        contents.dropped,
+        salvage.dropped,
+        tuple(salvage.damaged),
     )
 
 
-def _is_whole(data: mmap.mmap | bytes, contents: Salvage) -> bool:
-    """Tell whether a file is complete, its end saying what is in it."""
-    if contents.data_end is None or contents.is_damaged:
+def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
+    """Return True if mcap reads the whole file, and its checksums and count are right."""
+    if salvage.has_damage:
         return False
-    summary = read_summary(data, contents.data_end)
-    return summary is not None and contents.agrees_with(summary)
-
-
-def _complete(stream: IO[bytes], contents: Salvage) -> None:
-    """Write the end of a file behind the part of it that is whole."""
-    written = BytesIO()
-    contents.write_tail(written)
-    tail, end, done = written.getbuffer(), contents.end, 0
-    # The whole records before it are not touched: cut off here, it can be recovered again.
-    while done < len(tail):
-        done += os.pwrite(stream.fileno(), tail[done:], end + done)
-    os.ftruncate(stream.fileno(), end + len(tail))
-    os.fsync(stream.fileno())
-
-
-def _write_anew(path: Path, data: mmap.mmap | bytes, contents: Salvage) -> None:
-    """Write what there is into another file, and let that take the place of the damaged one."""
-    beside = path.with_name(f'{path.name}.part')
+    stream.seek(0)
     try:
-        with beside.open('wb') as stream:
-            for start in range(0, contents.end, _BLOCK):
-                stream.write(data[start:min(start + _BLOCK, contents.end)])
-            contents.write_tail(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        shutil.copymode(path, beside)
-        os.replace(beside, path)
+        summary = make_reader(stream).get_summary()
+        stream.seek(0)
+        reader = NonSeekingReader(stream, validate_crcs=True)
+        count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+        footer = parsed(data[-_FOOTER_SIZE - len(MAGIC):-len(MAGIC)])
+    except Exception:  # mcap raises many kinds for damaged bytes
+        return False
+    assert isinstance(footer, Footer)
+    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(MAGIC)
+    statistics = None if summary is None else summary.statistics
+    return footer.summary_crc in (0, zlib.crc32(data[start:-len(MAGIC) - 4])) and (
+        statistics is None or statistics.message_count == count
+    )
+
+
+def _replace(path: Path, salvage: Salvage, status: os.stat_result) -> Statistics:
+    """Write the new file and let it replace the old one, with its owner and mode."""
+    # The file that a symbolic link names is replaced, not the link.
+    file = WholeFile(path.resolve())
+    try:
+        statistics = salvage.write(file.stream)
+        file.stream.flush()
+        descriptor = file.stream.fileno()
+        with suppress(OSError):
+            os.fchown(descriptor, status.st_uid, status.st_gid)
+        os.fchmod(descriptor, stat.S_IMODE(status.st_mode))
+        os.fsync(descriptor)
+        file.finish()
     except BaseException:
-        beside.unlink(missing_ok=True)
+        file.discard()
         raise
+    return statistics

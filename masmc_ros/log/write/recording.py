@@ -19,18 +19,18 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import errno
 from functools import partial
 import os
 from pathlib import Path
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.bag import METADATA_FILE, Part, TopicCount, write_bag_metadata
-from masmc_ros.log.chunks import arrived_records, Message
+from masmc_ros.log.bag import METADATA_FILE, Part, RecordedTopic, write_bag_metadata
+from masmc_ros.log.mcap.chunks import arrived_records, Message
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.writer import LogWriter
 from masmc_ros.messages.definitions import Definition
@@ -93,34 +93,6 @@ class Options:
         return bool(self.max_size or self.max_duration)
 
 
-class _Channel(NamedTuple):
-    topic: str
-    type_name: str
-    qos: tuple[Qos, ...]
-    defined: Definition | None
-    holds: bool
-
-
-@dataclass
-class _PartCount:
-    """What a part has so far."""
-
-    path: Path
-    counts: Counter[int] = field(default_factory=Counter)
-    first: int | None = None
-    last: int = 0
-
-    def add(self, messages: list[Message]) -> None:
-        channels, times, _ = zip(*messages, strict=True)
-        self.counts.update(channels)
-        first, last = min(times), max(times)
-        self.first, self.last = (
-            (first, last)
-            if self.first is None
-            else (min(self.first, first), max(self.last, last))
-        )
-
-
 class Recording:
     """
     Messages on their way into one file, or into the parts of a folder.
@@ -168,9 +140,14 @@ class Recording:
         if options.is_split:
             self.path = path.with_suffix('')
             _make(self.path)
-        self._channels: list[_Channel] = []
+        self._topics: list[RecordedTopic] = []
         self._held: dict[int, bytes] = {}
-        self._parts: list[_PartCount] = []
+        """Last message of each channel that holds."""
+        self._parts: list[Part] = []
+        self._first: int | None = None
+        """First log time of the current part in ns, for a recording in parts."""
+        self._counts: Counter[int] = Counter()
+        self._holding: set[int] = set()
         self._queue: deque[Any] = deque()
         self._queued = self._taken = self._last_channel = 0
         self._stop = threading.Event()
@@ -201,8 +178,10 @@ class Recording:
 
         `holds` tells that a message is valid until the next one, however long that takes.
         """
-        self._channels.append(_Channel(topic, type_name, qos, defined, holds))
-        number = len(self._channels)
+        self._topics.append(RecordedTopic(topic, type_name, qos, defined))
+        number = len(self._topics)
+        if holds:
+            self._holding.add(number)
         self._queue.append(partial(self._add_channel, number))
         return number
 
@@ -233,7 +212,7 @@ class Recording:
                 fitting.append(message)
                 taken += size
             else:
-                topic = self._channels[message[0] - 1].topic
+                topic = self._topics[message[0] - 1].name
                 self.lost[topic] = self.lost.get(topic, 0) + 1
         return taken, fitting
 
@@ -274,7 +253,7 @@ class Recording:
                     self._commit()
                     due = now + self._options.flush_period
             self._drain()
-            self._end_part(self._log)
+            self._end_part(self._parts[-1])
         except BaseException as error:  # told by close()
             self.failure = error
             self._log.discard()
@@ -312,7 +291,7 @@ class Recording:
     def _room(self, times: NDArray[np.int64]) -> int:
         """Return how many of the next messages, at times in ns, the part has room for."""
         size, duration = self._options.max_size, self._options.max_duration
-        begin = self._parts[-1].first
+        begin = self._first
         if self.trouble is not None:
             return len(times)
         if size and self._log.size >= size:
@@ -324,12 +303,11 @@ class Recording:
         return int(np.argmax(late)) if late.any() else len(times)
 
     def _note(self, messages: list[Message]) -> None:
-        """Note what is in the part."""
-        self._parts[-1].add(messages)
+        """Note what the limits of a part and the start of the next one need."""
         if self._options.is_split:
-            for channel, _, data in messages:
-                if self._channels[channel - 1].holds:
-                    self._held[channel] = data
+            times = [time for _, time, _ in messages]
+            self._first = min(times if self._first is None else (self._first, *times))
+            self._held.update({each: data for each, _, data in messages if each in self._holding})
 
     def _commit(self, *, whole: bool = True) -> bool:
         try:
@@ -347,7 +325,8 @@ class Recording:
         if self._options.is_split:
             path = self.path / f'{self.path.name}_{number}.mcap'
         log = LogWriter(path, self._options.compression, live=True)
-        self._parts.append(_PartCount(path))
+        self._parts.append(Part(path.name))
+        self._first = None
         self._opening(log)
         return log
 
@@ -358,20 +337,21 @@ class Recording:
         except InputError as error:
             self.trouble = str(error)
             return
-        self._end_part(self._log)
+        self._end_part(self._parts[-2])
         self._log = new
         for number in range(1, self._last_channel + 1):
             self._add_channel(number)
         for channel, data in self._held.items():
-            new.write(channel, time_ns, time_ns, data)
-            self._parts[-1].add([(channel, time_ns, data)])
+            new.write(channel, time_ns, data)
+            self._first = time_ns
 
     def _add_channel(self, number: int) -> None:
         # A log numbers its channels as they are numbered here: in order, from 1 on.
-        topic, type_name, qos, defined, _ = self._channels[number - 1]
+        topic, type_name, qos, defined = self._topics[number - 1]
         self._last_channel = self._log.channel(topic, type_name, *qos, defined=defined)
 
-    def _end_part(self, log: LogWriter) -> None:
+    def _end_part(self, part: Part) -> None:
+        log = self._log
         if self.lost:
             log.metadata(LOST, {topic: str(count) for topic, count in self.lost.items()})
         unclear = dict(self.not_understood)
@@ -395,24 +375,13 @@ class Recording:
                 time.sleep(_TURN)
         log.close_file()
         if self._options.is_split:
-            self._write_bag_metadata()
-
-    def _write_bag_metadata(self) -> None:
-        topics = [
-            TopicCount(
-                channel.topic,
-                channel.type_name,
-                channel.qos,
-                channel.defined,
-                sum(part.counts[number] for part in self._parts),
-            )
-            for number, channel in enumerate(self._channels[:self._last_channel], 1)
-        ]
-        parts = [
-            Part(part.path.name, part.first or 0, part.last, sum(part.counts.values()))
-            for part in self._parts
-        ]
-        write_bag_metadata(self.path, parts, topics)
+            statistics = log.statistics
+            part.first, part.last = statistics.message_start_time, statistics.message_end_time
+            part.messages = statistics.message_count
+            self._counts.update(statistics.channel_message_counts)
+            topics = enumerate(self._topics[:self._last_channel], 1)
+            counted = [(topic, self._counts[number]) for number, topic in topics]
+            write_bag_metadata(self.path, self._parts, counted)
 
 
 def clear_recording(folder: Path) -> None:

@@ -17,11 +17,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from masmc_ros.log.chunks import ChannelRows
+from masmc_ros.log.mcap.chunks import ChannelRows
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
@@ -70,6 +70,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Values = Mapping[str, Any]
+
+
+_Rows = tuple[str, NDArray[np.int64], Messages | NDArray[np.uint8]]
+"""Topic, stamps (n) in ns, and its messages at these times."""
+
+
+class _Block(NamedTuple):
+    """Consecutive ticks: their signals, numbers (n), and stamps (n) in ns."""
+
+    stretch: Stretch
+    ticks: NDArray[np.int64]
+    stamps: NDArray[np.int64]
 
 
 class SimulationLog:
@@ -137,9 +149,9 @@ class SimulationLog:
         for node in PARAMETER_NODES:
             self._tell(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
         urdf = string_message(robot_description(self._values['plant'], self._prefix))
-        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, 0, urdf)
+        self._writer.write(self._channels[DESCRIPTION_TOPIC], 0, urdf)
         if self._desired is not None:
-            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, 0, self._desired)
+            self._writer.write(self._channels[DESIRED_PATH_TOPIC], 0, self._desired)
         return self
 
     def __exit__(self, *exception: Any) -> None:
@@ -156,16 +168,22 @@ class SimulationLog:
         stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
         for change in stretch.changes:
             self._change(change)
+        block = _Block(stretch, ticks, stamps)
+        # Messages of one time are written in this order.
+        parts = (
+            self._reference(block),
+            self._motion(block),
+            self._clock(block),
+            self._transforms(block),
+            self._path(block),
+            self._states(block),
+            self._commands(block),
+            self._telemetry(block),
+        )
         self._writer.write_rows(
             [
-                *self._reference(stretch, stamps),
-                *self._motion(stretch, ticks, stamps),
-                *self._clock(ticks, stamps),
-                *self._transforms(stretch, ticks, stamps),
-                *self._path(stretch, ticks, stamps),
-                self._states(stretch, stamps),
-                *self._commands(stretch, stamps),
-                *self._telemetry(stretch, ticks, stamps),
+                ChannelRows(self._channels[topic], times, messages)
+                for topic, times, messages in chain.from_iterable(parts)
             ]
         )
 
@@ -191,26 +209,25 @@ class SimulationLog:
     def _tell(self, record: ParameterRecord) -> None:
         channel = self._channels[parameters_topic(record.node.lstrip('/'))]
         message = string_message(record.to_text())
-        self._writer.write(channel, record.stamp, record.stamp, message)
+        self._writer.write(channel, record.stamp, message)
 
-    def _rows(
-        self, topic: str, stamps: NDArray[np.int64], data: Messages | NDArray[np.uint8]
-    ) -> ChannelRows:
-        return ChannelRows(self._channels[topic], stamps, data)
-
-    def _states(self, stretch: Stretch, stamps: NDArray[np.int64]) -> ChannelRows:
+    def _states(self, block: _Block) -> Iterator[_Rows]:
+        stretch = block.stretch
         effort = np.zeros_like(stretch.position)
         effort[:, len(self._mechanism.base):] = stretch.applied
-        states = joint_state_layout(self._joints).messages(
-            stamp=stamps, position=stretch.position, velocity=stretch.velocity, effort=effort
+        yield STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
+            stamp=block.stamps,
+            position=stretch.position,
+            velocity=stretch.velocity,
+            effort=effort,
         )
-        return self._rows(STATE_TOPIC, stamps, states)
 
-    def _commands(self, stretch: Stretch, stamps: NDArray[np.int64]) -> Iterator[ChannelRows]:
+    def _commands(self, block: _Block) -> Iterator[_Rows]:
+        stretch, stamps = block.stretch, block.stamps
+        driven = self._joints[len(self._mechanism.base):]
         if not self._simulation.controller.commands_rates:
-            kind = EFFORT.named(self._joints[len(self._mechanism.base):])
-            for group in kind.messages(stamps, stretch.torque, stretch.is_void):
-                yield self._rows(COMMAND_TOPIC, stamps[group.indices], group.messages)
+            for group in EFFORT.named(driven).messages(stamps, stretch.torque, stretch.is_void):
+                yield COMMAND_TOPIC, stamps[group.indices], group.messages
             return
         rates = np.zeros((len(stamps), 6))
         own = len(self._mechanism.twist)
@@ -222,94 +239,80 @@ class SimulationLog:
             twists = layout.messages(stamp=stamps, linear=linear, angular=angular)
         else:
             twists = twist_layout().messages(linear=linear, angular=angular)
-        yield self._rows(CMD_VEL_TOPIC, stamps, twists)
-        kind = ARM_VELOCITY.named(self._joints[len(self._mechanism.base) + own:])
-        for group in kind.messages(stamps, stretch.rates[:, own:]):
-            yield self._rows(ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages)
+        yield CMD_VEL_TOPIC, stamps, twists
+        for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, stretch.rates[:, own:]):
+            yield ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
-    def _telemetry(
-        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
+    def _telemetry(self, block: _Block) -> Iterator[_Rows]:
         decimation = self._values['controller']['telemetry_decimation']
         if not decimation:
             return
-        chosen = (ticks % decimation == 0) & stretch.active
+        chosen = (block.ticks % decimation == 0) & block.stretch.active
+        stamps = block.stamps[chosen]
         for signal in TOLD:
             topic = telemetry_topic(signal.label)
             if topic in self._channels:
-                values = getattr(stretch, signal.name)[chosen]
-                data = telemetry_messages(signal.label, stamps[chosen], values)
-                yield self._rows(topic, stamps[chosen], data)
+                values = getattr(block.stretch, signal.name)[chosen]
+                yield topic, stamps, telemetry_messages(signal.label, stamps, values)
 
-    def _motion(
-        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
-        chosen = self._decimated(ticks, self._values['plant']['odom_decimation'])
+    def _motion(self, block: _Block) -> Iterator[_Rows]:
+        stretch = block.stretch
+        chosen = self._decimated(block.ticks, self._values['plant']['odom_decimation'])
+        stamps = block.stamps[chosen]
         pose, twist = self._mechanism.formulas.base_motion(
             stretch.position[chosen], stretch.velocity[chosen]
         )
         linear, angular = twist[:, :3], twist[:, 3:]
-        odometry = odometry_layout(self._prefix, self._mechanism.frames[0][1]).messages(
-            stamp=stamps[chosen],
+        layout = odometry_layout(self._prefix, self._mechanism.frames[0][1])
+        yield 'odom', stamps, layout.messages(
+            stamp=stamps,
             position=pose[:, :3],
             orientation=pose[:, 3:],
             linear=linear,
             angular=angular,
         )
-        yield self._rows('odom', stamps[chosen], odometry)
-        twists = twist_layout().messages(linear=linear, angular=angular)
-        yield self._rows('base_twist', stamps[chosen], twists)
+        yield 'base_twist', stamps, twist_layout().messages(linear=linear, angular=angular)
         if CONTACT_TOPIC in self._channels:
-            contact = telemetry_messages(
-                CONTACT_LABEL, stamps[chosen], stretch.contact[chosen]
-            )
-            yield self._rows(CONTACT_TOPIC, stamps[chosen], contact)
+            contact = telemetry_messages(CONTACT_LABEL, stamps, stretch.contact[chosen])
+            yield CONTACT_TOPIC, stamps, contact
 
-    def _clock(
-        self, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
+    def _clock(self, block: _Block) -> Iterator[_Rows]:
         decimation = self._values['plant']['clock_decimation']
         if decimation:
-            chosen = self._decimated(ticks, decimation)
-            clock = time_layout().messages(stamp=stamps[chosen])
-            yield self._rows(CLOCK_TOPIC, stamps[chosen], clock)
+            stamps = block.stamps[self._decimated(block.ticks, decimation)]
+            yield CLOCK_TOPIC, stamps, time_layout().messages(stamp=stamps)
 
-    def _transforms(
-        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
+    def _transforms(self, block: _Block) -> Iterator[_Rows]:
         decimation = self._values['plant']['tf_decimation']
         if decimation:
-            chosen = self._decimated(ticks, decimation)
-            transforms = self._robot.frame_transforms(stretch.position[chosen])
-            data = transforms_messages(
-                stamps[chosen], transforms, self._prefix, self._mechanism.frames
-            )
-            yield self._rows(TRANSFORMS.name, stamps[chosen], data)
+            chosen = self._decimated(block.ticks, decimation)
+            stamps, frames = block.stamps[chosen], self._mechanism.frames
+            transforms = self._robot.frame_transforms(block.stretch.position[chosen])
+            messages = transforms_messages(stamps, transforms, self._prefix, frames)
+            yield TRANSFORMS.name, stamps, messages
 
-    def _path(
-        self, stretch: Stretch, ticks: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
-        for row, tick in enumerate(ticks.tolist()):
-            if not self._actual.takes(tick):
-                continue
-            raw = self._actual.add(tick, stretch.position[row])
-            if raw is not None:
-                data = np.frombuffer(raw, dtype=np.uint8)[None]
-                yield self._rows(ACTUAL_PATH_TOPIC, stamps[row:row + 1], data)
+    def _path(self, block: _Block) -> Iterator[_Rows]:
+        for row, tick in enumerate(block.ticks.tolist()):
+            if self._actual.takes(tick):
+                raw = self._actual.add(tick, block.stretch.position[row])
+                if raw is not None:
+                    yield ACTUAL_PATH_TOPIC, block.stamps[row:row + 1], _one_row(raw)
 
     def _decimated(self, ticks: NDArray[np.int64], decimation: int) -> NDArray[np.bool_]:
-        """Return which ticks a decimated topic has: multiples, and the last one."""
+        """Return the ticks of a decimated topic: multiples, and the last one."""
         return (ticks % decimation == 0) | (ticks == self._simulation.timing.last)
 
-    def _reference(
-        self, stretch: Stretch, stamps: NDArray[np.int64]
-    ) -> Iterator[ChannelRows]:
-        """Yield the stretch's samples in windows, each at its own first stamp."""
-        period = self._simulation.timing.period
+    def _reference(self, block: _Block) -> Iterator[_Rows]:
+        """Yield the samples in windows, each at its own first stamp."""
+        stamps, period = block.stamps, self._simulation.timing.period
         length = max(2, round(self._values['trajectory']['window'] / period))
         edges = [*range(0, len(stamps), length), len(stamps)]
         for first, end in pairwise(edges):
-            samples = stretch.reference[first:end]
+            samples = block.stretch.reference[first:end]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
-            data = np.frombuffer(raw, dtype=np.uint8)[None]
-            yield self._rows(REFERENCE_TOPIC, stamps[first:first + 1], data)
+            yield REFERENCE_TOPIC, stamps[first:first + 1], _one_row(raw)
+
+
+def _one_row(message: bytes) -> NDArray[np.uint8]:
+    """Return a message as the only row (1, size) of an array."""
+    return np.frombuffer(message, dtype=np.uint8)[None]

@@ -23,7 +23,8 @@ from types import TracebackType
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.chunks import (
+from masmc_ros.log.mcap.chunks import (
+    arrived_records,
     ChannelRows,
     COMPRESSIONS,
     indexed_chunk,
@@ -31,13 +32,13 @@ from masmc_ros.log.chunks import (
     MessageRecords,
     OpenChunk,
 )
+from masmc_ros.log.mcap.record_stream import RecordStream
+from masmc_ros.log.mcap.records import packed
 from masmc_ros.log.qos import Qos
-from masmc_ros.log.record_stream import RecordStream
-from masmc_ros.log.records import packed
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
 from masmc_ros.whole_file import WholeFile
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 CHUNK_SIZE = 256 * 1024
@@ -45,9 +46,6 @@ CHUNK_SIZE = 256 * 1024
 
 LIVE_CHUNK_SIZE = 512 * 1024
 """Of a live recording, whose chunks end with each flush anyway: fewer to keep an index of."""
-
-_TIMES = 2**64
-"""Times in ns that a log can hold are below this."""
 
 
 class LogWriter:
@@ -146,20 +144,17 @@ class LogWriter:
         return channel
 
     def _define(self, record: Schema | Channel) -> None:
-        self._records.summary.register(record)
+        self._records.register(record)
         self._chunk.add_record(packed(record))
         self._end_full_chunk()
 
-    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
+    def write(self, channel: int, time_ns: int, data: bytes) -> None:
         """
-        Write one message, its times in ns, as CDR with its encapsulation header.
+        Write one message with its log time in ns, as CDR with its encapsulation header.
 
-        Raises ValueError for a time that no log can hold, before anything of it is written.
+        Raises OverflowError for a time that is not an int64, before anything is written.
         """
-        if not (0 <= log_time_ns < _TIMES and 0 <= publish_time_ns < _TIMES):
-            raise ValueError(f'log time {log_time_ns}, publish time {publish_time_ns} ns')
-        self._chunk.add_message(channel, log_time_ns, publish_time_ns, data)
-        self._end_full_chunk()
+        self.write_records(arrived_records([(channel, time_ns, data)]), 0, 1)
 
     def write_rows(self, sources: Sequence[ChannelRows]) -> None:
         """
@@ -238,6 +233,11 @@ class LogWriter:
     def size(self) -> int:
         """Bytes written, those of the chunk under way not counted."""
         return self._records.position
+
+    @property
+    def statistics(self) -> Statistics:
+        """Return the numbers and times of the messages; complete after `finish`."""
+        return self._records.statistics
 
     @property
     def pending(self) -> int:

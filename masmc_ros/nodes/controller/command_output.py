@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controller sends: torques on one topic, or rates on one for the base and one more."""
+"""Commands of the controller: torques on one topic, or velocities on two."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class CommandOutput(Protocol):
         """Send once more what was sent last."""
 
     def figures(self) -> dict[str, str]:
-        """Return what /diagnostics tells of the command."""
+        """Return figures of the command for /diagnostics."""
 
 
 class TorqueOutput:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controller tells of itself on /diagnostics."""
+"""The controller's report on /diagnostics."""
 
 from __future__ import annotations
 
@@ -140,5 +140,5 @@ class ControllerHealth:
 
 
 def _is_simulated(clock: Clock) -> bool:
-    """Tell whether a node's clock is that of /clock; else it is the system's."""
+    """Return True if a node's clock follows /clock; else it is the system's."""
     return isinstance(clock, ROSClock) and bool(clock.ros_time_is_active)

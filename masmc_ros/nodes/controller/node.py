@@ -254,9 +254,9 @@ class ControllerNode(SuiteNode):
 
     def _on_plant_parameters(self, raw: bytes) -> None:
         """
-        Go by the wall clock where a plant does, and tell where it differs.
+        Adopt real time from a plant, and report differences to its parameters.
 
-        Never the other way: what anybody sends must not switch off the timeouts.
+        Never the other way: a message must not disable the timeouts.
         """
         try:
             told = record_of(raw).parameters
@@ -321,7 +321,7 @@ def _log(log: Any, level: str, text: str) -> None:
 
 
 def _check_law(values: Mapping[str, Any]) -> None:
-    """Refuse a law that cannot be loaded, or that is none for this robot."""
+    """Raise InputError for a law that cannot be loaded, or does not support the robot."""
     registry.load_for(values['law'], chosen(values))
 
 

@@ -38,7 +38,7 @@ class ReferenceInput:
         refusals: Refusals,
         on_reference: Callable[[ReferenceWindow], None],
     ) -> None:
-        """Pass on every message of so many task axes; what raises InputError is refused."""
+        """Pass on messages with this number of task axes; an InputError rejects one."""
         self._axes = axes
         self._refusals = refusals
         self._on_reference = on_reference

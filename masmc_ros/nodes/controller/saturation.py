@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How often torque_limit and torque_rate_limit cut the torque, joint by joint."""
+"""Share of ticks with a torque limited by torque_limit or torque_rate_limit, by joint."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Saturation:
         """
         Return the share of ticks that were cut since the last report, and start over.
 
-        Beside it the joints, each with its own share.
+        In addition the joints, each with its own share.
         """
         ticks = max(self._ticks, 1)
         joints = [

@@ -52,7 +52,7 @@ class StateInput:
         """
         Take every state that is complete and finite.
 
-        `values` are the controller's parameters in force, which may change: with
+        `values` are the controller's current parameters, which may change: with
         `velocity_source` estimated a state needs no velocities. `on_state` is called with the
         stamp in ns, positions and velocities, which the next message overwrites.
         """
@@ -102,7 +102,7 @@ class StateInput:
         """
         Take the state with its pose from odometry, once there is one for it.
 
-        Its odometry may be on the way: what is wrong with it is told when the next state comes.
+        Its odometry may arrive later: an error is reported with the next state.
         """
         state = self._state
         posed = base.stamp_ns

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controller tells of its ticks: a topic for each vector."""
+"""Telemetry of the controller: a topic for each vector of a tick."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ControllerTelemetry:
     def __init__(
         self, controller: Controller, decimation: int, advertise: Callable[[Any, str], Publisher]
     ) -> None:
-        """Create the topics by `advertise`, none where every 0th tick is to be told."""
+        """Create the topics by `advertise`; none if the decimation is 0."""
         told = (
             (signal.label, controller.now[signal.name].reshape(-1))
             for signal in TOLD

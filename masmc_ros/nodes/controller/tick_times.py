@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast a loop turns and how long its ticks take, from report to report."""
+"""Rate of a loop and duration of its ticks between two reports."""
 
 from __future__ import annotations
 

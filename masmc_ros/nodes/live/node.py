@@ -71,7 +71,7 @@ SAMPLED = frozenset(
         *(telemetry_topic(label) for label in TELEMETRY),
     }
 )
-"""Topics of which a viewer is shown the latest message at its own rate; of others, all."""
+"""Topics with the latest message at a viewer's rate; viewers get all messages of others."""
 
 _LOOK = 0.5
 """Time in s between two looks at who sends."""
@@ -82,7 +82,7 @@ _KEPT = {
     '/parameter_events': 0,
     **{parameters_topic(node): 500 for node in PARAMETER_NODES},
 }
-"""How many messages a viewer that comes late is given, where it is not the last one.
+"""Number of messages for a late-joining viewer, if it is not only the last one.
 
 All together must fit into the queue of a viewer, which has 4096 places.
 """
@@ -139,7 +139,7 @@ class LiveNode(SuiteNode):
         super().close(spin)
 
     def _look_around(self) -> None:
-        """Serve the topics that only some runs have, once somebody sends on them."""
+        """Serve the topics that only some runs have, as soon as they have a publisher."""
         for topic in tuple(self._awaited):
             resolved = self.node.resolve_topic_name(topic.name)
             senders = self.node.get_publishers_info_by_topic(resolved)

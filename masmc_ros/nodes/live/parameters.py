@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of a robot's nodes for a viewer: those in force, and changes of them."""
+"""Parameters of a robot's nodes for a viewer: current values and changes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LiveParameters:
     def __init__(
         self, node: Node, server: LiveServer, complain: Callable[[str], object]
     ) -> None:
-        """Make clients on `node`, before it is spun; `complain` is told of refusals."""
+        """Create clients on `node`, before it spins; `complain` is called with rejections."""
         self._server = server
         self._complain = complain
         self._clients = {
@@ -57,7 +57,7 @@ class LiveParameters:
 
     def on_record(self, node: str, raw: bytes) -> Mapping[str, Any]:
         """
-        Take a message of a node's topic `~/parameters`; return the values that it tells.
+        Read a message of a node's topic `~/parameters`; return its values.
 
         Raises InputError for one that is no record of parameters.
         """
@@ -118,7 +118,7 @@ class LiveParameters:
                 pending.left.count()
 
     def _on_answer(self, pending: _Pending, response: Any) -> None:
-        """Tell what a node says of a change, and ask for the value that is in force then."""
+        """Pass on a node's response to a change, and request the value that is current then."""
         # Another node may answer in the place of the real one, with anything.
         if not response.results:
             self._refuse(pending.name, f'{pending.node} answers without a result')
@@ -150,7 +150,7 @@ class LiveParameters:
 
 
 def _is_broadcast(shown: Any, told: Any) -> bool:
-    """Tell whether an array is the number that is shown already, once for every axis."""
+    """Return True if an array is the number that is already shown, once for every axis."""
     return isinstance(shown, float) and isinstance(told, list) and set(told) == {shown}
 
 

@@ -40,7 +40,7 @@ class Samples:
     """Subscriptions without callbacks, on a hidden node that no executor turns."""
 
     def __init__(self, node: Node) -> None:
-        """Make the hidden node beside `node`, in its context and namespace."""
+        """Create the hidden node in the context and namespace of `node`."""
         self._node = Node(
             f'_{node.get_name()}_samples',
             context=node.context,

@@ -55,17 +55,17 @@ class Change:
     _finished: threading.Event = field(default_factory=threading.Event)
 
     def finish(self) -> None:
-        """Tell the client's thread that the values in force are those to answer with."""
+        """Signal to the client's thread that the current values are ready."""
         self._finished.set()
 
     def wait(self) -> None:
-        """Wait for the end, not for ever."""
+        """Wait for the end, for a limited time."""
         self._finished.wait(_PATIENCE)
 
 
 @dataclass(frozen=True)
 class _Subscription:
-    """A client that wants a topic, of which so many messages were sent before."""
+    """A client of a topic, and the number of messages sent before it joined."""
 
     topic: str
     client: int
@@ -110,7 +110,7 @@ class _Topic:
 
 class LiveServer:
     """
-    Serves topics and parameters; what it is told is sent to all who want it.
+    Serves topics and parameters to all subscribed clients.
 
     The library accepts any number of clients and has a queue for each. Messages therefore go to
     the first clients alone if there are more than a limit; others follow when one of those leaves.
@@ -198,7 +198,7 @@ class LiveServer:
             return None
 
     def add_topic(self, topic: str, type_name: str, kept: int = 1) -> None:
-        """Offer a topic by its full name, of which late clients get the last `kept` messages."""
+        """Offer a topic by its full name; late clients get its last `kept` messages."""
         schema = self._foxglove.Schema(
             name=type_name, encoding='ros2msg', data=definition(type_name).text.encode()
         )
@@ -212,26 +212,26 @@ class LiveServer:
         self._topics[topic].send(raw, time_ns, self._served)
 
     def tell_time(self, time_ns: int) -> None:
-        """Tell the robot's time, by which viewers order what they are given."""
+        """Send the robot's time, by which viewers order messages."""
         if time_ns != self._time_ns:
             self._time_ns = time_ns
             self._server.broadcast_time(time_ns)
 
     def set_in_force(self, values: Mapping[str, Any]) -> None:
-        """Show parameter values, by names such as `/controller.k_s1`, as the ones in force."""
+        """Show parameter values, by names such as `/controller.k_s1`, as the current ones."""
         changed = {n: v for n, v in values.items() if self.in_force.get(n) != v}
         self.in_force = {**self.in_force, **changed}
         if changed:
             self._server.publish_parameter_values(self.parameters(list(changed)))
 
     def parameters(self, names: Sequence[str] = ()) -> list[Parameter]:
-        """Return the values in force of these parameters that there are, or of all."""
+        """Return the current values of these parameters, if they exist, or of all."""
         values = self.in_force
         chosen = [name for name in names or sorted(values) if name in values]
         return [self._foxglove.Parameter(name, value=values[name]) for name in chosen]
 
     def refuse(self, name: str, reason: str) -> None:
-        """Tell all clients why a parameter was not set."""
+        """Send to all clients the reason why a parameter was not set."""
         level = self._foxglove.StatusLevel.Error
         self._server.publish_status(f'{name}: {reason}', level, name)
 
@@ -308,7 +308,7 @@ class LiveServer:
 
 
 class _Listener:
-    """What the library calls on its own threads."""
+    """Callbacks that the library calls on its own threads."""
 
     def __init__(
         self,

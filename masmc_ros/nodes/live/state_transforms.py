@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Transforms made of logged states, where nobody publishes them."""
+"""Transforms computed from logged states, if no node publishes them."""
 
 from __future__ import annotations
 

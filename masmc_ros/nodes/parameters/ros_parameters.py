@@ -149,7 +149,7 @@ class ParameterNode(ExchangeNode):
 
 
 def _checked_bool(what: str, value: object) -> bool:
-    """Return the start value of a parameter of rclpy itself, all of which are bools."""
+    """Return the start value of a parameter of rclpy itself; all are bools."""
     if not isinstance(value, bool):
         raise InputError(f'{what} = {yaml_text(value)}: expected true or false')
     return value
@@ -166,7 +166,7 @@ class Pending(NamedTuple):
 
 class RosParameters:
     """
-    The parameters of one node: values in force, and changes while running.
+    Parameters of one node: current values, and changes while running.
 
     A parameter that is set has the new value for all who read it by a service. `values`, with
     which the node works, has it from when it takes effect: at once, unless the node decides
@@ -184,7 +184,7 @@ class RosParameters:
         """
         Declare everything on the node, for the mechanism that it is given.
 
-        `check` refuses by InputError combinations that no single declaration can.
+        `check` raises InputError for invalid combinations of parameters.
         Raises InputError for unknown names and values that are not right.
         """
         self._node = node
@@ -243,7 +243,7 @@ class RosParameters:
                 listener(new)
 
     def withdraw(self, names: Iterable[str]) -> None:
-        """Set parameters back to the values in force: those requested never take effect."""
+        """Set parameters back to the current values: those requested never take effect."""
         names = tuple(names)
         self._forget(names)
         if not names:
@@ -278,7 +278,7 @@ class RosParameters:
         return SetParametersResult(successful=True)
 
     def _restore_types(self, changes: list[Any]) -> None:
-        """Undo what rclpy has noted as the types of refused values."""
+        """Restore the types that rclpy has noted from rejected values."""
         for change in changes:
             if self._node.has_parameter(change.name):
                 in_force = self._node.get_parameter(change.name)
@@ -324,7 +324,7 @@ class RosParameters:
 
 
 class _UnknownParameter(ParameterNotDeclaredException):
-    """What rclpy's services tell whoever sets a parameter that a node does not have."""
+    """Response of rclpy's services to a client that sets an undeclared parameter."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         super().__init__(name)
@@ -345,7 +345,7 @@ def _as_ros(parameter: Parameter, value: Any) -> Any:
     if parameter.broadcast and parameter.kind == 'doubles':
         value = [float(v) for v in value] if isinstance(value, list) else value
         return float(value) if isinstance(value, int) else value
-    # rclpy cannot tell the type of an empty array; one empty name stands for none.
+    # rclpy cannot infer the type of an empty array; one empty name represents it.
     return [''] if value in (None, (), []) else value
 
 

@@ -15,7 +15,7 @@
 """
 Parameters of nodes that run elsewhere, read and set by their services.
 
-For commands that come and go: everything waits, and never longer than it is told.
+For short-lived commands: every call waits, at most for a specified time.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class ParameterSession:
 
     def values(self, node: str, names: Sequence[str]) -> list[ParameterValue]:
         """
-        Return the values in force.
+        Return the current values.
 
         Raises UserError where there is no such node, or where it has no such parameter.
         """
@@ -135,7 +135,7 @@ class ParameterSession:
         return found
 
     def _visible(self) -> list[str]:
-        # Services alone do not tell: one that is only asked for, by this node too, is listed.
+        # Services alone are no proof: one with only a client, such as this node, is listed.
         here = self._node.get_node_names_and_namespaces()
         nodes = {f'{namespace.rstrip("/")}/{name}' for name, namespace in here}
         services = {name for name, _ in self._node.get_service_names_and_types()}

@@ -91,7 +91,7 @@ class PlantNode(SuiteNode):
         parts = self._robot, self._timing, self.values, commands
         if self.values['pacing'] == 'lockstep':
             return LockStep(*parts)
-        # Where a controller is waited for, time begins with its first command.
+        # If the plant waits for a controller, time starts with its first command.
         return RealTime(*parts, waits=bool(self._wait_for))
 
     def connect(self) -> None:
@@ -220,7 +220,7 @@ class PlantNode(SuiteNode):
 
     def _state_text(self) -> str:
         if not self._core.has_begun:
-            return f'waits for {self._waiting or "its beginning"}'
+            return f'waits for {self._waiting or "its start"}'
         return 'paused' if self._core.is_paused else self._core.text
 
     # Services.

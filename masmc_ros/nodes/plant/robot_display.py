@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the plant publishes for viewers: description, frames and path of the robot."""
+"""Topics of the plant for viewers: description, frames and path of the robot."""
 
 from __future__ import annotations
 

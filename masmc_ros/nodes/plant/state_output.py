@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the plant tells of the robot: its state at every tick, less often what is derived of it."""
+"""Topics of the robot: its state at every tick, and derived quantities less often."""
 
 from __future__ import annotations
 
@@ -90,11 +90,11 @@ class StateOutput:
         self._display.show(tick, self._robot.position)
 
     def send_again(self) -> None:
-        """Publish the state at hand once more."""
+        """Publish the last state once more."""
         self._states.publish(self._sent)
 
     def slip_since(self) -> float | None:
-        """Return the fastest slip in m/s told since this was asked, None where wheels cannot."""
+        """Return the fastest slip in m/s since the last call, None if wheels cannot slip."""
         if not len(self._contact.values):
             return None
         slip, self._slip = self._slip, 0.0

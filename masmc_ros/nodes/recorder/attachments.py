@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a log holds of a run beside its messages."""
+"""Data of a run in its log other than messages."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ class Attachments:
     Attributes
     ----------
     parameters
-        those at the start of each node that has told them.
+        those at the start of each node that published them.
     description
         of the robot, None before it has come.
 
     """
 
     def __init__(self, files: Mapping[str, bytes], missing: Callable[[], dict[str, str]]) -> None:
-        """Take files by name, and who tells in the end what is missing of each topic."""
+        """Initialise with files by name, and a function for the gaps of each topic at the end."""
         self._files, self._missing = files, missing
         self.parameters: dict[str, Any] = {}
         self._changes: list[ParameterRecord] = []
         self.description: str | None = None
 
     def add_parameters(self, node: str, record: ParameterRecord) -> None:
-        """Note what a node tells: at first its parameters, then what has changed."""
+        """Note a record of a node: first its parameters, then their changes."""
         if node in self.parameters:
             # Its other values, over a hundred, are not written: they would fill the memory.
             self._changes.append(record._replace(parameters=record.changes))

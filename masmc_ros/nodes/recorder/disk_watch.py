@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tells how the disk does: when it takes nothing, and when messages are lost."""
+"""Lines about the disk: when it takes nothing, and when messages are lost."""
 
 from __future__ import annotations
 

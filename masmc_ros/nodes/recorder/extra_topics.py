@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Topics that are recorded as they turn up: of which type and how, their senders tell."""
+"""Topics that are recorded as soon as they exist; their publishers define the types."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NOT_FOUND_YET = '_NODE_NAME_UNKNOWN_'
 
 
 class Record(Protocol):
-    """What records a topic from now on; InputError where it cannot."""
+    """Starts to record a topic; InputError if it cannot."""
 
     def __call__(
         self,
@@ -47,7 +47,7 @@ class Record(Protocol):
 
 
 class ExtraTopics:
-    """Those that nobody has sent on yet."""
+    """Topics without a publisher so far."""
 
     def __init__(self, names: Iterable[str], holds: dict[str, bool]) -> None:
         """Take names, and of those that are known whether their messages hold until the next."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the recorder tells of itself on /diagnostics, and of what is missing in its log."""
+"""The recorder's report on /diagnostics, with the gaps in its log."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MEGABYTE = 1_000_000
 
 
 class RecorderHealth:
-    """Words the report, and tells whether it has become worse."""
+    """Text of the report, and whether it has become worse."""
 
     def __init__(self, recording: Recording) -> None:
         """Take the recording; no topic is watched yet."""

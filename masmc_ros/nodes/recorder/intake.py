@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.log.chunks import Message
+from masmc_ros.log.mcap.chunks import Message
 from masmc_ros.log.write.recording import Recording
 
 _TOGETHER = 256

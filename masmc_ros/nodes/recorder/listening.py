@@ -32,7 +32,7 @@ def take_rest(spin: Callable[[], None], last_arrival: Callable[[], float]) -> No
     """
     Spin until it has been quiet for 0.3 s, for 10 s at most.
 
-    `spin` handles what has come, within 0.1 s; `last_arrival` tells when a message last came.
+    `spin` handles received messages within 0.1 s; `last_arrival` is the time of the last one.
     A process that is held up hears nothing, nor does one that waited for its own messages to
     be taken: only time in which it listens is quiet.
     """

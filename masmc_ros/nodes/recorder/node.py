@@ -75,7 +75,7 @@ from rclpy.context import Context
 _LONG_QUIET = 3.0
 """Time in s without a message of the run itself after which one that reached its end is over.
 
-Others do not count: health is told every second, by this node too.
+Others do not count: diagnostics are published every second, by this node too.
 """
 
 _WATCH = 0.2
@@ -91,7 +91,7 @@ _NICENESS = 5
 """
 How much a recorder in a process of its own gives way, as nice(1) says it.
 
-At the same priority it preempts whoever sends, message by message, and lock-step waits for it.
+At the same priority it preempts the publishers at each message, and lock-step waits for it.
 With more, processors that others keep busy would not leave it what a run at 1 kHz takes.
 """
 
@@ -109,7 +109,7 @@ Of each line all topics of one of its entries: torques are commanded, or rates.
 _TELEMETRY = tuple(map(telemetry_topic, TELEMETRY))
 
 _WITH_TICKS = (*_TELEMETRY, TRANSFORMS.name, TRANSFORMS.name.lstrip('/'), 'odom', CMD_VEL_TOPIC)
-"""Topics that come with the ticks, or every few of them, beside states and commands."""
+"""Topics with a message every few ticks, other than states and commands."""
 
 
 class RecorderNode(SuiteNode):
@@ -191,7 +191,7 @@ class RecorderNode(SuiteNode):
         self._attachments.description = text_of(raw)
 
     def _recover_earlier(self) -> None:
-        """Complete, beside the recording, what an earlier one in this folder left."""
+        """Complete, during the recording, incomplete files of an earlier one in this folder."""
         folder = self._recording.path.parent
         recovery = Thread(target=self._recover_in, args=(folder,), name='recovery', daemon=True)
         recovery.start()
@@ -303,16 +303,16 @@ class RecorderNode(SuiteNode):
             self._frames.go_by(record.parameters.get('frame_prefix'))
 
     def _is_sent(self, topic: str) -> bool:
-        """Tell whether somebody sends on a topic, and it is recorded."""
+        """Return True if a recorded topic has a publisher."""
         resolved = self.node.resolve_topic_name(topic)
         return resolved in self.counts and self.node.count_publishers(resolved) > 0
 
     def _has_told(self, node: str) -> bool:
-        """Tell whether a node, if it is there and tells them, has told its parameters."""
+        """Return True unless a node that publishes its parameters has not yet done so."""
         return node in self._heard_of or not self._is_sent(parameters_topic(node))
 
     def _look_around(self) -> None:
-        """Tell the plant when all senders are found; end when they have gone."""
+        """Report to the plant when all publishers are discovered; end when they have left."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
         has_found = all(here) and hears_logs(self.node)

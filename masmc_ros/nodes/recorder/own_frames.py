@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which transforms on /tf, a topic that robots share, are of the robot that is recorded."""
+"""Selection of the recorded robot's transforms on /tf, a topic that robots share."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class OwnFrames:
         return transforms_topic(self._node.get_namespace(), self._prefix)
 
     def are_in(self, raw: bytes) -> bool:
-        """Tell whether a TFMessage is of this robot; say so once where it is not."""
+        """Return True if a TFMessage is from this robot; log the first one that is not."""
         if raw.startswith(*self._names) or is_of_robot(raw, self._prefix):
             return True
         parent, child = first_frames(raw)

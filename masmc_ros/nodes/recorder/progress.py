@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far the recording is, as the plant is told, which in lock-step does not run far ahead."""
+"""Progress of the recording, reported to the plant, which waits for it in lock-step."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Progress:
             self.go_on()
 
     def go_on(self) -> None:
-        """Report up to where everything has come, unless that is told or the disk is behind."""
+        """Report the time up to which all has arrived, if that is new and the disk keeps up."""
         reached = self.coverage.reached()
         if reached != self._reported and not self._recording.is_congested:
             self._report(reached)

@@ -42,7 +42,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 _CHECKED_AHEAD = 60.0
-"""How much of an endless path is checked at the start, in s."""
+"""Length of an endless path in s that is checked at the start."""
 
 _MOST_CHECKED = 2_000_000
 """Ticks of a path that are checked at the start; those of a longer one as they are sent."""
@@ -77,7 +77,7 @@ class TrajectoryNode(SuiteNode):
         self._check_reach()
 
     def connect(self) -> None:
-        """Send the beginning, and follow the robot's time from then on."""
+        """Send the first window, and follow the robot's time from then on."""
         super().connect()
         # A late controller needs the windows around the present, not the whole past.
         depth = 4 + 2 * (self._horizon // self._window)
@@ -107,7 +107,7 @@ class TrajectoryNode(SuiteNode):
         """
         Note that the controller has become active: time 0 is the next state's stamp.
 
-        Who joins late is told the last state alone: a controller that has lost its reference
+        A late-joining node receives only the last state: a controller that has lost its reference
         and waits for another was active before.
         """
         try:
@@ -132,12 +132,12 @@ class TrajectoryNode(SuiteNode):
         self.wait(None)
         tick = round((stamp - origin) / (1e9 * self._timing.period))
         if self._is_relative and tick + self._horizon < 0:
-            # The clock was set back to before the path began: it begins anew. A single such
-            # stamp may be wrong; the next one tells.
+            # The clock was set back to before the start of the path: it restarts. A single such
+            # stamp may be wrong; the next one decides.
             self._was_before = not self._was_before
             if self._was_before:
                 return
-            self.log.info("the robot's clock was set back; the path begins anew")
+            self.log.info("the robot's clock was set back; the path restarts")
             self._begin(stamp)
             tick = self._next = 0
         self._was_before = False
@@ -145,14 +145,14 @@ class TrajectoryNode(SuiteNode):
             self.log.info('the robot was set back; the reference follows')
             self._next = max(0, tick)
         elif tick > self._next:
-            # Nobody follows the past: after a pause, a restart or a step of the clock the
-            # reference goes on at the present.
+            # The past is not followed: after a pause, a restart or a step of the clock the
+            # reference continues at the present.
             self._next = tick - tick % self._window
         self._send_until(tick + self._horizon, stamp)
         before, self._last_tick = self._last_tick, tick
         if self._timing.last is None:
             return
-        # A single stamp far ahead may be wrong, and the next one tells; but after the run's
+        # A single stamp far ahead may be wrong, and the next one decides; but after the run's
         # last state, which comes so to who was held up at the end, there is no next.
         is_near = before is not None and tick - before <= self._horizon
         is_sure = is_near or tick == self._timing.last

@@ -42,7 +42,7 @@ _LINE = 8
 _SMALL = 1.0e3
 """Errors are drawn in mm and mrad."""
 _LOWEST = 2.0
-"""Percentile of the values at which a logarithmic axis begins: zero crossings go below."""
+"""Percentile of the values at the start of a logarithmic axis; zero crossings are below."""
 
 
 class _Panel(NamedTuple):
@@ -150,7 +150,7 @@ def _legend(axes: Axes, lines: Sequence[Line2D], labels: Sequence[str], columns:
     axes.set_axis_off()
     legend = axes.legend(lines, map(str, range(len(lines))), loc='center', ncols=columns)
     for text, label in zip(legend.get_texts(), labels, strict=True):
-        # Set afterwards: matplotlib leaves out a label that begins with an underscore.
+        # Set afterwards: matplotlib skips a label that starts with an underscore.
         text.set_text(plain(label))
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which figures a set of runs gives, and what they are called."""
+"""Figures of a set of runs, and their names."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def draw_figures(
     """
     Yield file name and PNG of every figure: path and points of each run, then all runs in one.
 
-    A run whose log does not tell the positions has no figure of its path, one whose log does
-    not tell the errors none of these.
+    A run whose log lacks the positions has no figure of its path; one whose log lacks the
+    errors has none of these.
     """
     runs = [each.run for each in compared]
     with paper_style():

@@ -55,7 +55,7 @@ def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     """
     Draw the paths of the robot's points, and the robot now and then.
 
-    Returns None where the log does not tell the positions.
+    Returns None if the log lacks the positions.
     """
     robot = run_robot(run)
     if tracked.actual is None or tracked.desired is None:

@@ -38,7 +38,7 @@ PAGE = 180.0
 
 DPI = 300
 
-# Okabe and Ito's colours, which the colour-blind tell apart; their yellow is too faint on white.
+# Okabe and Ito's colours, which the colour-blind distinguish; their yellow is too faint on white.
 BLACK = '#000000'
 BLUE = '#0072B2'
 ORANGE = '#E69F00'

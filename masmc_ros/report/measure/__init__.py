@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What runs reached, in numbers and in words."""
+"""Results of runs, in numbers and in words."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Names that tell runs apart in a table or a legend."""
+"""Distinct names of runs in a table or a legend."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WITH_BOUNDARY_LAYER = frozenset(('saturation', 'tanh', 'sigmoid'))
 _LONGEST = 40
 
 RATES = 'rates'
-"""What runs are called in which rates were commanded in place of torques."""
+"""Suffix of runs with commanded velocities in place of torques."""
 
 
 def labels(runs: Sequence[Run]) -> list[str]:
@@ -36,7 +36,7 @@ def labels(runs: Sequence[Run]) -> list[str]:
     Return one label a run, such as 'smc, tanh δ 0.2', all different.
 
     'changed' follows where parameters were changed while the robot ran.
-    Runs under the same law, and those that do not tell theirs, are told apart by their files.
+    Runs with the same law, or without a known law, are distinguished by their files.
     """
     plain = [_law_label(run) for run in runs]
     files = _different(
@@ -52,7 +52,7 @@ def labels(runs: Sequence[Run]) -> list[str]:
 
 def law_of(run: Run) -> str | None:
     """
-    Return the law that a run started with, None where the log does not tell.
+    Return the law that a run started with, None if the log lacks it.
 
     Commanded rates follow from no law: RATES.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a run reached, in numbers."""
+"""Metrics of a run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Window = tuple[float, float]
 @dataclass(frozen=True)
 class Reached:
     """
-    How near a point came to where it should be; None is what the log does not tell.
+    Distances of a point from its reference; None if the log lacks the data.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Metrics:
     """
     Errors and torques of a run over the window begin <= t < end, SI units.
 
-    The settling times are over the whole run. What the log does not tell is None.
+    The settling times are over the whole run. A value is None if the log lacks its data.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Metrics:
         Euclidean norm of the last estimate of the base inertial parameters,
         whose units are mixed (kg, kg m2, kg m).
     fastest_slip
-        of what touches the ground, over the whole run, m/s; None where nothing is told of it.
+        of the wheels on the ground, over the whole run, m/s; None without data.
     least_normal_force
         on it, over the whole run, N; None likewise.
 

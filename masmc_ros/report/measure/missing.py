@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a log does not tell, in words, and why."""
+"""Data that a log lacks, in words, with the reason."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def unread(run: Run) -> list[str]:
 
 def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     for node in run.restarted:
-        yield f'{node} was started again while the robot ran: it began from nothing there.'
+        yield f'{node} was restarted while the robot ran: its state was lost there.'
     yield from unread(run)
     gaps = gaps_in(np.rint(run.times * NANOSECONDS))
     if gaps.count:
@@ -80,7 +80,7 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
     elif run_robot(run) is None:
         yield f'No parameters of the robot: {points} cannot be computed from the joints.'
     if run.reference is None:
-        yield f'No {REFERENCE_TOPIC}: where the robot should be, only its errors can tell.'
+        yield f'No {REFERENCE_TOPIC}: the reference follows from the errors only.'
     if 'error' not in run.telemetry and len(tracked.error):
         yield (
             f'No {telemetry_topic("tracking_error")}: the errors are computed from the states and'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the parameters of a logged run say: which robot moved, and what changed when."""
+"""Parameters of a logged run: its robot, and the changes with their times."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Change(NamedTuple):
     name: str
     """Of the parameter, or what happened."""
     old: Any
-    """None where the log does not tell it."""
+    """None if the log lacks it."""
     new: Any
     is_event: bool = False
     """Whether something happened, and no parameter changed."""

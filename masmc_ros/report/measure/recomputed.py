@@ -60,7 +60,7 @@ class Recomputed:
         total = f'{len(self._states)} states and {sent} commands'
         if states == len(self._states) and commands == sent:
             return f'computed again: all {total} of {self._run.path} are the same bits'
-        # Whoever sets something else expects another run.
+        # Different settings give a different run.
         reason = ' with other parameters' if set_anew else ''
         where = 'outside the ticks of the run'
         if self._first is not None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How long a tracking error takes to become small and stay small."""
+"""Settling time of a tracking error."""
 
 from __future__ import annotations
 

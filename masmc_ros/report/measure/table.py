@@ -31,14 +31,14 @@ _COUNTS = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight')
 _OTHERS = {'torque_rms': 'N·m', 'torque_variation': 'N·m/s', 'estimate_norm': 'mixed'}
 """Metrics of a whole run, with their units."""
 _CONTACT = {'fastest_slip': 'm/s', 'least_normal_force': 'N'}
-"""Those of runs that tell of contacts with the ground."""
+"""Metrics of runs with contacts with the ground."""
 CONTACT_NOTE = (
     'Slip and normal force: of all wheels over the whole run, as often as plant/contact is logged.'
 )
 _UNKNOWN = Reached(None, None, None)
 _DIGITS = 5
 _SMALL = 1.0e3
-"""Errors are told in mm and mrad, slip in mm/s."""
+"""Factor of errors in mm and mrad, and of slip in mm/s."""
 
 
 def text_table(rows: Mapping[str, Metrics]) -> str:
@@ -114,7 +114,7 @@ def points_of(rows: Iterable[Metrics]) -> tuple[Point, ...]:
 
 
 def tells_contact(rows: Iterable[Metrics]) -> bool:
-    """Tell whether any run has a contact with the ground, of which there are columns then."""
+    """Return True if any run has contacts with the ground, which then have columns."""
     return any(row.fastest_slip is not None for row in rows)
 
 

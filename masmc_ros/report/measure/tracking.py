@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How a run followed its reference: task positions and tracking error (13) over time."""
+"""Tracking of a run: task positions and tracking error (13) over time."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Tracking:
     times
         (K) of the errors.
     error
-        (K, axes) e = x - x_d; K = 0 where the log does not tell it.
+        (K, axes) e = x - x_d; K = 0 if the log lacks it.
     actual
-        (N, axes) x at every state; None where the log does not tell it.
+        (N, axes) x at every state; None if the log lacks it.
     desired
         (N, axes) x_d at every state, NaN where there is none; None likewise.
 

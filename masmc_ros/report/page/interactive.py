@@ -46,7 +46,7 @@ _SMALL = 1.0e3
 """Errors are drawn in mm and mrad."""
 
 _MOST = 14
-"""Lines of a plot of what the controller tells."""
+"""Lines of a plot of controller signals."""
 _DASHES = ('solid', 'dash', 'dot', 'dashdot')
 
 
@@ -104,7 +104,7 @@ def comparison_plots(compared: Sequence[Compared], span: tuple[float, float]) ->
 
 
 def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
-    """Return the plots of one run: of everything that its log tells."""
+    """Return the plots of all signals in the log of a run."""
     run, tracked = each.run, each.tracked
     changes = run_changes(run)
     begun = run.times[0]

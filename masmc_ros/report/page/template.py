@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Templates of pages, filled without a name that nobody has given."""
+"""Templates of pages; a name without a value is an error."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ INK = 'ink'
 """The colour of the text."""
 
 _SOLID = 4
-"""Lines of a plot that are told apart by their colours alone."""
+"""Number of lines of a plot that differ by their colours alone."""
 
 _DASHES = 'dash', 'dot', 'dashdot'
 """Of the others."""
@@ -59,7 +59,7 @@ def lines(names: Sequence[str], times: Floats, values: Floats) -> list[Line]:
     """
     Return the columns of values (n, m) as lines that differ, as far as that goes.
 
-    From the fifth on they are dashed too: more colours are hard to tell apart.
+    From the fifth on they are dashed as well: more colours are hard to distinguish.
     """
     return [
         Line(
@@ -91,9 +91,9 @@ def time_plot(
     quantity
         what the ordinate shows, with its unit.
     span
-        begin and end of the abscissa in s.
+        start and end of the abscissa in s.
     changes
-        of parameters, each marked by a vertical line and a symbol that tells it.
+        of parameters, each marked by a vertical line and a symbol with a tooltip.
     is_logarithmic
         whether the ordinate is.
 

@@ -57,7 +57,7 @@ def waves_of_step(plant: Any) -> int:
 
 @formula
 def shares_waves(plant: Any) -> bool:
-    """Tell whether disturbances of all lanes have the same frequencies and phases."""
+    """Return True if disturbances of all lanes have the same frequencies and phases."""
     frequency, phase = plant['frequency'], plant['phase']
     others = 0
     if lane_count(plant) > 1:

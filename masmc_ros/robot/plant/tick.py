@@ -46,8 +46,8 @@ SETTINGS = (
     Field('amplitude', 'joints', 'Disturbance torque', 'N·m'),
     Field('frequency', 'joints', 'Disturbance torque', 'rad/s'),
     Field('phase', 'joints', 'Disturbance torque', 'rad'),
-    Field('limit', 'joints', "Limit of each motor's torque; 0 is none", 'N·m'),
-    Field('rate_limit', 'joints', 'Limit of its change; 0 is none', 'N·m/s'),
+    Field('limit', 'joints', "Limit of each motor's torque; 0: no limit", 'N·m'),
+    Field('rate_limit', 'joints', 'Limit of its rate; 0: no limit', 'N·m/s'),
     Field('period', description='Control period, that of all lanes', unit='s'),
     Field('steps', description='Integration steps in a period, in all lanes', kind='i8'),
     Field('takes_rates', description='Whether rates are commanded, in all lanes', kind='i8'),
@@ -75,7 +75,7 @@ MEMORY = (
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
 )
-"""What one tick hands on to the next."""
+"""Memory from tick to tick."""
 
 
 @formula
@@ -107,7 +107,7 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
 @formula
 def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
     """
-    Take the command in `now` for one period, nobody's if `holds`.
+    Use the command in `now` for one period, none if `holds`.
 
     Writes `driven` and `applied`, of torques within the motors' limits; with rates both are what
     the drives then make of them, step by step.
@@ -138,7 +138,7 @@ def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
 
 @formula
 def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
-    """Forget what drives did that held in nobody's name, where torques are commanded."""
+    """Clear the torque of drives that held without a command, if torques are commanded."""
     if holds & (plant['takes_rates'][0] == 0):
         for lane in range(lane_count(plant)):
             nothing = each(zero, get(now, 'torque', lane))
@@ -150,7 +150,7 @@ def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
 def drive_step(
     plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
 ) -> None:
-    """Write what moves the joints over one step of whoever else integrates: `driven`, `push`."""
+    """Write the joint forces over one step of an external integrator: `driven`, `push`."""
     steps, period = plant['steps'][0], plant['period'][0]
     h = period / steps
     if step == 0:
@@ -164,11 +164,11 @@ def drive_step(
 @inlined
 def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     """
-    Move the true state on by one period under the command in `now`; nobody's if `holds`.
+    Advance the true state by one period with the command in `now`; none if `holds`.
 
     Writes the torque that it comes to as `applied`: within the motors' limits the command
-    itself, or the mean of what the drives make of commanded rates. Where nobody commands, the
-    drives hold the joints as with rates of zero; no torque is applied in anybody's name then.
+    itself, or the mean torque of drives that follow velocities. Without a command, the
+    drives hold the joints at zero velocity; the applied torque is then zero.
     """
     lanes = lane_count(plant)
     steps, period = plant['steps'][0], plant['period'][0]

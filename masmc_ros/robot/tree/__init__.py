@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A tree of joints on a base that stands, drives or slides: any robot of which a URDF tells."""
+"""A tree of joints on a fixed, driving or sliding base: any robot of a URDF."""

@@ -52,7 +52,7 @@ INERTIA: Inertia = (0.0,) * 21
 """No inertia."""
 
 _WRENCH, _ENTRIES = 21, 27
-"""Where p_A begins in the row of a body, which has inertia and wrench."""
+"""Start of p_A in the row of a body, which has inertia and wrench."""
 
 _FORCE, _GIVES, _LEFT, _OWN = 3, 6, 7, 8
 """Of a joint: wrench U = I_A s by moment and force, 1 / s' U, and what is left of its force."""
@@ -84,7 +84,7 @@ def write_accelerations(
     Parameters
     ----------
     model
-        the robot, the inertia of whose rotors couples rates of the base alone.
+        the robot; the inertia of its rotors couples velocities of the base only.
     posture
         of its bodies.
     theta

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A robot of which a URDF tells: bodies that move, joints that are controlled, and the base.
+Robot of a URDF: moving bodies, controlled joints, and the base.
 
 Links that do not move against each other are one body: fixed joints are merged, and so are
 joints that are not controlled, which are held at an angle, and wheels, of which only the spin is
@@ -90,7 +90,7 @@ class Frame:
 
 
 class Limits(NamedTuple):
-    """What joints cannot exceed, an entry for each; infinite where nothing limits it."""
+    """Limits of the joints, an entry for each; infinite without a limit."""
 
     lower: NDArray[np.float64]
     """In rad or m."""
@@ -139,7 +139,7 @@ class TreeRobot:
 
 @dataclass
 class _Body:
-    """What is collected of a body while links are merged into it."""
+    """Sums of a body while links are merged into it."""
 
     link: str
     moments: Moments = MOMENTS
@@ -386,7 +386,7 @@ def pseudo_inertia(moments: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
-    """Refuse bodies that cannot exist, naming the link that makes them so."""
+    """Raise InputError for bodies that cannot exist, with the name of the link."""
     for body in bodies[1:]:
         if not any(body.moments):
             continue

@@ -66,7 +66,7 @@ GRAVITY = 9.81
 _REFERENCE, _ACCELERATION = 6, 12
 
 MOTION = 18
-"""What a body's motion has: angular velocity and velocity of each of the three."""
+"""Numbers of a body's motion: angular velocity and velocity of each of the three."""
 
 
 @kernel

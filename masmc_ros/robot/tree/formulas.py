@@ -252,7 +252,7 @@ def theta_step(
 
 @formula
 def keeps_bodies(model: TreeModel, settings: Any, lane: int) -> bool:
-    """Tell whether adaptation is natural."""
+    """Return True if the adaptation is natural."""
     return get(settings, 'adaptation', lane) == NATURAL
 
 
@@ -331,7 +331,7 @@ def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
 
 @kernel
 def counts_turns(model: TreeModel, resolution: Numbers) -> bool:
-    """Tell whether the wheels' encoders have a finite resolution."""
+    """Return True if the wheels' encoders have a finite resolution."""
     found, values = False, array_of(resolution)
     for i in range(base_of(model)):
         found = found or values[i] > 0.0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the frames of a URDF's links are: a transform for each of its joints, and the base's."""
+"""Transforms of the link frames of a URDF: one for each of its joints, and the base's."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Quaternion = tuple[float, float, float, float]
 _UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 STANDS, TURNS, SLIDES, BASE = 0, 1, 2, 3
-"""How a frame moves in its parent."""
+"""Motion of a frame in its parent."""
 
 
 class Frames(NamedTuple):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Friction of joints, whose coefficients are parameters beside the bodies' moments.
+Friction of joints; its coefficients are adapted like the bodies' moments.
 
     tau_f = F_v qdot + F_c sigma(qdot),   sigma(x) = x / sqrt(x^2 + creep^2)
 

@@ -61,7 +61,7 @@ from masmc_ros.robot.tree.spatial import (
 import numpy as np
 
 ORIGIN = 9
-"""Where a frame has its origin, behind its rotation."""
+"""Place of the origin of a frame, after its rotation."""
 
 _POSITION = 12
 

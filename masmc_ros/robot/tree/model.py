@@ -39,7 +39,7 @@ FIXED, DIFFERENTIAL, OMNIDIRECTIONAL = 0, 2, 3
 
 
 class Tree(NamedTuple):
-    """Bodies, of which 0 is the base and every other one comes after its parent."""
+    """Bodies; 0 is the base, and every other one comes after its parent."""
 
     base: int
     """Kind of the base."""
@@ -63,7 +63,7 @@ class TreeModel(NamedTuple):
     numbers: Any
     """(numbers, lanes): what `packed` returns, for each robot side by side."""
     lane: int
-    """Which of them."""
+    """Index of the parallel run."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     """Places of the task's axes among the coordinates of `task.py`."""
 
@@ -172,7 +172,7 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 
 @formula
 def axes_of(numbers: Any, lane: int, like: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the places of the task's axes, of which a tuple has as many."""
+    """Return the places of the task's axes, a tuple of their number."""
     found: tuple[float, ...] = read_down(numbers, _AXES, lane, like)
     return found
 
@@ -272,14 +272,14 @@ def _turned_entry(
 
 @formula
 def _after_bodies(model: TreeModel) -> tuple[int, int, int]:
-    """Return where the mobility begins, the number of velocities, and that of the base's."""
+    """Return the start of the mobility, the number of velocities, and that of the base's."""
     bodies, base = bodies_of(model), base_of(model)
     return _body_begins(model, bodies), base + bodies - 1, base
 
 
 @formula
 def mobility_begins(model: TreeModel) -> int:
-    """Return where (n) begins in the numbers how much velocities move for the task."""
+    """Return the start, in the numbers, of the mobility (n) of the velocities for the task."""
     first, _, _ = _after_bodies(model)
     return first
 
@@ -300,7 +300,7 @@ def wheel_rates_begin(model: TreeModel) -> int:
 
 @formula
 def base_rates_begin(model: TreeModel) -> int:
-    """Return where the inverse of that begins."""
+    """Return the start of its inverse."""
     first, size, base = _after_bodies(model)
     return first + 2 * size + base * base
 
@@ -316,7 +316,7 @@ def limits_of(model: TreeModel, k: int) -> tuple[float, float, float]:
 
 @formula
 def inverse_speeds_begin(model: TreeModel) -> int:
-    """Return where (n) one over the speeds begins that wheels and joints may have."""
+    """Return the start of the inverse speed limits (n) of wheels and joints."""
     first, size, base = _after_bodies(model)
     return first + 2 * (size + base * base) + size * size + 3 * size
 
@@ -334,6 +334,6 @@ def frame_of(model: TreeModel, frame: int) -> tuple[int, Rotation, Vector]:
 
 @formula
 def rotors_begin(model: TreeModel) -> int:
-    """Return where the constant inertia (n, n) of rotors and wheels begins in the numbers."""
+    """Return the start, in the numbers, of the constant inertia (n, n) of rotors and wheels."""
     first, size, base = _after_bodies(model)
     return first + 2 * (size + base * base)

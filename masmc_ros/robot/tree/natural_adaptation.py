@@ -49,7 +49,7 @@ _LEAST = 1.0e-13
 
 
 _GRADIENT, _NOMINAL, _STEP = PER_BODY, 2 * PER_BODY, 3 * PER_BODY
-"""Rows of what is beside the moments of bodies: their gradients, nominal moments, and steps."""
+"""Rows next to the moments of bodies: their gradients, nominal moments, and steps."""
 
 
 @kernel
@@ -83,7 +83,7 @@ def adapted(
                 columns[_GRADIENT + i, k] = gradients[at + i]
                 columns[_NOMINAL + i, k] = rest[at + i]
             columns[_STEP, k] = period / gains[at]
-        # All of them, whoever is there: a processor takes all at once, as it would take one.
+        # All of them: a processor computes all at once in the time of one.
         for k in range(AT_ONCE):
             moved = natural_step(
                 read_down(columns, 0, k, MOMENTS),
@@ -247,7 +247,7 @@ def _inverse(value: float) -> float:
 @formula
 def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, bool]:
     """
-    Return L and D of a matrix L D L', of which rows to the diagonal, and whether D is positive.
+    Return L and D of a matrix L D L' in rows up to the diagonal, and True if D is positive.
 
     Of L, the rows below the first, whose entry on the diagonal is 1.
     """

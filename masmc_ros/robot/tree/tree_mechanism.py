@@ -72,35 +72,34 @@ FRICTIONLESS = 'none'
 """Of the choices of robot.friction."""
 
 PARAMETERS = (
-    Parameter('robot.base', 'fixed', 'What the robot stands on', choices=tuple(BASES)),
-    Parameter('robot.base_frame', '', "Link whose frame is the base's; the root where empty"),
+    Parameter('robot.base', 'fixed', 'Type of the base', choices=tuple(BASES)),
+    Parameter('robot.base_frame', '', 'Link of the base frame; empty: the root link'),
     Parameter('robot.wheels', (), 'Joints of the wheels, right and left'),
     Parameter(
-        'robot.wheel_radius', 0.0, 'Radius of the wheels; 0 is their height', unit='m', minimum=0.0
+        'robot.wheel_radius', 0.0, 'Radius of the wheels; 0: their height above the ground',
+        unit='m', minimum=0.0,
     ),
     Parameter(
-        'robot.roller_angles',
-        (0.0,),
-        "Angle of each omnidirectional wheel's rollers, or of all: 0, or a mecanum wheel's",
-        unit='rad',
+        'robot.roller_angles', (0.0,), 'Angle of the rollers of each omnidirectional wheel, or of '
+        'all; 0, or that of a mecanum wheel', unit='rad',
     ),
-    Parameter('robot.tip_frame', '', 'Link that has the task; where empty, the last one'),
+    Parameter('robot.tip_frame', '', 'Link of the task; empty: the last link'),
     Parameter(
-        'robot.task', ('pose',), 'What follows a path, one or several: pose, position, '
-        'orientation or planar (x, y) of the tip, base (x, y, yaw), heading (yaw), or joints; '
-        'of another frame or of some joints with their names behind: [pose, heading]',
+        'robot.task', ('pose',), 'Tasks, one or several: pose, position, orientation or planar '
+        '(x, y) of the tip, base (x, y, yaw), heading (yaw), or joints; names of another frame or '
+        'of joints follow a task: [pose, heading]',
         broadcast=True,
     ),
-    Parameter('robot.joints', (), 'Joints that are controlled; all that can be where empty'),
-    Parameter('robot.held_joints', (), 'Joints that are held'),
-    Parameter('robot.held_positions', (0.0,), 'Where they are held, or 0 for all'),
+    Parameter('robot.joints', (), 'Controlled joints; empty: all movable joints'),
+    Parameter('robot.held_joints', (), 'Joints held at a constant position'),
+    Parameter('robot.held_positions', (0.0,), 'Positions of the held joints, or 0 for all'),
     Parameter(
-        'robot.armature', 0.01, "Inertia of every joint's rotor at the joint", unit='kg·m²',
+        'robot.armature', 0.01, 'Inertia of the rotor of every joint, at the joint', unit='kg·m²',
         minimum=0.0,
     ),
     Parameter(
-        'robot.friction', FRICTIONLESS, 'Friction of joints, of which laws adapt the coefficients:'
-        " none, that of the URDF's <dynamics>, or that of the parameters that follow",
+        'robot.friction', FRICTIONLESS, 'Joint friction, whose coefficients laws adapt: none, '
+        "urdf (the URDF's <dynamics>), or parameters (the two below)",
         choices=(FRICTIONLESS, 'urdf', 'parameters'),
     ),
     Parameter(
@@ -108,38 +107,42 @@ PARAMETERS = (
         unit='N·m·s', minimum=0.0,
     ),
     Parameter(
-        'robot.coulomb_friction', (0.0,), "Coulomb's friction of wheels and joints, or of all",
+        'robot.coulomb_friction', (0.0,), 'Coulomb friction of wheels and joints, or of all',
         unit='N·m', minimum=0.0,
     ),
     Parameter(
-        'robot.posture', (0.0,), 'Positions to which joints tend where the task lets them, or 0'
+        'robot.posture', (0.0,),
+        'Preferred joint positions in the null space of the task, or 0 for all',
     ),
     Parameter(
-        'robot.posture_gain', 0.5, 'Rate at which they do', unit='1/s', minimum=0.0
+        'robot.posture_gain', 0.5, 'Rate of the motion to the preferred positions', unit='1/s',
+        minimum=0.0,
     ),
     Parameter(
-        'robot.base_mobility', 1.0, "Part of the task that falls to the base against the joints'",
+        'robot.base_mobility', 1.0,
+        'Share of the base in the task, relative to that of the joints',
         minimum=0.0, exclusive_minimum=True,
     ),
     Parameter(
-        'robot.limit_margin', 0.05, "Part of a joint's range before its ends in which it moves "
-        'less and less for the task, down to nothing; 0 is no heed to ends',
+        'robot.limit_margin', 0.05, "Part of a joint's range at both ends in which its motion for "
+        'the task fades to zero; 0: the ends are ignored',
         minimum=0.0, maximum=0.5,
     ),
     Parameter(
-        'robot.damping', 20.0, 'Rate at which motion that the task does not see is damped',
+        'robot.damping', 20.0, 'Damping rate of the motion in the null space of the task',
         unit='1/s', minimum=0.0,
     ),
     Parameter(
-        'robot.drift_rate', 50.0, 'Rate at which the estimate of accelerations that the task does '
-        'not see follows them; 0 disables it', unit='1/s', minimum=0.0,
+        'robot.drift_rate', 50.0, 'Rate of the estimate of disturbance accelerations in the null '
+        'space of the task; 0: no estimate', unit='1/s', minimum=0.0,
     ),
     Parameter(
-        'robot.least_pivot', 1.0e-3, 'Measure of singularity below which the task is damped',
+        'robot.least_pivot', 1.0e-3,
+        'Measure of singularity (smallest pivot) below which the task is damped',
         minimum=0.0, exclusive_minimum=True,
     ),
 )  # fmt: skip
-"""Of a tree, beside URDF, which chooses it."""
+"""Parameters of a tree in addition to URDF, which selects it."""
 
 _DESCRIBING = (*PARAMETERS, SPEED_LIMITS)
 
@@ -147,7 +150,8 @@ _LAW_PARAMETERS = (
     Parameter(
         'adaptation',
         'natural',
-        'Moments of bodies adapt so that they stay those of bodies, or each number for itself',
+        'Adaptation of the inertial parameters: physically consistent bodies, or independent '
+        'numbers',
         choices=kernels.ADAPTATIONS,
         read_only=False,
     ),
@@ -174,7 +178,7 @@ _DRIVES = {
         Coordinate('base_turn_joint', 'turn', 'turn'),
     ),
 }
-"""What takes forces where no wheels do."""
+"""Coordinates with forces on a base without wheels."""
 
 _MOMENTS = (
     ('mass', 'kg'), ('mx', 'kg·m'), ('my', 'kg·m'), ('mz', 'kg·m'), ('mxx', 'kg·m²'),
@@ -193,7 +197,7 @@ class TreeMechanism(Mechanism):
 
     robot: TreeRobot
     model: Array
-    """What the formulas need of it: see `model.py`."""
+    """Numbers for the formulas: see `model.py`."""
     description: Description
     text: str
     """The URDF."""
@@ -202,7 +206,7 @@ class TreeMechanism(Mechanism):
     tips: tuple[str, ...]
     """Links that have the task; the robot's tip where joints have it."""
     held: Mapping[str, float]
-    """Where joints are held that are not controlled."""
+    """Positions of the held joints by name."""
     made_of: Mapping[str, Any]
     """Values of the parameters that describe it."""
 
@@ -256,7 +260,7 @@ class TreeMechanism(Mechanism):
         return (*pose, *angles)
 
     def _out_of_reach(self, lengths: Array, task: Array) -> None:
-        """Tell nothing: what cannot be reached is followed as far as the arm goes."""
+        """Return None: an unreachable position is followed as far as the arm reaches."""
 
     def _base_motion(self, position: Array, velocity: Array) -> tuple[Array, Array]:
         """Return poses and twists of the base."""
@@ -273,7 +277,7 @@ class TreeMechanism(Mechanism):
 
     @cached_property
     def _frames(self) -> Frames:
-        """Where the frames are, and which positions move them."""
+        """Poses of the frames, and the positions that move them."""
         places = {joint.name: len(self.base) + i for i, joint in enumerate(self.joints)}
         below = {joint.child: joint for joint in self.description.joints.values()}
         origin = np.zeros((len(self.frames), 7))

@@ -53,7 +53,7 @@ _WAYS = ('ahead', 'sideways', 'around')
 
 
 class Mount(NamedTuple):
-    """How a wheel is fixed to the base, in the base's frame."""
+    """Mounting of a wheel in the frame of the base."""
 
     joint: Joint
     """About which it turns."""
@@ -125,7 +125,7 @@ def driving_wheels(
     Parameters
     ----------
     base
-        DIFFERENTIAL, of which right and left wheel are expected, or OMNIDIRECTIONAL.
+        DIFFERENTIAL, which needs a right and a left wheel, or OMNIDIRECTIONAL.
     mounts
         of the wheels.
     where

@@ -38,7 +38,7 @@ from masmc_ros.robot.two_link.geometry import Geometry
 
 @formula
 def is_consistent(theta: BaseParameters, geometry: Geometry) -> bool:
-    """Tell whether Q(theta) is positive definite: whether bodies can have these parameters."""
+    """Return True if Q(theta) is positive definite: bodies can have these parameters."""
     return weakest_motion(theta, geometry)[0] > 0.0
 
 

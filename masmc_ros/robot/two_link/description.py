@@ -102,7 +102,7 @@ def description(values: Mapping[str, Any], driven: Sequence[str], frame_prefix: 
         if axis:
             Xml.SubElement(joint, 'axis', xyz=axis)
     Xml.indent(root)
-    # Without an encoding: some parsers refuse one in a text that is decoded already.
+    # Without an encoding: some parsers reject one in a decoded text.
     return f'<?xml version="1.0"?>\n{Xml.tostring(root, encoding="unicode")}\n'
 
 
@@ -166,7 +166,7 @@ def _shapes(geometry: Geometry, com_offset: float) -> dict[str, list[_Shape]]:
 
 
 def _link(length: float, thickness: float) -> list[_Shape]:
-    """Return a link of the arm: its bar and the joint that it begins with."""
+    """Return a link of the arm: its bar and its first joint."""
     return [
         _Shape(
             'box',

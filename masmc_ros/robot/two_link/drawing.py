@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _WHEEL_WIDTH = 0.35
-"""Of a wheel's radius; the parameters do not tell it."""
+"""Width relative to a wheel's radius; no parameter has it."""
 
 
 def outline(lengths: Floats, position: Floats) -> Outline:

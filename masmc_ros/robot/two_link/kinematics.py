@@ -92,7 +92,7 @@ def task_drift(
 
 @formula
 def is_singular(posture: Posture) -> bool:
-    """Tell whether the arm is too straight or too folded for J to be inverted as it is."""
+    """Return True if the arm is too straight or too folded to invert J undamped."""
     return abs(posture.s2) < SINGULAR_SINE
 
 

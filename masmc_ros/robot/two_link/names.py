@@ -89,7 +89,7 @@ TORQUE_LIMIT = (8.0, 8.0, 20.0, 10.0)
 """Torques in N m of drives that fit the default robot: wheels, then the arm's joints."""
 
 TORQUE_RATE_LIMIT = (400.0, 400.0, 1000.0, 500.0)
-"""How fast they change their torques, in N m/s: from none to all in 20 ms."""
+"""Rates of their torques in N m/s: from zero to the limit in 20 ms."""
 
 TWO_LINK = register(
     Mechanism(

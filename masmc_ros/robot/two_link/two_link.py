@@ -177,7 +177,7 @@ def task_from_forces(model: Geometry, posture: Posture, forces: Quad) -> Quad:
 
 @formula
 def is_singular(model: Geometry, posture: Posture) -> bool:
-    """Tell whether the arm is too straight or too folded."""
+    """Return True if the arm is too straight or too folded."""
     return kinematics.is_singular(posture)
 
 
@@ -269,5 +269,5 @@ def dead_reckoned(model: Geometry, pose: Pose, turned: Quad) -> Pose:
 
 @formula
 def counts_turns(model: Geometry, resolution: Quad) -> bool:
-    """Tell whether the wheels' encoders have a finite resolution."""
+    """Return True if the wheels' encoders have a finite resolution."""
     return (resolution[0] > 0.0) | (resolution[1] > 0.0)

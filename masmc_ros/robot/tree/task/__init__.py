@@ -11,4 +11,4 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What a tree is to follow: outputs of its frames and joints, and what they leave free."""
+"""Task of a tree: outputs of its frames and joints, and its null space."""

@@ -50,13 +50,13 @@ _AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz'
 
 
 class Robot(NamedTuple):
-    """What outputs can be of."""
+    """Available frames and joints of outputs."""
 
     links: Collection[str]
     joints: Sequence[Coordinate]
     """Those that are controlled, without wheels."""
     tip: str
-    """Link that outputs are of which name none."""
+    """Link of the outputs that name none."""
     base: str
     """Link that those of the base are of."""
     goes_sideways: bool
@@ -72,7 +72,7 @@ class Task(NamedTuple):
     """Of the axes among the coordinates of `task.py`."""
     axes: tuple[Quantity, ...]
     points: tuple[Point, ...]
-    """What of the axes reports look at together."""
+    """Groups of axes that reports evaluate together."""
 
     def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
         """Return for each axis the position in a posture of its joint; 0 for one of a frame."""

@@ -61,10 +61,10 @@ POSE = 6
 """Coordinates of a frame."""
 
 _ROTATED = 3
-"""Where its rotation vector begins among them."""
+"""Start of its rotation vector among them."""
 
 _ERROR, _ERROR_RATE, _RATE = range(3)
-"""What a `Tracking` has first, by rows of all coordinates."""
+"""Leading entries of a `Tracking`, by rows of all coordinates."""
 
 
 @formula

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.records import LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD, records
+from masmc_ros.log.mcap.records import all_records, LARGEST_CHUNK, MESSAGE_HEAD, RECORD_HEAD
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 import numpy as np
@@ -53,8 +53,8 @@ _HEAD = np.dtype(
 )
 """What stands before the bytes of a message; `RECORD_HEAD` and `MESSAGE_HEAD` for many."""
 
-_INDEX_SIZE = 4
-"""Bytes of the size that stands before the entries of an index."""
+INDEX_HEAD = RECORD_HEAD.size + 2 + 4
+"""Bytes before the entries of an index: head of the record, channel, and size of the entries."""
 
 
 class ChannelRows(NamedTuple):
@@ -191,19 +191,6 @@ class OpenChunk:
         self._parts.append(record)
         self.size += len(record)
 
-    def add_message(self, channel: int, log_time: int, publish_time: int, data: bytes) -> None:
-        """Add a message, its times in ns."""
-        if channel not in self.indexes:
-            self.indexes[channel] = array('Q')
-        self.indexes[channel].extend((log_time, self.size))
-        length = MESSAGE_HEAD.size + len(data)
-        self._parts += (
-            RECORD_HEAD.pack(Opcode.MESSAGE, length),
-            MESSAGE_HEAD.pack(channel, 0, log_time, publish_time),
-            data,
-        )
-        self.size += RECORD_HEAD.size + length
-
     def add_messages(self, messages: MessageRecords, first: int, stop: int, limit: int) -> int:
         """
         Add messages until there are more than `limit` bytes, or no more.
@@ -284,22 +271,31 @@ def span(indexes: Indexes) -> tuple[int, int]:
     return min(map(min, times), default=0), max(map(max, times), default=0)
 
 
-def index_messages(content: bytes) -> Indexes:
-    """Return the indexes of the messages among the records of a chunk."""
-    chunk: Indexes = {}
-    for opcode, start, _ in records(content, 0):
-        if opcode == Opcode.MESSAGE:
+def index_messages(content: bytes) -> tuple[Indexes, list[bytes]]:
+    """
+    Return the indexes of the messages in a chunk, and its schemas and channels as records.
+
+    Raises ValueError if the chunk has other content.
+    """
+    indexes: Indexes = {}
+    definitions = []
+    for opcode, start, end in all_records(content):
+        if opcode == Opcode.MESSAGE and end - start >= RECORD_HEAD.size + MESSAGE_HEAD.size:
             channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
-            chunk.setdefault(channel, array('Q')).extend((time, start))
-    return chunk
+            indexes.setdefault(channel, array('Q')).extend((time, start))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            definitions.append(content[start:end])
+        else:
+            raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
+    return indexes, definitions
 
 
 def index_record(channel: int, index: array[int]) -> bytes:
     """Return the record of a channel's index."""
     entries = index.tobytes()
     return (
-        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + _INDEX_SIZE + len(entries))
+        RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD - RECORD_HEAD.size + len(entries))
         + channel.to_bytes(2, 'little')
-        + len(entries).to_bytes(_INDEX_SIZE, 'little')
+        + len(entries).to_bytes(4, 'little')
         + entries
     )

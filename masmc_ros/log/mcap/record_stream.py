@@ -1,0 +1,207 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Output of an MCAP file, from its header to its indexes and its footer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+import struct
+from typing import Protocol
+import zlib
+
+from masmc_ros import __version__
+from masmc_ros.log.mcap.chunks import index_record, IndexedChunk
+from masmc_ros.log.mcap.records import MAGIC, packed
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.summary import Summary
+from mcap.well_known import Profile
+
+
+class Stream(Protocol):
+    """Destination of bytes, which come as whole records."""
+
+    def write(self, data: bytes, /) -> object:
+        """Take bytes."""
+
+
+class RecordStream:
+    """
+    The records of a file, one after the other.
+
+    Attributes
+    ----------
+    position
+        place in the file at which the next record starts.
+    summary
+        definitions and indexes of the records before it.
+    statistics
+        of the messages; the other counts are set by `finish`.
+
+    """
+
+    def __init__(
+        self, stream: Stream, position: int = 0, summary: Summary | None = None
+    ) -> None:
+        """
+        Initialise the output.
+
+        Parameters
+        ----------
+        stream
+            destination of the bytes.
+        position
+            bytes of the file that precede those of the stream.
+        summary
+            summary of these bytes.
+
+        """
+        self._stream = stream
+        self.position = position
+        self.summary = summary or Summary()
+        self.statistics = self.summary.statistics or Statistics(
+            message_count=0, channel_message_counts={}, message_start_time=0, message_end_time=0,
+            chunk_count=0, channel_count=0, schema_count=0, attachment_count=0, metadata_count=0,
+        )
+        self._counts = Counter(self.statistics.channel_message_counts)
+
+    def start(self, header: Header | None = None) -> None:
+        """Start a file, with a header of this package by default."""
+        self.write(MAGIC)
+        self.write(packed(header or Header(Profile.ROS2, f'masmc_ros {__version__}')))
+
+    def write(self, record: bytes) -> None:
+        """Write whole records that the summary does not list."""
+        self._stream.write(record)
+        self.position += len(record)
+
+    def register(self, record: Schema | Channel) -> None:
+        """Add a definition to the summary."""
+        if isinstance(record, Schema):
+            self.summary.schemas[record.id] = record
+        else:
+            self.summary.channels[record.id] = record
+
+    def add_attachment(self, attachment: Attachment) -> None:
+        """Write a file that accompanies the messages."""
+        record = packed(attachment)
+        self.summary.attachment_indexes.append(
+            AttachmentIndex(
+                offset=self.position,
+                length=len(record),
+                create_time=attachment.create_time,
+                log_time=attachment.log_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
+        self.write(record)
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        """Write names and texts."""
+        record = packed(metadata)
+        index = MetadataIndex(offset=self.position, length=len(record), name=metadata.name)
+        self.summary.metadata_indexes.append(index)
+        self.write(record)
+
+    def add_chunk(self, indexed: IndexedChunk) -> None:
+        """Write a chunk, followed by the indexes of its messages."""
+        chunk, indexes = indexed
+        record, start = packed(chunk), self.position
+        self.write(record)
+        records, offsets, end = [], {}, self.position
+        for channel, index in indexes.items():
+            offsets[channel] = end
+            records.append(index_record(channel, index))
+            end += len(records[-1])
+            count = len(index) // 2
+            self.count(channel, count, chunk.message_start_time, chunk.message_end_time)
+        self.summary.chunk_indexes.append(
+            ChunkIndex(
+                message_start_time=chunk.message_start_time,
+                message_end_time=chunk.message_end_time,
+                chunk_start_offset=start,
+                chunk_length=len(record),
+                message_index_offsets=offsets,
+                message_index_length=end - self.position,
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
+                uncompressed_size=chunk.uncompressed_size,
+            )
+        )
+        self.write(b''.join(records))
+
+    def count(self, channel: int, count: int, first: int, last: int) -> None:
+        """Count messages of a channel, with the first and the last log time in ns."""
+        statistics = self.statistics
+        start = min(first, statistics.message_start_time) if statistics.message_count else first
+        statistics.message_start_time = start
+        statistics.message_end_time = max(last, statistics.message_end_time)
+        statistics.message_count += count
+        self._counts[channel] += count
+
+    def finish(self) -> None:
+        """Write the end of the file, with all indexes."""
+        self.write(packed(DataEnd(0)))
+        builder, start, offsets = RecordBuilder(), self.position, []
+        for opcode, records in self._summary_records():
+            first = builder.count
+            for record in records:
+                record.write(builder)
+            offsets.append(SummaryOffset(opcode, start + first, builder.count - first))
+        summary_offsets = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary = builder.end()
+        head = struct.pack('<BQQQ', Opcode.FOOTER, 20, start, summary_offsets)
+        crc = zlib.crc32(head, zlib.crc32(summary))
+        self.write(summary)
+        self.write(packed(Footer(start, summary_offsets, crc)))
+        self.write(MAGIC)
+
+    def _summary_records(self) -> Iterable[tuple[Opcode, Iterable[McapRecord]]]:
+        """Return the records of the summary in their order, by kind."""
+        summary, statistics = self.summary, self.statistics
+        statistics.channel_message_counts = self._counts
+        statistics.attachment_count = len(summary.attachment_indexes)
+        statistics.metadata_count = len(summary.metadata_indexes)
+        statistics.chunk_count = len(summary.chunk_indexes)
+        statistics.channel_count = len(summary.channels)
+        statistics.schema_count = len(summary.schemas)
+        return (
+            (Opcode.SCHEMA, summary.schemas.values()),
+            (Opcode.CHANNEL, summary.channels.values()),
+            (Opcode.STATISTICS, (statistics,)),
+            (Opcode.CHUNK_INDEX, summary.chunk_indexes),
+            (Opcode.ATTACHMENT_INDEX, summary.attachment_indexes),
+            (Opcode.METADATA_INDEX, summary.metadata_indexes),
+        )

@@ -1,0 +1,151 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Single records of an MCAP file: heads, limits, packing and unpacking."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+import mmap
+from pathlib import Path
+import struct
+import zlib
+
+import lz4.frame
+from masmc_ros.errors import InputError
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, McapRecord
+from mcap.stream_reader import StreamReader
+import zstandard
+
+Data = mmap.mmap | bytes
+"""A file, or the records of a chunk."""
+
+MAGIC = b'\x89MCAP0\r\n'
+
+RECORD_HEAD = struct.Struct('<BQ')
+"""Opcode and length of the record's content."""
+
+MESSAGE_HEAD = struct.Struct('<HIQQ')
+"""Channel, sequence number, log time and publish time at the start of a message."""
+
+LARGEST_CHUNK = 2**28
+"""Maximum unpacked size of a compressed chunk in bytes; a larger one is not compressed."""
+
+LARGEST_RATIO = 500
+"""Maximum ratio of the unpacked size of a log to its own size; runs reach about 50."""
+
+
+class LargeChunkError(ValueError):
+    """A chunk is larger than LARGEST_CHUNK, and its checksum and sizes show no damage."""
+
+
+def check_magic(path: Path, start: bytes) -> None:
+    """Raise InputError where a file, by its first bytes, was never going to be a log."""
+    if not MAGIC.startswith(start[: len(MAGIC)]):
+        raise InputError(f'{path}: is not an MCAP file; name a log such as run.mcap')
+
+
+def cut_off(path: Path) -> str:
+    """Return what to say of a log without its end."""
+    return (
+        f'{path}: the log ends before its end, its recorder was cut off;'
+        f' `masmc recover {path}` makes a complete one of it'
+    )
+
+
+def records(data: Data, position: int = len(MAGIC)) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and end of the records that are there as a whole."""
+    while position + RECORD_HEAD.size <= len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        end = position + RECORD_HEAD.size + length
+        if end > len(data) or not opcode:
+            return
+        yield opcode, position, end
+        position = end
+
+
+def all_records(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield the records of a chunk; ValueError where it does not end with the last one."""
+    end = 0
+    for opcode, start, end in records(content, 0):
+        yield opcode, start, end
+    if end != len(content):
+        raise ValueError(f'a record at byte {end} of a chunk goes beyond its end')
+
+
+def decompressed(chunk: Chunk) -> bytes:
+    """
+    Return the records of a chunk.
+
+    The function uses at most the memory that the chunk states, and at most LARGEST_CHUNK bytes.
+
+    Raises
+    ------
+    LargeChunkError
+        if the chunk is larger than LARGEST_CHUNK, and is not damaged as far as its head shows.
+    Exception
+        of any kind if the records are damaged.
+
+    """
+    size, content = chunk.uncompressed_size, chunk.data
+    if chunk.compression not in ('', 'zstd', 'lz4'):
+        raise ValueError(f"compression '{chunk.compression}' is unknown")
+    if chunk.compression:
+        frame_size = _frame_size(chunk)
+        if size > LARGEST_CHUNK:
+            is_sound = chunk.uncompressed_crc and frame_size == size
+            raise (LargeChunkError if is_sound else ValueError)(
+                f'a chunk of {len(content)} bytes that unpacks to {size} bytes; expected at most '
+                f'{LARGEST_CHUNK}'
+            )
+        if frame_size not in (size, None):
+            raise ValueError(f'a chunk of {size} bytes that unpacks to {frame_size} bytes')
+        if chunk.compression == 'zstd':
+            content = zstandard.decompress(content, max_output_size=size)
+        else:
+            frame = lz4.frame.LZ4FrameDecompressor()
+            content = frame.decompress(content, max_length=size + 1)
+            if not frame.eof:
+                raise ValueError(f'a chunk of {size} bytes whose compressed data do not end')
+    if len(content) != size:
+        raise ValueError(f'a chunk of {size} bytes that unpacks to {len(content)} bytes')
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise ValueError('checksum of a chunk')
+    return content
+
+
+def _frame_size(chunk: Chunk) -> int | None:
+    """Return the unpacked size in the head of compressed data; None if it is not stated."""
+    if chunk.compression == 'zstd':
+        size = zstandard.get_frame_parameters(chunk.data).content_size
+        return None if size == zstandard.CONTENTSIZE_UNKNOWN else size
+    size = lz4.frame.get_frame_info(chunk.data)['content_size']
+    return size or None
+
+
+def packed(record: McapRecord) -> bytes:
+    """Return a record as it is written."""
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+def parsed(data: bytes) -> McapRecord:
+    """Return a record from its bytes; exceptions of any kind show that it is damaged."""
+    reader = StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True)
+    record: McapRecord = next(reader.records)
+    return record
