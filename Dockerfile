@@ -16,6 +16,8 @@ RUN apt-get update \
     && PIP_BREAK_SYSTEM_PACKAGES=1 rosdep install --from-paths src --ignore-src --rosdistro jazzy -y \
     && rm -rf /var/lib/apt/lists/*
 COPY constraints.txt src/masmc_ros/constraints.txt
+# The version is that of constraints.txt.
+# hadolint ignore=DL3013
 RUN plotly=$(grep '^plotly==' src/masmc_ros/constraints.txt) \
     && python3 -m pip install --no-cache-dir --break-system-packages "$plotly"
 

@@ -19,6 +19,8 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 
+from sphinxcontrib import katex
+
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 sys.path.insert(0, str(DOCS / '_extensions'))
@@ -38,6 +40,7 @@ extensions = [
     'plain_docstrings',
     'repository_links',
     'mermaid_diagrams',
+    'short_navigation',
 ]
 exclude_patterns = ['_extensions']
 highlight_language = 'none'
@@ -50,6 +53,7 @@ myst_heading_anchors = 4
 # The version of KaTeX is that of the script in sphinxcontrib-katex.
 html_static_path = ['_static', '../build/docs_assets']
 katex_prerender = True
+katex.STARTUP_TIMEOUT = katex.RENDER_TIMEOUT = 120.0  # s, for busy machines
 katex_css_path = 'katex/katex.min.css'
 
 # Attributes are fields of their class: properties have an entry of their own.
