@@ -65,7 +65,7 @@ _FIELDS = {
     ParameterType.PARAMETER_STRING: 'string_value',
     ParameterType.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
 }
-"""Where a ParameterValue holds values of the types that parameters of this package have."""
+"""Fields of a ParameterValue by the types of this package's parameters."""
 
 
 def interface_class(type_name: str) -> Any:
@@ -115,7 +115,7 @@ class RandomInput:
         return self.random.choice(TEXTS)[:longest]
 
     def json_text(self, text: str) -> str:
-        """Return a JSON object of which one entry, at any depth, has another value."""
+        """Return a JSON object with another value of one entry, at any depth."""
         try:
             content = part = json.loads(text)
             while isinstance(part, dict) and part:
@@ -309,7 +309,7 @@ class RandomInput:
                 lambda: self._damaged(template),
             ]
             if not self._is_tame:
-                # Then nobody can tell whether it came from a node or from here.
+                # Its sender would be ambiguous: a node or this client.
                 makers.append(lambda: template)
         return self.random.choice(makers)()
 
@@ -367,7 +367,7 @@ class RandomInput:
         return serialize_message(message)
 
     def _damaged(self, template: bytes) -> bytes:
-        """Return bytes of a message of which some are missing, added or changed."""
+        """Return bytes of a message with some missing, added or changed."""
         data = bytearray(template)
         kind = self.random.randrange(4)
         if kind == 0:

@@ -32,7 +32,7 @@ _MOST_WAITING = 200
 """Requests without a response that are kept."""
 
 _MOST_SENT = 20_000
-"""Messages of which it is remembered that they were sent from here."""
+"""Number of own messages that the client remembers."""
 
 _LONGEST_TEXT = 100
 _OBEYED = ('effort_commands', 'joint_states')

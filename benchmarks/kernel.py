@@ -164,7 +164,7 @@ def runs_per_second(settings: tuple[str, ...], processes: int) -> float:
 
 
 def beside_c(name: str, seconds: Callable[[], float], claim: float) -> Measure:
-    """Return a time in ms beside that of C right before and after: a processor's clock changes."""
+    """Return a time in ms and that of C right before and after: a processor's clock changes."""
     before, taken, after = c_seconds(), seconds(), c_seconds()
     in_c = None
     if before is not None and after is not None:

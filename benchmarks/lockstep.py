@@ -37,7 +37,7 @@ from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 CLAIMS = {False: (1.5, 0.77), True: (3.9, 1.0)}
-"""What docs/real_time.md says, without and with everything, by whether it is one process."""
+"""Ratios in docs/real_time.md, without and with everything, for one process and several."""
 
 _PACE = re.compile(r'(\d+) ticks/s')
 
@@ -97,7 +97,7 @@ def ticks_per_second(
                 process.wait()
     match = _PACE.search(output)
     if match is None:
-        raise RuntimeError(f'the plant told no pace:\n{output}')
+        raise RuntimeError(f'the plant printed no rate:\n{output}')
     return float(match[1])
 
 
@@ -105,7 +105,7 @@ def measures(rounds: int = 3) -> Iterator[Measure]:
     """Yield medians over rounds in which ping-pong and lock-step alternate."""
     yield from _beside_ping_pong('paper.yaml', '', (False, True), CLAIMS, rounds)
     if find_spec('pinocchio') is not None:
-        # Whoever comes first compiles.
+        # The first run compiles.
         ticks_per_second(composed=True, everything=False, duration=0.1, config='tiago.yaml')
         yield from _beside_ping_pong('tiago.yaml', ' of TIAGo', (False,), {}, rounds)
 
@@ -117,7 +117,7 @@ def _beside_ping_pong(
     claims: Mapping[bool, tuple[float, float]],
     rounds: int,
 ) -> Iterator[Measure]:
-    """Yield those of a scenario, without and with everything, beside messages of its sizes."""
+    """Yield figures of a scenario, without and with everything, and of messages of its sizes."""
     sizes = sizes_of(config)
     for composed in (False, True):
         bare: list[float] = []

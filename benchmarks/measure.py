@@ -25,7 +25,7 @@ from pathlib import Path
 @dataclass(frozen=True)
 class Measure:
     """
-    A figure beside another of the same run: machines differ, their ratio less so.
+    A figure and another one of the same run: machines differ, their ratio less so.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def beside(
     reference: Measure | None,
     claim: float | None = None,
 ) -> Measure:
-    """Return a figure beside a reference that was measured in the same unit."""
+    """Return a figure with a reference that was measured in the same unit."""
     if reference is None:
         return Measure(name, value, unit, claim=claim)
     return Measure(name, value, unit, reference.name, value / reference.value, claim)

@@ -36,7 +36,7 @@ _QOS = QoSProfile(depth=1)
 
 
 class Sizes(NamedTuple):
-    """What the messages of a robot are as long as."""
+    """Messages with the lengths of those of a robot."""
 
     joints: tuple[str, ...] = (
         'base_x_joint',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a recorder takes: 20 topics, 10 000 messages a second in all, and what it costs."""
+"""Load of a recorder with 20 topics and 10 000 messages a second in all."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def _files(pid: int) -> int:
 
 
 def soak(seconds: float) -> bool:
-    """Run, print a line for each node, and tell whether all is well."""
+    """Run, print a line for each node, and return True if all is well."""
     sizes: dict[str, list[float]] = {node: [] for node in NODES}
     files: dict[str, list[int]] = {node: [] for node in NODES}
     with (

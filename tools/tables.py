@@ -49,7 +49,7 @@ def tables() -> dict[str, str]:
 
 def _tables() -> dict[str, str]:
     names = {parameter.name for parameter in shared()}
-    # Those of laws beside the paper's stand with the law, in docs/laws/.
+    # Parameters of the other laws are in docs/laws/.
     paper = {p.name for name in PAPER_LAWS for p in registry.LAWS[name].parameters}
     of_laws = {
         law.name: {p.name for p in law.parameters} - paper for law in registry.LAWS.values()
@@ -103,7 +103,7 @@ def documents() -> list[Path]:
 
 
 def main() -> int:
-    """Renew all documents, or with --check tell which ones are not current."""
+    """Renew all documents, or with --check print the ones that are not current."""
     stale = []
     for path in documents():
         text = path.read_text(encoding='utf-8')

@@ -25,7 +25,6 @@ import zlib
 from masmc_ros import __version__
 from masmc_ros.log.mcap.chunks import index_record, IndexedChunk
 from masmc_ros.log.mcap.records import MAGIC, packed
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -62,7 +61,7 @@ class RecordStream:
     position
         place in the file at which the next record starts.
     summary
-        definitions and indexes of the records before it.
+        definitions and indexes of the records before it, without those of new chunks.
     statistics
         of the messages; the other counts are set by `finish`.
 
@@ -92,6 +91,10 @@ class RecordStream:
             chunk_count=0, channel_count=0, schema_count=0, attachment_count=0, metadata_count=0,
         )
         self._counts = Counter(self.statistics.channel_message_counts)
+        # Bytes: an object for each chunk would take ten times the memory, and a recording of a
+        # day has half a million chunks.
+        self._chunk_indexes = bytearray(b''.join(map(packed, self.summary.chunk_indexes)))
+        self._chunk_count = len(self.summary.chunk_indexes)
 
     def start(self, header: Header | None = None) -> None:
         """Start a file, with a header of this package by default."""
@@ -139,25 +142,25 @@ class RecordStream:
         record, start = packed(chunk), self.position
         self.write(record)
         records, offsets, end = [], {}, self.position
-        for channel, index in indexes.items():
+        for channel, entries in indexes.items():
             offsets[channel] = end
-            records.append(index_record(channel, index))
+            records.append(index_record(channel, entries))
             end += len(records[-1])
-            count = len(index) // 2
+            count = len(entries) // 2
             self.count(channel, count, chunk.message_start_time, chunk.message_end_time)
-        self.summary.chunk_indexes.append(
-            ChunkIndex(
-                message_start_time=chunk.message_start_time,
-                message_end_time=chunk.message_end_time,
-                chunk_start_offset=start,
-                chunk_length=len(record),
-                message_index_offsets=offsets,
-                message_index_length=end - self.position,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                uncompressed_size=chunk.uncompressed_size,
-            )
+        index = ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=start,
+            chunk_length=len(record),
+            message_index_offsets=offsets,
+            message_index_length=end - self.position,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
         )
+        self._chunk_indexes += packed(index)
+        self._chunk_count += 1
         self.write(b''.join(records))
 
     def count(self, channel: int, count: int, first: int, last: int) -> None:
@@ -172,36 +175,36 @@ class RecordStream:
     def finish(self) -> None:
         """Write the end of the file, with all indexes."""
         self.write(packed(DataEnd(0)))
-        builder, start, offsets = RecordBuilder(), self.position, []
+        start, summary, offsets = self.position, bytearray(), []
         for opcode, records in self._summary_records():
-            first = builder.count
-            for record in records:
-                record.write(builder)
-            offsets.append(SummaryOffset(opcode, start + first, builder.count - first))
-        summary_offsets = start + builder.count
-        for offset in offsets:
-            offset.write(builder)
-        summary = builder.end()
+            offsets.append(SummaryOffset(opcode, start + len(summary), len(records)))
+            summary += records
+        summary_offsets = start + len(summary)
+        summary += b''.join(map(packed, offsets))
         head = struct.pack('<BQQQ', Opcode.FOOTER, 20, start, summary_offsets)
         crc = zlib.crc32(head, zlib.crc32(summary))
-        self.write(summary)
+        self.write(bytes(summary))
         self.write(packed(Footer(start, summary_offsets, crc)))
         self.write(MAGIC)
 
-    def _summary_records(self) -> Iterable[tuple[Opcode, Iterable[McapRecord]]]:
+    def _summary_records(self) -> Iterable[tuple[Opcode, bytes | bytearray]]:
         """Return the records of the summary in their order, by kind."""
         summary, statistics = self.summary, self.statistics
         statistics.channel_message_counts = self._counts
         statistics.attachment_count = len(summary.attachment_indexes)
         statistics.metadata_count = len(summary.metadata_indexes)
-        statistics.chunk_count = len(summary.chunk_indexes)
+        statistics.chunk_count = self._chunk_count
         statistics.channel_count = len(summary.channels)
         statistics.schema_count = len(summary.schemas)
         return (
-            (Opcode.SCHEMA, summary.schemas.values()),
-            (Opcode.CHANNEL, summary.channels.values()),
-            (Opcode.STATISTICS, (statistics,)),
-            (Opcode.CHUNK_INDEX, summary.chunk_indexes),
-            (Opcode.ATTACHMENT_INDEX, summary.attachment_indexes),
-            (Opcode.METADATA_INDEX, summary.metadata_indexes),
+            (Opcode.SCHEMA, _joined(summary.schemas.values())),
+            (Opcode.CHANNEL, _joined(summary.channels.values())),
+            (Opcode.STATISTICS, packed(statistics)),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.ATTACHMENT_INDEX, _joined(summary.attachment_indexes)),
+            (Opcode.METADATA_INDEX, _joined(summary.metadata_indexes)),
         )
+
+
+def _joined(records: Iterable[McapRecord]) -> bytes:
+    return b''.join(map(packed, records))
