@@ -36,7 +36,7 @@ from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
-CLAIMS = {False: (1.5, 0.77), True: (3.9, 1.0)}
+CLAIMS = {False: (1.5, 0.77), True: (2.4, 0.5)}
 """Ratios in docs/real_time.md, without and with everything, for one process and several."""
 
 _PACE = re.compile(r'(\d+) ticks/s')

@@ -69,7 +69,7 @@ LONG = (
     'nodes/test_live_parameters.py',
     'loop/test_other_mechanism.py',
     'robot/test_tree_natural_adaptation.py',
-    'nodes/test_exchange.py',
+    'nodes/test_composed_nodes.py',
     'cli/test_param_command.py',
 )
 """Files that take minutes with what is slow, longest first, then those that take longest without:

@@ -143,12 +143,12 @@ def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_pa
 
 HELD = """
 import ctypes
-from masmc_ros.nodes.process import ending
-ending._PATIENCE = 0.2
-with ending.bounded_ending(9):
+from masmc_ros.nodes.process import exit_timer
+exit_timer._PATIENCE = 0.2
+with exit_timer.bounded_ending(9):
     pass
 print('complete')
-with ending.bounded_ending({status}):
+with exit_timer.bounded_ending({status}):
     ctypes.{library}(None).sleep(600)
 """
 

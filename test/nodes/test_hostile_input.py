@@ -25,7 +25,7 @@ from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
 from masmc_ros.messages.parameter_record import ParameterRecord
-from masmc_ros.nodes.middleware.qos import _Once
+from masmc_ros.nodes.middleware.past import _Once
 from masmc_ros.nodes.recorder.attachments import Attachments
 from processes import BOUNDED, Peer, peer, processes, ros_arguments
 import pytest

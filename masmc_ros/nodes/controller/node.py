@@ -55,7 +55,7 @@ from masmc_ros.nodes.controller.health import ControllerHealth
 from masmc_ros.nodes.controller.reference_input import ReferenceInput
 from masmc_ros.nodes.controller.state_input import StateInput
 from masmc_ros.nodes.controller.telemetry import ControllerTelemetry
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.parameters.ros_parameters import Pending
 from masmc_ros.nodes.process.base import Recorded, SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine

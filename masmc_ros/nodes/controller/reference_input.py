@@ -22,7 +22,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.names import REFERENCE_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray

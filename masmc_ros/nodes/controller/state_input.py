@@ -26,7 +26,7 @@ from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.platform_motion import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.names import driven_joint_names, joint_names

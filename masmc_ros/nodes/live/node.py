@@ -47,7 +47,8 @@ from masmc_ros.nodes.live.samples import Samples
 from masmc_ros.nodes.live.server import LiveServer
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.nodes.middleware.messages import message_class
-from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 """
-What the middleware needs to be told, and ways round what it does.
+Settings of the middleware, and workarounds for its limitations.
 
-Each file says why it is there, and with it when it can go.
+Each workaround is one file. Its docstring states the upstream issue and the condition for its
+removal: `transport.py`, `latched.py`, `past.py`, `raw_types.py`, `clock.py`, `logging.py`, and
+`exit_timer.py` in `nodes/process/`.
 """

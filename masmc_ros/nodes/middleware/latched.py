@@ -13,10 +13,15 @@
 # limitations under the License.
 
 """
-Latched topics: one who joins late gets the last message alone, all others every message.
+Latched topics: a late-joining subscription gets the last message only, all others every message.
 
-A writer whose history is one message deep cannot repeat the message before the last to a
-listener that has missed it. So the next one is sent once the last has arrived everywhere.
+A transient-local publisher has one history for two purposes: past messages for late-joining
+subscriptions, and repetition of lost messages. A publisher of depth 1 drops a message that
+another one replaces, even if a subscription has not received it (ros2/rmw_fastrtps issue 338,
+"Reliable publisher/subscriber-connection drops messages in high frequency scenarios"). So
+`Latched` sends the next message when all subscriptions have confirmed the last one. This file
+can be removed when ROS 2 has a separate depth for past messages (the DDS policy
+DURABILITY_SERVICE).
 """
 
 from __future__ import annotations

@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Message classes for raw bytes: topics of types that are not installed here.
+Message classes for raw bytes of types that are not installed.
 
-ROS 2 needs type support, compiled code of a message package, to create a publisher or a
-subscription. Of that code, raw bytes need nothing but the type's name: who only passes
-messages on can do with a description that has no code in it.
+ROS 2 needs the type support of a message package to create a publisher or a subscription, even
+for raw bytes (ros2/rosidl_typesupport issue 18). Raw bytes need only the name and the hash of
+the type. The classes of this module have a type support of these two, without code. This file
+can be removed when rclpy creates raw publishers and subscriptions from the name of a type.
 """
 
 from __future__ import annotations

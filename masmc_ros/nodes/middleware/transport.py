@@ -13,11 +13,13 @@
 # limitations under the License.
 
 """
-The transport of this package's processes: UDP, which outlives whoever listens.
+Restriction of this package's processes to UDP, which a killed process cannot block.
 
-Fast DDS prefers shared memory, and guards it by mutexes that lie in it. A listener killed
-while it holds one takes it along: whoever publishes to it stands still within `publish` for
-ever, and no longer hears SIGINT. Nodes that steer must not hang on those that look on.
+Fast DDS prefers shared memory and guards it by mutexes within that memory. If a subscriber is
+killed while it holds one, its publishers block in `publish` indefinitely and ignore SIGINT
+(ros2/rmw_fastrtps issue 908, "Long running ROS stacks reaching deadlock with shared memory").
+This file and `fast_dds/` can be removed when publishers on shared memory survive the listeners
+that `test/nodes/recorder/test_listeners_killed.py` kills.
 """
 
 from __future__ import annotations
@@ -38,49 +40,34 @@ _FOUND_HERE = 'DEFAULT_FASTRTPS_PROFILES.xml'
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
-_APART = 'MASMC_ROS_KEEP_APART'
-"""What the profiles say of the endpoints of one participant: not matched where `true`."""
-
 _AS_IN_PROFILES = 'SYSTEM_DEFAULT'
 
 
-def prepare_transport(*, has_exchange: bool = False) -> bool:
+def prepare_transport() -> None:
     """
-    Let the nodes that this process makes from here on talk over UDP alone.
+    Restrict the nodes that this process creates from here on to UDP.
 
-    To be called before rclpy is initialized. Nothing changes where the user has decided, by
-    FASTDDS_BUILTIN_TRANSPORTS or by profiles of Fast DDS, nor with another middleware.
-
-    Parameters
-    ----------
-    has_exchange
-        whether the process can bring messages from node to node itself (`exchange.py`).
-
-    Returns
-    -------
-        Whether it has to: the middleware carries nothing within a participant.
-
+    Call this before rclpy is initialized. Nothing changes with another middleware, or if the
+    user has chosen transports (FASTDDS_BUILTIN_TRANSPORTS) or profiles of Fast DDS.
     """
     environment = os.environ
     if not get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
-        return False
+        return
     given = environment.get(_PROFILES_FILE)
     is_inherited = given is not None and Path(given).parent == _PROFILES
     has_decided = environment.get(_BUILT_IN) or Path(_FOUND_HERE).exists()
     if has_decided or (given and not is_inherited):
-        return False
-    environment[_APART] = str(has_exchange).lower()
+        return
     discovery = environment.get(_RANGE)
     if is_inherited and discovery == _AS_IN_PROFILES:
-        return has_exchange
+        return
     profiles = 'subnet.xml'
     # ROS 2 adds shared memory to whatever it is told when a graph is to stay on its machine.
     # What else it does then is in a file, so that it need not know.
     if environment.get('ROS_LOCALHOST_ONLY') == '1' or discovery == 'LOCALHOST':
         if environment.get('ROS_STATIC_PEERS'):
-            return False  # the file does not know them
+            return  # the file does not know them
         profiles = 'localhost.xml'
         environment.pop('ROS_LOCALHOST_ONLY', None)
         environment[_RANGE] = _AS_IN_PROFILES
     environment[_PROFILES_FILE] = str(_PROFILES / profiles)
-    return has_exchange

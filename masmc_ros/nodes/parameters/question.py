@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-A request to a service, made again while no answer comes.
+A service request that is repeated until a response arrives.
 
-rmw_fastrtps drops the response to a client that the server has not found within 0.1 s, which
-happens where a client asks as soon as it has found the server.
+rmw_fastrtps drops the response to a client that the server does not discover within 0.1 s. This
+happens if a client sends its request as soon as it has discovered the server (ros2/ros2 issue
+1253). This file can be removed when a server waits for the client or reports the loss to it.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ import sys
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.nodes.middleware.exchange import ExchangeNode
+from masmc_ros.nodes.middleware.clock import CheckedClockNode
 from masmc_ros.nodes.parameters.services import CheckedParameterService
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
@@ -73,7 +73,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
     return result
 
 
-class ParameterNode(ExchangeNode):
+class ParameterNode(CheckedClockNode):
     """
     A node whose parameters start with the values of its command line, as this package reads it.
 

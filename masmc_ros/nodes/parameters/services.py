@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameter services that answer every request, whatever its values are."""
+"""
+Parameter services that answer every request, whatever its values are.
+
+rclpy 7.1 raises ValueError for a parameter of an unknown type, and an exception from a callback
+ends the node; rclcpp has the same fault (ros2/rclcpp issue 3257). This file can be removed when
+rclpy's services reject such a request.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +34,7 @@ _TYPES = {kind.value: kind for kind in Parameter.Type}
 
 
 class CheckedParameterService(ParameterService):
-    """
-    The parameter services of rclpy, which reject values of unknown types.
-
-    The callbacks of rclpy raise ValueError for a type that ParameterType does not define. An
-    exception from a callback ends the executor, and with it the node.
-    """
+    """The parameter services of rclpy, with rejection of types unknown to ParameterType."""
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         response.results = [self._set([message]) for message in request.parameters]

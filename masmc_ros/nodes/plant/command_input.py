@@ -24,7 +24,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import COMMAND_INTERFACE, ENABLE_STAMPED_CMD_VEL
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_sources
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.plant.commands import Array, CommandPart
@@ -34,6 +34,13 @@ from rclpy.node import Node
 
 OnCommand = Callable[[CommandPart, Array | None, int | None, float], None]
 """Takes a part, its numbers, the stamp of the state in ns, and the time of arrival in s."""
+
+_DEPTH = 10
+"""
+Commands of a topic that wait for the plant.
+
+With depth 1, a command of another node could replace the one that lock-step waits for.
+"""
 
 
 class CommandInput:
@@ -73,7 +80,7 @@ class CommandInput:
         self._on_command = on_command
         for source in self.sources:
             take = partial(self._take, source)
-            subscribe_with_past(node, source.message_type, source.topic, take)
+            subscribe_with_past(node, source.message_type, source.topic, take, depth=_DEPTH)
 
     def _take(self, source: Source, raw: bytes) -> None:
         try:

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 from masmc_ros.errors import InputError, UserError
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.publisher import ExchangePublisher
 from masmc_ros.nodes.middleware.qos import DEEP, publisher_qos
 from masmc_ros.nodes.parameters.ros_parameters import ParameterNode, RosParameters
 from masmc_ros.nodes.process.command_line import CommandLine
@@ -35,6 +34,7 @@ from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 _DELIVERY = 5.0
@@ -87,7 +87,8 @@ class SuiteNode:
         self.values = self.parameters.values
         self.log = self.node.get_logger()
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._publishers: list[ExchangePublisher | Latched] = []
+        self._publishers: list[Publisher] = []
+        self._latched: list[Latched] = []
         self._waiting: str | None = None
         self._waiting_since = 0.0
         self._reminded = 0.0
@@ -95,28 +96,25 @@ class SuiteNode:
 
     def publisher(
         self, message_type: Any, topic: str, depth: int = DEEP, *, past: bool = True
-    ) -> ExchangePublisher:
+    ) -> Publisher:
         """
         Create a publisher whose messages are delivered before the node ends.
 
-        With `past`, who joins late is given what it has sent, as far as `depth` goes.
+        With `past`, a late-joining subscription gets the last `depth` messages.
         """
         qos = publisher_qos(depth, past=past)
-        created: Any = self.node.create_publisher(message_type, topic, qos)
-        publisher: ExchangePublisher = created
-        publisher.hold_past(self.node)
+        publisher = self.node.create_publisher(message_type, topic, qos)
         self._publishers.append(publisher)
         return publisher
 
-    def stream(self, message_type: Any, topic: str) -> ExchangePublisher:
-        """Create a publisher of what comes tick by tick, of which nobody needs the past."""
+    def stream(self, message_type: Any, topic: str) -> Publisher:
+        """Create a publisher of messages at every tick, without past messages."""
         return self.publisher(message_type, topic, past=False)
 
     def latched(self, message_type: Any, topic: str) -> Latched:
-        """Create a publisher of what holds until the next message."""
-        qos = publisher_qos(1)
-        latched = Latched(self.node.create_publisher(message_type, topic, qos))
-        self._publishers.append(latched)
+        """Create a publisher of messages that hold until the next one."""
+        latched = Latched(self.publisher(message_type, topic, 1))
+        self._latched.append(latched)
         return latched
 
     def connect(self) -> None:
@@ -153,7 +151,8 @@ class SuiteNode:
         """
         self.finished = True
         limit = time.monotonic() + _DELIVERY
-        for publisher in self._publishers:
+        publishers: list[Latched | Publisher] = [*self._latched, *self._publishers]
+        for publisher in publishers:
             left = max(0.0, limit - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
         if self.failure is not None:
@@ -172,8 +171,8 @@ class SuiteNode:
             signal.raise_signal(signal.SIGTERM)
 
     def _send_waiting(self) -> None:
-        for publisher in self._publishers:
-            publisher.send_waiting()
+        for latched in self._latched:
+            latched.send_waiting()
 
     def _remind(self) -> None:
         now = time.monotonic()

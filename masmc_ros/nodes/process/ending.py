@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What tells a node to end, and a bound on the time in which the middleware lets go of it."""
+"""Signals that end a process, and their handlers."""
 
 from __future__ import annotations
 
@@ -20,17 +20,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 import signal
-import sys
 import threading
 from types import FrameType
 
-from masmc_ros.nodes.process.exit_timer import exit_after
-
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a process: of the keyboard, of another process, of a closed terminal."""
-
-_PATIENCE = 5.0
-"""Time in s after which the process ends without the middleware's consent."""
 
 
 def on_end(handler: Callable[[int, FrameType | None], None]) -> None:
@@ -71,19 +65,3 @@ def ending_at_once() -> Iterator[None]:
         os.write(writer, bytes(1))
         watching.join()
         os.close(writer)
-
-
-@contextmanager
-def bounded_ending(status: int) -> Iterator[None]:
-    """
-    End the process with a status if the body takes longer than 5 s.
-
-    Fast DDS can block indefinitely when readers, writers and participants are destroyed (its
-    issue 6193), and rclpy holds the interpreter meanwhile. By then all messages are delivered
-    and all files are closed.
-    """
-    # The timer ends the process without Python, which would write what is buffered.
-    sys.stdout.flush()
-    sys.stderr.flush()
-    with exit_after(_PATIENCE, status):
-        yield

@@ -12,13 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Timer of the system that ends the process while a library holds the interpreter."""
+"""
+Timer of the system that bounds the time in which the middleware releases its resources.
+
+Fast DDS can deadlock when readers, writers and participants are destroyed
+(eProsima/Fast-DDS issues 6193 and 6502), and rclpy holds the interpreter meanwhile. This file can
+be removed when both issues are fixed in the Fast DDS of the supported ROS 2 distributions.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 import ctypes
+import sys
+
+_PATIENCE = 5.0
+"""Longest time in s in which the middleware may release its resources."""
 
 _CLOCK_MONOTONIC = 1
 _SIGEV_THREAD = 2
@@ -70,3 +80,17 @@ def exit_after(seconds: float, status: int) -> Iterator[None]:
         yield
     finally:
         library.timer_delete(timer)
+
+
+@contextmanager
+def bounded_ending(status: int) -> Iterator[None]:
+    """
+    End the process with a status if the body takes longer than 5 s.
+
+    Call this when all messages are delivered and all files are closed.
+    """
+    # The timer ends the process without Python, which would write what is buffered.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with exit_after(_PATIENCE, status):
+        yield

@@ -28,12 +28,13 @@ from types import FrameType
 from typing import Protocol
 
 from masmc_ros.errors import InputError, UserError
-from masmc_ros.nodes.middleware.exchange import Exchange, ProcessContext
 from masmc_ros.nodes.middleware.logging import prepare_logging
 from masmc_ros.nodes.middleware.transport import prepare_transport
 from masmc_ros.nodes.process.command_line import parse
-from masmc_ros.nodes.process.ending import bounded_ending, ending_at_once, on_end
+from masmc_ros.nodes.process.ending import ending_at_once, on_end
+from masmc_ros.nodes.process.exit_timer import bounded_ending
 import rclpy
+from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -42,9 +43,6 @@ from rclpy.task import Future
 
 _POLL = 0.1
 """Longest time in s that a signal waits to be seen."""
-
-_TURN = 5e-3
-"""Time in s for which the process's own messages are handled before others have their turn."""
 
 
 class RunningNode(Protocol):
@@ -83,9 +81,8 @@ def _told(error: UserError) -> int:
 def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
     stop = _StopSignals()
-    context = ProcessContext()
-    if prepare_transport(has_exchange=len(factories) > 1):
-        context.exchange = Exchange()
+    context = Context()
+    prepare_transport()
     # What is wrong with the arguments is told once, below.
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
@@ -97,15 +94,11 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     if get_logger_level('rcl') == LoggingSeverity.FATAL:
         set_logger_level('rcl', LoggingSeverity.UNSET)
     executor = EventsExecutor(context=context)
-    exchange = context.exchange
 
     def spin() -> None:
-        """Handle what has come, within this process and from outside."""
-        if exchange is not None:
-            executor.spin_once(0.0 if exchange.deliver(_TURN) else _POLL)
-        else:
-            # Callback after callback: a return to Python after each takes a fifth of its time.
-            executor.spin_until_future_complete(stop.future(), _POLL)
+        """Handle messages, services and timers for 0.1 s, or until a signal arrives."""
+        # A return to Python after each callback would take a fifth of the callback's time.
+        executor.spin_until_future_complete(stop.future(), _POLL)
 
     nodes: list[RunningNode] = []
     status = 1
@@ -116,8 +109,6 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
         for node in nodes:
             node.connect()
             executor.add_node(node.node)
-        if context.log_node is not None:
-            executor.add_node(context.log_node)
         prepare_logging()
         # What was built so far stays; without this a full garbage collection looks through
         # all of it again and again, and stops the ticks for a third of a second.

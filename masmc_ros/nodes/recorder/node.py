@@ -53,8 +53,8 @@ from masmc_ros.messages.topics import (
     TOPICS,
     TRANSFORMS,
 )
-from masmc_ros.nodes.middleware.exchange import hears_logs
-from masmc_ros.nodes.middleware.qos import DEEP, subscribe_with_past, subscription_qos
+from masmc_ros.nodes.middleware.past import subscribe_with_past
+from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
@@ -315,8 +315,7 @@ class RecorderNode(SuiteNode):
         """Report to the plant when all publishers are discovered; end when they have left."""
         self._extra.look(self.node, self.log, self._record_topic)
         here = [any(all(map(self._is_sent, each)) for each in line) for line in _CORE]
-        has_found = all(here) and hears_logs(self.node)
-        if not self._is_ready and has_found and all(map(self._has_told, PARAMETER_NODES)):
+        if not self._is_ready and all(here) and all(map(self._has_told, PARAMETER_NODES)):
             self._is_ready = True
             self.wait(None)
             self._progress.begin()

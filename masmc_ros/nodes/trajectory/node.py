@@ -28,7 +28,7 @@ from masmc_ros.messages.names import DESIRED_PATH_TOPIC
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.messages import deserialized
-from masmc_ros.nodes.middleware.qos import subscribe_with_past
+from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals

@@ -12,22 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Within a process messages go past the middleware, and outside it nobody notices."""
+"""Nodes of one process exchange all messages among themselves and with other processes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 import signal
-import time
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from log_contents import read_log
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.nodes.middleware.exchange import Exchange
-from masmc_ros.nodes.middleware.qos import DEEP, subscription_qos
+from masmc_ros.nodes.middleware.qos import DEEP
 from processes import PAPER, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import SetParameters
@@ -46,83 +42,11 @@ TOPICS = {
 }
 
 
-def listen(
-    exchange: Exchange, topic: str, callback: Callable[[Any], None], **qos: Any
-) -> Callable[[], None]:
-    """Subscribe to a topic of an exchange; return what ends that."""
-    return exchange.topic(topic).listen(callback, subscription_qos(**qos))
-
-
-def test_answers_do_not_nest() -> None:
-    """A chain of answers is a loop: each callback returns before the next is called."""
-    exchange, under_way, most = Exchange(), 0, 0
-    found: list[bytes] = []
-
-    def answer(topic: str) -> Callable[[bytes], None]:
-        def take(raw: bytes) -> None:
-            nonlocal under_way, most
-            under_way += 1
-            most = max(most, under_way)
-            found.append(raw)
-            if len(found) < 5000:
-                exchange.topic(topic).send(b'%d' % len(found))
-            under_way -= 1
-
-        return take
-
-    listen(exchange, '/state', answer('/command'))
-    listen(exchange, '/command', answer('/state'))
-    exchange.topic('/state').send(b'0')
-    assert not found
-    while exchange.deliver(0.01):
-        pass
-    assert found == [b'%d' % number for number in range(5000)]
-    assert most == 1
-
-
-def test_a_turn_ends() -> None:
-    exchange = Exchange()
-    listen(exchange, '/echo', exchange.topic('/echo').send)
-    exchange.topic('/echo').send(b'')
-    begun = time.monotonic()
-    assert exchange.deliver(0.02)
-    assert time.monotonic() - begun >= 0.02
-
-
-def test_an_inbox_is_as_deep_as_its_subscription() -> None:
-    exchange = Exchange()
-    shallow: list[bytes] = []
-    deep: list[bytes] = []
-    leave = listen(exchange, '/state', shallow.append)
-    listen(exchange, '/state', deep.append, depth=3)
-    for number in range(5):
-        exchange.topic('/state').send(b'%d' % number)
-    assert not exchange.deliver(1.0)
-    assert (shallow, deep) == ([b'4'], [b'2', b'3', b'4'])
-    leave()
-    exchange.topic('/state').send(b'5')
-    exchange.deliver(1.0)
-    assert (shallow, deep[-1]) == ([b'4'], b'5')
-
-
-def test_the_past_comes_to_who_asks_for_it() -> None:
-    exchange = Exchange()
-    keep = exchange.topic('/reference').past(depth=2).append
-    for number in range(3):
-        keep(b'%d' % number)
-    late: list[bytes] = []
-    new: list[bytes] = []
-    listen(exchange, '/reference', late.append, depth=10, past=True)
-    listen(exchange, '/reference', new.append, depth=10)
-    exchange.deliver(1.0)
-    assert (late, new) == ([b'1', b'2'], [])
-
-
 @pytest.mark.parametrize('transport', [None, 'UDPv4'])
-def test_a_listener_outside_gets_what_is_recorded_inside(
+def test_composed_nodes_lose_no_message_of_a_run(
     transport: str | None, tmp_path: Path
 ) -> None:
-    """Also where the user has chosen a transport, and the middleware carries everything."""
+    """A subscription of another process and the recorder get the same messages."""
     log = tmp_path / 'run.mcap'
     arguments = ros_arguments(
         PAPER,
@@ -150,17 +74,17 @@ def test_a_listener_outside_gets_what_is_recorded_inside(
     for topic, messages in found.items():
         assert messages == recorded[topic], topic
     assert {len(each) for each in found.values()} == {501}
-    # What rcl sends by itself is recorded too, once.
+    # rcl itself publishes log messages; the recorder gets each of them once.
     assert len([raw for raw in recorded['rosout'] if b'ticks/s' in raw]) == 1
 
 
-def test_what_comes_from_outside_is_heard(tmp_path: Path) -> None:
+def test_composed_nodes_with_other_processes_get_all_messages(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     arguments = ros_arguments(PAPER, duration=0.0, recorder__output=log)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = started.start('composed', '--record', *arguments)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
-        # The plant and the recorder, both of which hear what comes from outside.
+        # The plant and the recorder.
         tester.wait_for_subscribers(commands, 2)
         wrong = EffortCdr()
         wrong.data[1] = float('inf')
@@ -183,10 +107,7 @@ def is_of_plant(report: DiagnosticArray) -> bool:
 
 
 @pytest.mark.parametrize('past', [True, False])
-def test_a_listener_that_comes_late_has_the_past_if_it_asks_for_it(
-    past: bool, tmp_path: Path
-) -> None:
-    """Though the middleware was given nothing as long as nobody outside listened."""
+def test_composed_nodes_send_the_past_on_request_only(past: bool, tmp_path: Path) -> None:
     arguments = ros_arguments(PAPER, duration=0.0)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         times = tester.watch_time()
@@ -196,7 +117,6 @@ def test_a_listener_that_comes_late_has_the_past_if_it_asks_for_it(
         paused = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
         reports.clear()
         here = round(float(paused.message.split()[-2]) * 1000)
-        # Nodes look for listeners more often than they report: what was sent is old by then.
         tester.until(lambda: sum(map(is_of_plant, reports)) > 2, 'reports of standstill')
         found = tester.collect(JointState, 'joint_states', raw=True, past=past)
         tester.until(lambda: tester.node.count_publishers('joint_states'), 'the plant')
