@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 SOURCES := setup.py setup.cfg pyproject.toml constraints.txt tools/install_ros.sh
 
-.PHONY: help setup demo test test-all test-oldest lint bench soak clean
+.PHONY: help setup demo test test-all test-oldest lint docs bench soak clean
 
 help:
 	@echo 'make demo   set up and run the experiment of the paper on real ROS 2 nodes'
@@ -14,6 +14,7 @@ help:
 	@echo 'make test-all   all of them'
 	@echo 'make test-oldest   the numerical tests and a live node with the oldest Numba and NumPy'
 	@echo 'make lint   style and types'
+	@echo 'make docs   the documentation as a site, build/docs/index.html; needs Node.js with npm'
 	@echo 'make bench  speeds, as ratios within one run'
 	@echo 'make soak   ten minutes in real time at 1 kHz; SECONDS=60 for a shorter try, HOSTILE=SEED with random input'
 	@echo 'make clean  remove what make and the demo made'
@@ -71,6 +72,25 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
+# A small environment with the extra `docs` alone: the Python API is read from the sources. Warnings
+# are errors. The site needs no network; building it needs one the first time.
+DOCS := .venv-docs
+$(DOCS)/.installed: setup.py constraints.txt
+	@python=$$(tools/choose_python.sh $(PYTHON)) && $$python -m venv $(DOCS)
+	@$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check setuptools
+	@packages=$$($(DOCS)/bin/python -c "import setuptools; from distutils.core import run_setup; \
+		print(*run_setup('setup.py', stop_after='init').extras_require['docs'])") && \
+	$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt $$packages
+	@touch $@
+
+build/docs_assets: tools/docs_assets.sh
+	@tools/docs_assets.sh
+
+docs: $(DOCS)/.installed build/docs_assets
+	@$(DOCS)/bin/python -m sphinx --builder html --quiet --fail-on-warning --keep-going \
+		--doctree-dir build/doctrees docs build/docs
+	@echo 'build/docs/index.html'
+
 bench: $(VENV)/.installed-dev
 	@$(BIN)/python -m benchmarks
 
@@ -79,5 +99,5 @@ soak: $(VENV)/.installed-dev
 	@$(BIN)/python -m benchmarks.soak $(SECONDS) $(if $(HOSTILE),--hostile --seed $(HOSTILE))
 
 clean:
-	rm -rf $(VENV) $(OLDEST) build install demo report *.egg-info
+	rm -rf $(VENV) $(OLDEST) $(DOCS) docs/api build install demo report *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -55,7 +55,8 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
-            'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html', 'messages/*.json',
+            'py.typed', 'nodes/middleware/fast_dds/*', 'report/page/*', 'compare/*.html',
+            'messages/*.json',
         ],
     },
     python_requires='>=3.11',
@@ -97,6 +98,15 @@ setup(
         ],
         # Robots and an oracle for the tests that take long: 1.3 GB.
         'robots': ['example-robot-data>=6', 'hello-robot-stretch-urdf', 'pin>=4'],
+        # `make docs` installs these alone: the Python API is read from the sources.
+        'docs': [
+            'furo',
+            'myst-parser',
+            'sphinx',
+            'sphinx-autoapi',
+            'sphinx-copybutton',
+            'sphinxcontrib-katex',
+        ],
         'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
     },
     data_files=[

@@ -1,0 +1,55 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Links of pages to files outside docs/ become links to the repository."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from typing import Any
+
+_LINK = re.compile(r'\]\((\.\./[^)\s#]*)(#[^)\s]*)?\)')
+
+
+def _rewrite_links(app: Any, docname: str, source: list[str]) -> None:
+    """
+    Replace relative targets outside docs/ by addresses in the repository.
+
+    Parameters
+    ----------
+    app
+        Sphinx application; `repository_url` of its settings is the base of the addresses.
+    docname
+        Name of the page, relative to docs/ and without suffix.
+    source
+        List with the text of the page as its only entry, which is replaced.
+
+    """
+    folder = posixpath.join('docs', posixpath.dirname(docname))
+
+    def _address(match: re.Match[str]) -> str:
+        target = posixpath.normpath(posixpath.join(folder, match[1]))
+        if target == 'docs' or target.startswith('docs/'):
+            return match[0]
+        return f'](<{app.config.repository_url}/blob/main/{target}{match[2] or ""}>)'
+
+    source[0] = _LINK.sub(_address, source[0])
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Register the setting and the hook."""
+    app.add_config_value('repository_url', '', 'env')
+    app.connect('source-read', _rewrite_links)
+    return {'parallel_read_safe': True, 'parallel_write_safe': True}

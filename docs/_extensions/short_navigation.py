@@ -1,0 +1,41 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Two levels of pages in the navigation of every page.
+
+The theme would list all modules of the Python API on every page, which takes most of the build
+time. The pages of the API link to their modules themselves.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+LEVELS = 2
+
+
+def _limit_depth(
+    app: Any, page: str, template: str, context: dict[str, Any], doctree: Any
+) -> None:
+    """Limit the depth of the toctree that the theme requests."""
+    toctree = context.get('toctree')
+    if toctree is not None:
+        context['toctree'] = lambda **options: toctree(**{**options, 'maxdepth': LEVELS})
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Register the hook before that of the theme."""
+    app.connect('html-page-context', _limit_depth, priority=100)
+    return {'parallel_read_safe': True, 'parallel_write_safe': True}

@@ -1,0 +1,80 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settings of the documentation site; `make docs` builds it with Sphinx."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import sys
+
+from sphinxcontrib import katex
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+sys.path.insert(0, str(DOCS / '_extensions'))
+
+project = 'masmc_ros'
+author = 'The masmc_ros authors'
+copyright = '2026, The masmc_ros authors'
+html_title = 'masmc_ros'
+repository_url = 'https://github.com/masmc-ros/masmc_ros'
+
+extensions = [
+    'myst_parser',
+    'sphinx.ext.napoleon',
+    'autoapi.extension',
+    'sphinxcontrib.katex',
+    'sphinx_copybutton',
+    'plain_docstrings',
+    'repository_links',
+    'mermaid_diagrams',
+    'short_navigation',
+]
+exclude_patterns = ['_extensions']
+highlight_language = 'none'
+
+myst_enable_extensions = ['dollarmath', 'amsmath', 'html_image']
+myst_fence_as_directive = ['math', 'mermaid']
+myst_heading_anchors = 4
+
+# tools/docs_assets.sh puts the style sheet and fonts of KaTeX and the script of Mermaid there.
+# The version of KaTeX is that of the script in sphinxcontrib-katex.
+html_static_path = ['_static', '../build/docs_assets']
+katex_prerender = True
+katex.STARTUP_TIMEOUT = katex.RENDER_TIMEOUT = 120.0  # s, for busy machines
+katex_css_path = 'katex/katex.min.css'
+
+# Attributes are fields of their class: properties have an entry of their own.
+napoleon_use_ivar = True
+
+autoapi_dirs = ['../masmc_ros']
+autoapi_root = 'api'
+autoapi_add_toctree_entry = False
+autoapi_options = ['members', 'show-module-summary']
+autoapi_member_order = 'groupwise'
+suppress_warnings = ['autoapi.python_import_resolution']
+
+copybutton_exclude = '.linenos, .gp, .go'
+
+html_theme = 'furo'
+html_css_files = ['site.css']
+html_show_sphinx = False
+html_copy_source = False
+html_show_sourcelink = False
+html_theme_options = {
+    'source_repository': repository_url,
+    'source_branch': 'main',
+    'source_directory': 'docs/',
+}

@@ -1,0 +1,73 @@
+# Copyright 2026 The masmc_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Structure of the documentation site, read from the text of its pages without Sphinx."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+import re
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / 'docs'
+GENERATED = DOCS / 'api'
+"""Pages of the Python API, which a build writes and removes."""
+
+_TOCTREE = re.compile(r'^```\{toctree\}\n(.*?)^```$', re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(r'^( *)```.*?^\1```', re.DOTALL | re.MULTILINE)
+_TITLED = re.compile(r'.*<(.+)>$')
+
+
+def pages() -> set[Path]:
+    return {page for page in DOCS.rglob('*.md') if GENERATED not in page.parents}
+
+
+def entries(page: Path) -> set[Path]:
+    """Return the pages in the toctrees of a page."""
+    found = set()
+    for body in _TOCTREE.findall(page.read_text(encoding='utf-8')):
+        for line in filter(None, map(str.strip, body.splitlines())):
+            titled = _TITLED.match(line)
+            target = titled[1] if titled else line
+            if not target.startswith((':', 'https:', 'api/')):
+                found |= set(page.parent.glob(f'{target}.md')) or {page.parent / f'{target}.md'}
+    return found - {page}
+
+
+def test_every_page_is_in_a_toctree() -> None:
+    listed = set().union(*map(entries, pages()))
+    missing = pages() - listed - {DOCS / 'index.md'}
+    assert not missing, 'add to a toctree of docs/index.md: ' + ', '.join(map(str, missing))
+
+
+def test_every_toctree_entry_is_a_page() -> None:
+    for page in pages():
+        assert entries(page) <= pages(), page
+
+
+def test_headings_skip_no_level() -> None:
+    for page in pages():
+        text = _FENCE.sub('', page.read_text(encoding='utf-8'))
+        levels = [len(marks) for marks in re.findall(r'^(#+) ', text, re.MULTILINE)]
+        assert levels.count(1) == 1, f'{page}: one title'
+        for before, after in pairwise(levels):
+            assert after <= before + 1, page
+
+
+def test_katex_style_is_of_the_script_version() -> None:
+    script = (ROOT / 'tools' / 'docs_assets.sh').read_text(encoding='utf-8')
+    constraints = (ROOT / 'constraints.txt').read_text(encoding='utf-8')
+    assert 'KATEX=0.16.22\n' in script
+    assert 'sphinxcontrib-katex==0.9.11\n' in constraints, 'check the version of KaTeX it has'
