@@ -1,22 +1,13 @@
 # Copyright 2026 The masmc_ros authors
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
-"""What a package of ROS is checked by; skipped where ROS is not installed."""
+"""Linters of a ROS package, skipped without ROS, and licence headers."""
 
 from __future__ import annotations
 
 from pathlib import Path
+import re
+import subprocess
 
 import pytest
 
@@ -28,7 +19,29 @@ SOURCES = [
 ]
 
 
-@pytest.mark.parametrize('linter', ['ament_copyright', 'ament_flake8', 'ament_pep257'])
+@pytest.mark.parametrize('linter', ['ament_flake8', 'ament_pep257'])
 def test_linter_finds_nothing(linter: str) -> None:
     main = pytest.importorskip(f'{linter}.main')
     assert main.main(argv=SOURCES) == 0
+
+
+HEADER = re.compile(
+    r'(#!.*\n)?(#|//) Copyright 20\d\d The masmc_ros authors\n'
+    r'\2 SPDX-License-Identifier: Apache-2\.0\n'
+)
+
+
+def test_source_files_have_licence_headers() -> None:
+    listed = subprocess.run(
+        ['git', '-C', str(ROOT), 'ls-files', '-z'], capture_output=True, check=False
+    )
+    if listed.returncode:
+        pytest.skip('not a git checkout')
+    sources = [
+        ROOT / name
+        for name in listed.stdout.decode().split('\0')
+        if name.endswith(('.py', '.mjs', '.c')) or name.startswith('tools/')
+    ]
+    sources = [path for path in sources if path.exists() and path.stat().st_size]
+    assert len(sources) > 500
+    assert [path for path in sources if not HEADER.match(path.read_text(encoding='utf-8'))] == []
