@@ -49,7 +49,7 @@ LONG = (
     'loop/test_lanes.py',
     'log/test_damaged_logs.py',
     'nodes/test_random_changes.py',
-    'nodes/test_law_change.py',
+    'nodes/test_law_change_nodes.py',
     'robot/test_tree_formulas.py',
     'robot/test_tree_pinocchio.py',
     'nodes/test_busy_machine.py',

@@ -205,6 +205,7 @@ def test_law_to_compile_previous_law_continues(tmp_path: Path) -> None:
     assert list((tmp_path / 'cache').rglob('windows._between*'))
 
 
+@pytest.mark.slow
 def test_law_to_compile_in_lockstep_next_tick_waits(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
