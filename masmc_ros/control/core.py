@@ -146,6 +146,8 @@ class ControllerCore:
         )
         self.counts = Counts()
         self.arrival = math.inf
+        # Time from which the silence of the robot counts: an arrival, or an activation.
+        self._watched = math.inf
         self._approach, self._layer = approach, layer
         self._stop = SafeStop(controller)
         self._watch = RunawayWatch(controller, controller.mechanism.speed_limits)
@@ -222,7 +224,7 @@ class ControllerCore:
             if self._pending is None and not (is_alive and self._lacks_states()):
                 self.counts.repeated += 1
                 if is_alive:
-                    self.arrival = now
+                    self.arrival = self._watched = now
                 return self._repeat
             order = Order.NEXT if self._pending is None else self._pending_order
         else:
@@ -230,7 +232,8 @@ class ControllerCore:
             if order is not Order.NEXT:
                 self._restart(order, now)
         if is_alive:
-            self.arrival, self._void_due = now, math.inf
+            self.arrival = self._watched = now
+            self._void_due = math.inf
         self._pending_order = order
         if self.pacing.is_timed:
             self._position[:], self._velocity[:] = position, velocity
@@ -266,9 +269,9 @@ class ControllerCore:
             self._stop.release()
             assert self._order.last is not None
             return (Halt(self._order.last),)
-        if self._missed != self.arrival:
+        if self._missed != self._watched:
             # A controller that was late itself first processes the states in its queue.
-            self._missed, self._second_look = self.arrival, now + SECOND_LOOK
+            self._missed, self._second_look = self._watched, now + SECOND_LOOK
             return NOTHING
         self._missed = math.inf
         if self.supervisor.is_active:
@@ -281,9 +284,9 @@ class ControllerCore:
         """Time in s at which to call `on_timer`; infinite for never."""
         if not (self.supervisor.is_active or (self._stop.commands and not self._is_stale)):
             return self._void_due
-        if self._missed == self.arrival:
+        if self._missed == self._watched:
             return self._second_look
-        return self.arrival + self._silence
+        return self._watched + self._silence
 
     def on_parameters(self, changed: Mapping[str, Any]) -> Actions:
         """Use checked values, which the controller has, from the next tick on; record them."""
@@ -339,7 +342,7 @@ class ControllerCore:
     def on_enable(self, now: float, *, enabled: bool) -> Actions:
         """Activate the law, or end it by the safe stop."""
         if enabled:
-            self.supervisor.enable()
+            self._enable(now)
         else:
             self.supervisor.disable()
         return self._after_change(now)
@@ -369,7 +372,7 @@ class ControllerCore:
         if enabled:
             self.supervisor.guide()
         else:
-            self.supervisor.enable()
+            self._enable(now)
         return self._after_change(now)
 
     def on_reset_adaptation(self) -> Actions:
@@ -533,12 +536,15 @@ class ControllerCore:
         if approach.is_on:
             rates = controller.rates(velocity)
             reference = approach.follow(stamp, position, rates, reference)
+        commanded = controller.commanded.copy()
         try:
             status = controller.answer(position, velocity, reference)
             if status & NOT_FINITE:
                 raise diverged(stamp * 1e-9)
         except Exception as error:
             # A plug-in law can raise anything; the pacing decides between fault and end of run.
+            # The safe stop continues from the last torque that was sent.
+            controller.commanded[:] = commanded
             reason = pacing.fault(error)
             if isinstance(error, UserError) and reason is None:
                 self._error = error
@@ -619,6 +625,11 @@ class ControllerCore:
         return actions
 
     # Changes of mode.
+
+    def _enable(self, now: float) -> None:
+        self.supervisor.enable()
+        if self._watched < math.inf:
+            self._watched = now
 
     def _is_alive_when_repeated(self) -> bool:
         """
