@@ -268,7 +268,8 @@ class ControllerCore:
             self._void_due = math.inf
             self._stop.release()
             assert self._order.last is not None
-            return (Halt(self._order.last),)
+            # The silence may be due as well, of a law that was enabled meanwhile.
+            return (Halt(self._order.last), *self.on_timer(now))
         if self._missed != self._watched:
             # A controller that was late itself first processes the states in its queue.
             self._missed, self._second_look = self._watched, now + SECOND_LOOK

@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import patch
 
 from core_loop import CoreLoop, node_values
 from masmc_ros.control.actions import Actions, Command, Finish, Halt, HaltCommand, Repeat, Void
+from masmc_ros.errors import InputError
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 import pytest
@@ -152,3 +154,37 @@ def test_shutdown_commands_nothing() -> None:
     loop = loop_of()
     loop.run(0.5)
     assert kinds(loop.core.on_shutdown()) == [Halt]
+
+
+def test_enable_during_silence_raises_the_fault_again() -> None:
+    """The patience counts from the activation; the deadline is never in the past."""
+    loop = loop_of()
+    loop.run(0.5)
+    now = pass_time(loop, loop.now, 0.3)
+    assert loop.state.startswith('fault: no usable joint_states')
+    loop.perform(loop.core.on_enable(now, enabled=True))
+    assert loop.core.deadline > now
+    now = pass_time(loop, now, 0.05)
+    assert loop.state == 'active'
+    now = pass_time(loop, now, 0.3)
+    assert loop.state.startswith('fault: no usable joint_states')
+    assert loop.torque is None
+
+
+def test_law_that_fails_after_its_tick_the_torque_changes_by_one_step() -> None:
+    rate = 50.0
+    loop = loop_of(torque_rate_limit=(rate,) * 4)
+    loop.run(0.5)
+    before = loop.core.controller.commanded.copy()
+    compute = loop.core.controller.answer
+
+    def answer(*arrays: Any) -> int:
+        compute(*arrays)
+        raise InputError('law')
+
+    with patch.object(loop.core.controller, 'answer', answer):
+        send(loop, loop.tick * NS, loop.now + 0.01)
+    assert loop.state == 'fault: law'
+    change = np.abs(loop.core.controller.commanded - before)
+    assert (change <= rate * 0.01 * (1.0 + 1e-9)).all()
+    assert change.any()
