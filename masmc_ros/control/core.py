@@ -511,6 +511,7 @@ class ControllerCore:
     ) -> UserError | None:
         """Compute the law, or raise a fault; return the error that ends the run instead."""
         controller, approach, pacing = self.controller, self._approach, self.pacing
+        commanded = controller.commanded.copy()
         starts_away = self._computed is None and self._values['approach_on_start']
         if self._activation != self.supervisor.activations:
             self._activation = self.supervisor.activations
@@ -537,7 +538,6 @@ class ControllerCore:
         if approach.is_on:
             rates = controller.rates(velocity)
             reference = approach.follow(stamp, position, rates, reference)
-        commanded = controller.commanded.copy()
         try:
             status = controller.answer(position, velocity, reference)
             if status & NOT_FINITE:
