@@ -20,7 +20,7 @@ from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
-from masmc_ros.log.read.reader import read_run
+from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import number
@@ -83,23 +83,21 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
             patience = start + _SLOWEST * duration
             _run(name, parameters, log, domain, duration, patience, composed=composed)
         logs.append(str(log))
-    report(logs, str(folder / 'report'))
+    runs = report(logs, str(folder / 'report'))
     print()
-    for line in _shown(logs):
-        print(line)
+    for run in runs:
+        print(_result(run))
     print(f'Report: {folder / "report" / "report.html"} (in a browser)')
     print(f'Logs: {", ".join(logs)} (masmc view LOG, or "Open local file" in Foxglove)')
     print(f'The same without ROS: masmc simulate {parameters}')
     return 0
 
 
-def _shown(logs: Sequence[str]) -> Iterator[str]:
-    """Yield a line about each run: its law, and its distance from the path."""
-    for log in logs:
-        run = read_run(log)
-        point, reached = next(iter(metrics(run).points.items()))
-        error = '-' if reached.rms is None else f'{number(1e3 * reached.rms)} {point.small_unit}'
-        yield f'{law_label(run.parameters["controller"])}: RMS error of {point.title} {error}'
+def _result(run: Run) -> str:
+    """Return a line about a run: its law, and its distance from the path."""
+    point, reached = next(iter(metrics(run).points.items()))
+    error = '-' if reached.rms is None else f'{number(1e3 * reached.rms)} {point.small_unit}'
+    return f'{law_label(run.parameters["controller"])}: RMS error of {point.title} {error}'
 
 
 def _run(

@@ -165,7 +165,8 @@ def _dispatch(options: argparse.Namespace) -> int:
     if options.command == 'report':
         from masmc_ros.cli.report import report
 
-        return report(options.logs, options.output)
+        report(options.logs, options.output)
+        return 0
     if options.command == 'recover':
         from masmc_ros.cli.recover import recover
 
