@@ -1,26 +1,24 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines about many things, each told now and then: the logger's own throttle knows only one."""
+"""Limit of the rate of log lines about each subject; the loggers' own limit knows only one."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
-import time
 
 
 class Throttle:
-    """Tells of each subject whether a line about it is due."""
+    """Times of the last lines by subject."""
 
     def __init__(self, period: float) -> None:
-        """Let `period` in s pass between two lines about the same subject."""
+        """Initialise with the time in s between two lines about the same subject."""
         self._period = period
-        self._told: dict[Hashable, float] = {}
+        self._last: dict[Hashable, float] = {}
 
-    def is_due(self, subject: Hashable) -> bool:
-        """Tell whether nothing was said about it for a period; if so, it counts as said now."""
-        now = time.monotonic()
-        if now - self._told.get(subject, -self._period) < self._period:
+    def is_due(self, subject: Hashable, now: float) -> bool:
+        """Return True if a line is due at a steady time in s; it counts as logged then."""
+        if now - self._last.get(subject, -self._period) < self._period:
             return False
-        self._told[subject] = now
+        self._last[subject] = now
         return True

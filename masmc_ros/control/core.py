@@ -55,6 +55,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
+from masmc_ros.throttle import Throttle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -177,7 +178,7 @@ class ControllerCore:
         self._awaited = ''
         self._is_unfolding, self._unfolded_by = False, 0
         self._halted: int | None = None
-        self._gap_reported = -math.inf
+        self._throttle = Throttle(_QUIET)
         self._published = ''
         self._is_waiting = True
         self._more: list[Action] = []
@@ -654,12 +655,11 @@ class ControllerCore:
             text = 'time was set back; the controller restarts'
             self._more.append(Line('info', text))
             if not self.pacing.is_timed:
-                # The run begins again, with a robot that this controller has not moved.
+                # The run restarts, with a robot that this controller has not moved.
                 self._computed, self._has_guided = None, False
         else:
             self.counts.gaps += 1
-            if now - self._gap_reported >= _QUIET:
-                self._gap_reported = now
+            if self._throttle.is_due('gap', now):
                 text = 'states were missing for longer than state_timeout; the controller restarts'
                 self._more.append(Line('warning', text))
         self._pending = None

@@ -10,6 +10,7 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
+from masmc_ros.throttle import Throttle
 import numpy as np
 
 _LAYERED = ('saturation', 'tanh', 'sigmoid')
@@ -24,7 +25,7 @@ class LayerWatch:
     def __init__(self, controller: Controller) -> None:
         """Take the controller."""
         self._controller = controller
-        self._told = -_QUIET
+        self._throttle = Throttle(_QUIET)
         self._most = 0
         # To no consequence: what it takes is compiled here.
         self._least_inertia(controller.nominal, np.ones(len(controller.mechanism.positions)))
@@ -48,8 +49,8 @@ class LayerWatch:
         line = self._warning(periods * self._controller.period, position)
         if line is None:
             self._most = periods
-        elif now - self._told >= _QUIET:
-            self._most, self._told = periods, now
+        elif self._throttle.is_due('hold', now):
+            self._most = periods
             return line
         return None
 

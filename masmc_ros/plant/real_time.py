@@ -14,6 +14,7 @@ from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS, Timing
 from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.core import Action, Actions, Array, NOTHING, PlantCore, PublishAgain
+from masmc_ros.throttle import Throttle
 
 _REPEATED = 0.02
 """Time in s between two publications of the same state while the robot's time stands still."""
@@ -42,7 +43,7 @@ class RealTime(PlantCore):
         self._woken = self._repeated = 0.0
         self._anchor = (0.0, 0)
         self._due = -1
-        self._logged: dict[str, float] = {}
+        self._throttle = Throttle(_QUIET)
 
     def begin(self, now: float) -> Actions:
         """Publish the first state; time runs, or starts with the first command."""
@@ -152,10 +153,7 @@ class RealTime(PlantCore):
 
     def _lines(self, subject: str, text: str, now: float) -> tuple[Action, ...]:
         """Return a warning, or nothing if one about this subject is recent."""
-        if now - self._logged.get(subject, -_QUIET) < _QUIET:
-            return NOTHING
-        self._logged[subject] = now
-        return (Line('warning', text),)
+        return (Line('warning', text),) if self._throttle.is_due(subject, now) else NOTHING
 
     def _explained(self, error: InputError, now: float) -> InputError:
         """Add a further possible cause: a machine that does not keep up."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 import sys
+import time
 from typing import Any
 
 from masmc_ros.errors import InputError
@@ -42,11 +43,11 @@ from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.nodes.process.throttle import Throttle
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.meshes import mesh_files
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.throttle import Throttle
 from rclpy.context import Context
 
 SAMPLED = frozenset(
@@ -90,7 +91,9 @@ class LiveNode(SuiteNode):
         self._server = LiveServer(
             self.node.get_fully_qualified_name(),
             most_viewers=self.values['max_viewers'],
-            complain=lambda text: throttle.is_due('viewers') and self.log.warning(text),
+            complain=lambda text: (
+                throttle.is_due('viewers', time.monotonic()) and self.log.warning(text)
+            ),
         )
         self._samples = Samples(self.node)
         self._stamps: dict[str, StampReader] = {}

@@ -92,7 +92,7 @@ class _Once:
         self._callback = callback
         self._most = most
         self.by_past: dict[int, int] = {}
-        """Number of messages of which only the first copy has come, from that subscription."""
+        """Numbers of messages with one copy so far, from that subscription, by hash."""
         self.by_volatile: dict[int, int] = {}
 
     def take(self, raw: bytes, mine: dict[int, int], others: dict[int, int]) -> None:

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 from collections import Counter
+import time
 from typing import Any
 
-from masmc_ros.nodes.process.throttle import Throttle
+from masmc_ros.throttle import Throttle
 
 
 class Refusals:
@@ -32,5 +33,5 @@ class Refusals:
     def add(self, topic: str, reason: object) -> None:
         """Count a message of a topic, and log the reason unless one was logged just now."""
         self.counts[topic] += 1
-        if self._throttle.is_due(topic):
+        if self._throttle.is_due(topic, time.monotonic()):
             self._log.error(f'{topic} {self._what}: {reason}')
