@@ -133,7 +133,7 @@ class Approach:
         self._is_due = self.is_on = self._speed > 0.0
 
     def watch(self, stamp: int, reference: Array) -> None:
-        """Begin an approach if the reference steps; to be called with every one, stamps in ns."""
+        """Start an approach if the reference steps; to be called with every one, stamps in ns."""
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:

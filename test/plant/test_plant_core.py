@@ -181,13 +181,19 @@ class Clock:
         return actions
 
 
-@FEW
-@given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=40), st.sampled_from([0.5, 1.0, 3.0]))
-def test_real_time_any_wakes_few_ticks_at_once(times: list[float], factor: float) -> None:
-    core = core_of(RealTime, waits=False, changed={'real_time_factor': factor})
+def running(**options: Any) -> tuple[RealTime, Clock]:
+    """Return a core in real time after its first state, with its clock."""
+    core = core_of(RealTime, **{'waits': False, **options})
     assert isinstance(core, RealTime)
     clock = Clock(core)
     core.begin(clock.now)
+    return core, clock
+
+
+@FEW
+@given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=40), st.sampled_from([0.5, 1.0, 3.0]))
+def test_real_time_any_wakes_few_ticks_at_once(times: list[float], factor: float) -> None:
+    core, clock = running(changed={'real_time_factor': factor})
     begun = clock.now
     for elapsed in times:
         actions = clock.wake(elapsed)
@@ -198,10 +204,7 @@ def test_real_time_any_wakes_few_ticks_at_once(times: list[float], factor: float
 
 
 def test_real_time_waits_for_the_first_command_and_repeats_its_state() -> None:
-    core = core_of(RealTime, waits=True)
-    assert isinstance(core, RealTime)
-    clock = Clock(core)
-    core.begin(clock.now)
+    core, clock = running(waits=True)
     assert core.text == 'waits for the first command'
     repeated = sum(isinstance(each, PublishAgain) for _ in range(10) for each in clock.wake(0.05))
     assert (repeated, core.robot.tick) == (10, 0)
@@ -218,10 +221,7 @@ def test_real_time_waits_for_the_first_command_and_repeats_its_state() -> None:
 
 
 def test_real_time_old_command_is_discarded_and_an_old_answer_dropped() -> None:
-    core = core_of(RealTime, waits=False)
-    assert isinstance(core, RealTime)
-    clock = Clock(core)
-    core.begin(clock.now)
+    core, clock = running()
     command(core, clock.now)
     lines: list[Any] = []
     for _ in range(30):
@@ -238,10 +238,7 @@ def test_real_time_old_command_is_discarded_and_an_old_answer_dropped() -> None:
 
 def test_real_time_late_process_takes_the_queue_first() -> None:
     """A command is not old because the process that would have read the next one was late."""
-    core = core_of(RealTime, waits=False)
-    assert isinstance(core, RealTime)
-    clock = Clock(core)
-    core.begin(clock.now)
+    core, clock = running()
     command(core, clock.now)
     clock.wake(PERIOD)
     clock.wake(20.0)
