@@ -9,8 +9,18 @@ from typing import Any
 from unittest.mock import patch
 
 from core_loop import CoreLoop, node_values
-from masmc_ros.control.actions import Actions, Command, Finish, Halt, HaltCommand, Repeat, Void
+from masmc_ros.control.actions import (
+    Actions,
+    Command,
+    Finish,
+    Halt,
+    HaltCommand,
+    Repeat,
+    StopCommand,
+    Void,
+)
 from masmc_ros.errors import InputError
+from masmc_ros.loop.closed_loop import NOT_FINITE
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 import pytest
@@ -188,3 +198,21 @@ def test_law_that_fails_after_its_tick_the_torque_changes_by_one_step() -> None:
     change = np.abs(loop.core.controller.commanded - before)
     assert (change <= rate * 0.01 * (1.0 + 1e-9)).all()
     assert change.any()
+
+
+def test_torque_that_is_not_finite_the_safe_stop_commands() -> None:
+    loop = loop_of()
+    loop.run(0.5)
+    compute = loop.core.controller.answer
+
+    def answer(*arrays: Any) -> int:
+        status = compute(*arrays)
+        # As the kernel leaves it: the torque of this tick counts as commanded already.
+        loop.core.controller.commanded[:] = np.nan
+        return status | NOT_FINITE
+
+    with patch.object(loop.core.controller, 'answer', answer):
+        actions = send(loop, loop.tick * NS, loop.now + 0.01)
+    assert loop.state.startswith('fault: the closed loop diverged')
+    assert StopCommand in kinds(actions)
+    assert np.isfinite(loop.core.controller.commanded).all()
