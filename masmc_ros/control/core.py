@@ -570,6 +570,7 @@ class ControllerCore:
         skipped = round((stamp - self._computed) / self._period_ns) - 1
         if skipped > 0:
             self.controller.skip(skipped)
+            self._watch.skip(skipped)
             self.counts.skipped += skipped
         line = self._layer.held(max(skipped, 0) + 1, position, now)
         if line is not None:

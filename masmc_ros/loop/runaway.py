@@ -11,6 +11,8 @@ Three rules, each on its own; none had a false alarm in 56 ordinary runs of thre
 * growth: over 0.2 s the torque of one joint is at its limit on at least half of the ticks, and
   the norm of the error grows by more than 20 % and 0.01;
 * speed: a joint is faster than 1.2 times its speed limit.
+
+The first two look at stretches of continuous control: they start anew after 0.1 s without a tick.
 """
 
 from __future__ import annotations
@@ -144,6 +146,15 @@ class RunawayWatch:
         ):
             array[:] = 0
         self._tick = 0
+
+    def skip(self, periods: int) -> None:
+        """
+        Clear the windows if the last torque was held for too many periods beyond its own.
+
+        What the robot did meanwhile, it did without control.
+        """
+        if periods >= self._short:
+            self.restart()
 
     def look(self, rates: NDArray[np.float64]) -> str:
         """

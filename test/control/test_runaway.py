@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from core_loop import CoreLoop, node_values
 from masmc_ros.law.registry import LAWS
+from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import PAPER as PAPER_FILE
@@ -53,6 +54,20 @@ def test_reversed_joint_is_detected(joint: int) -> None:
     rests_after_a_runaway(loop)
     at = next(time for time, text in loop.reports if text.startswith('fault'))
     assert at - began < 0.4
+
+
+@pytest.mark.parametrize('gap, is_alarm', [(0.05, True), (0.1, False), (10.0, False)])
+def test_growth_of_the_error_without_control_is_no_runaway(gap: float, is_alarm: bool) -> None:
+    """A joint is at its limit, no states arrive, and the robot is elsewhere afterwards."""
+    controller = CoreLoop(node_values(PAPER)).controller
+    watch, rates = RunawayWatch(controller, [np.inf] * 4), np.zeros(4)
+    controller.torque[:] = np.array(controller.values['torque_limit'])
+    reasons = []
+    for error, held in ((0.01, 0), (0.1, round(gap / controller.period)), (0.1, 0)):
+        controller.error[:] = error
+        watch.skip(held)
+        reasons += [watch.look(rates) for _ in range(100)]
+    assert any('the error grows' in reason for reason in reasons) is is_alarm
 
 
 def test_fault_is_latched_until_it_is_cleared() -> None:

@@ -196,11 +196,20 @@ class Peer:
         self._clients: dict[tuple[type, str], Any] = {}
         self._known: set[tuple[type, str]] = set()
 
-    def until(self, holds: Callable[[], Any], what: str = 'what the test waits for') -> Any:
-        """Spin until something is true and return it; AssertionError where it never is."""
+    def until(
+        self,
+        holds: Callable[[], Any],
+        what: str | Callable[[], str] = 'what the test waits for',
+    ) -> Any:
+        """
+        Spin until something is true and return it; AssertionError where it never is.
+
+        `what` is awaited, or a function that describes the state at the time of the failure.
+        """
         limit = time.monotonic() + PATIENCE
         while not (found := holds()):
-            assert time.monotonic() < limit, f'it never came: {what}'
+            if time.monotonic() > limit:
+                raise AssertionError(f'it never came: {what() if callable(what) else what}')
             self._executor.spin_once(timeout_sec=0.02)
         return found
 

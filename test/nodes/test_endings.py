@@ -14,9 +14,13 @@ import time
 from log_contents import read_log
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.nodes.process.ending import ENDING
+from masmc_ros.nodes.process.runtime import StopSignals
 from masmc_ros.nodes.recorder.listening import take_rest
 from processes import PATIENCE, peer, processes, ros_arguments
 import pytest
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from surroundings import surroundings
@@ -180,3 +184,23 @@ def test_a_node_alone_says_what_it_waits_for(tmp_path: Path) -> None:
             tester.until(lambda p=process, r=reason: p.logged('INFO', r), reason)
         started.signal(signal.SIGINT)
         assert set(started.wait().values()) == {0}, started.output()
+
+
+def test_signal_does_not_wait_for_a_lock_of_the_interrupted_thread() -> None:
+    """The executor completes its future after signals that came while the future was locked."""
+    handlers = {number: signal.getsignal(number) for number in ENDING}
+    try:
+        stop = StopSignals()
+        with Context() as context:
+            executor = EventsExecutor(context=context)
+            future = stop.future(executor)
+            with future._lock:
+                for _ in range(3):
+                    signal.raise_signal(signal.SIGTERM)
+            assert stop.requested
+            executor.spin_until_future_complete(future, PATIENCE)
+            executor.shutdown()
+        assert future.cancelled()
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

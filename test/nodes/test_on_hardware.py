@@ -174,7 +174,7 @@ class Watched(Robot):
         before = len(self.torques)
         self.tester.until(
             lambda: len(self.torques) > before + count and self.told[-1:] == ['active'],
-            f'torques; {self.told}, {self.health}',
+            lambda: f'torques; {self.told}, {self.health}',
         )
 
     def _on_health(self, message: DiagnosticArray) -> None:
@@ -232,7 +232,8 @@ def watched(folder: Path, **settings: Any) -> Iterator[tuple[Watched, Any]]:
 def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: Path) -> None:
     with watched(tmp_path) as (robot, controller):
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5, f'refusals: {robot.health}'
+            lambda: robot.figure('joint_states refused') > 5,
+            lambda: f'refusals: {robot.health}',
         )
         (line, *_) = controller.logged('ERROR', 'joint_states refused')
         assert 'set velocity_source to estimated' in line
@@ -247,7 +248,7 @@ def test_positions_alone_are_refused_with_the_remedy_and_then_enough(tmp_path: P
         # It goes where it is to go, although nobody ever told it how fast it is.
         robot.tester.until(
             lambda: len(robot.errors) > 1000 and np.abs(robot.errors[-1]).max() < 0.02,
-            f'an error that is small: {robot.errors[-1:]}',
+            lambda: f'an error that is small: {robot.errors[-1:]}',
         )
         assert 'fault' not in ''.join(robot.told)
         robot.velocities = lambda velocity: [0.0]
@@ -260,7 +261,8 @@ def test_velocities_that_are_partly_unknown_are_refused_where_they_are_needed(
     with watched(tmp_path) as (robot, controller):
         robot.velocities = lambda velocity: [*velocity[:4], float('nan')]
         robot.tester.until(
-            lambda: robot.figure('joint_states refused') > 5, f'refusals: {robot.health}'
+            lambda: robot.figure('joint_states refused') > 5,
+            lambda: f'refusals: {robot.health}',
         )
         (line, *_) = controller.logged('ERROR', 'joint_states refused')
         assert "velocity of 'wheel_left_joint' is not a finite number; set velocity_sou" in line
@@ -298,7 +300,7 @@ def test_late_states_are_answered_and_how_late_is_told(tmp_path: Path) -> None:
         robot.moves_on()
         robot.tester.until(
             lambda: robot.figure('age of answered states, mean (ms)') >= 1e3 * LATE,
-            f'the age of states: {robot.health}',
+            lambda: f'the age of states: {robot.health}',
         )
         assert robot.figure('age of answered states, most (ms)') >= 1e3 * LATE
         assert 0.0 < robot.figure('mean tick (ms)') <= robot.figure('longest tick (ms)')

@@ -11,6 +11,7 @@ status 2 and one line on bad input.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 import gc
 import sys
 from types import FrameType
@@ -24,6 +25,7 @@ from masmc_ros.nodes.process.ending import ending_at_once, on_end
 from masmc_ros.nodes.process.exit_timer import bounded_ending
 import rclpy
 from rclpy.context import Context
+from rclpy.executors import Executor
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import get_logger_level, LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -69,7 +71,7 @@ def _told(error: UserError) -> int:
 
 def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     command_line = parse(arguments)
-    stop = _StopSignals()
+    stop = StopSignals()
     context = Context()
     prepare_transport()
     # What is wrong with the arguments is told once, below.
@@ -87,7 +89,7 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     def spin() -> None:
         """Handle messages, services and timers for 0.1 s, or until a signal arrives."""
         # A return to Python after each callback would take a fifth of the callback's time.
-        executor.spin_until_future_complete(stop.future(), _POLL)
+        executor.spin_until_future_complete(stop.future(executor), _POLL)
 
     nodes: list[RunningNode] = []
     status = 1
@@ -126,23 +128,32 @@ def _run(factories: Sequence[Factory], arguments: list[str]) -> int:
     return status
 
 
-class _StopSignals:
-    """Whether the process was asked to end; a handler may only set a flag."""
+class StopSignals:
+    """
+    Whether the process was asked to end.
+
+    A handler must not wait for a lock: the thread that it interrupts may hold it. A future has
+    one (https://github.com/ros2/rclpy/blob/jazzy/rclpy/rclpy/task.py), so that the executor, and
+    not the handler, completes the future.
+    """
 
     def __init__(self) -> None:
         self.requested = False
-        self._future: Future | None = None
+        self._complete: Callable[[], object] | None = None
         on_end(self._request)
 
-    def future(self) -> Future:
-        """Return what is complete as soon as a signal has come."""
-        self._future = Future()
-        return self._future
+    def future(self, executor: Executor) -> Future:
+        """Return a future that the executor completes once a signal has come."""
+        future = Future()
+        self._complete = partial(executor.create_task, future.cancel)
+        return future
 
     def _request(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            return
         self.requested = True
-        if self._future is not None:
-            self._future.cancel()
+        if self._complete is not None:
+            self._complete()
 
 
 def one_line(error: BaseException) -> str:
