@@ -229,6 +229,7 @@ class Watch:
 
     def _on_command(self, raw: bytes) -> None:
         if not self._command.load(raw):
+            self._note(f'not a command of finite numbers: {raw.hex()}')
             return
         self.commands += 1
         limits = tuple(map(max, *self._limits)) if len(self._limits) > 1 else self._limits[0]

@@ -11,34 +11,43 @@ that all of them are padding.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from functools import cached_property
 import re
-from struct import Struct
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
-    all_finite,
+    are_finite,
     checked_stamp,
-    ENCAPSULATION,
+    HEADER_SIZE,
+    is_like,
     Layout,
     Messages,
     NANOSECONDS,
+    UNREAD,
 )
 from masmc_ros.messages.multi_array import labelled_layout
 from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
+from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 NANOSECOND_DIGITS = 9
 
-LABEL_SIZE = slice(len(ENCAPSULATION) + 4, len(ENCAPSULATION) + 8)
-"""Place of the size of the first label in a message."""
+_DIMENSIONS = slice(HEADER_SIZE, HEADER_SIZE + 4)
+"""Bytes of the number of dimensions; the size of the first label and the label follow."""
+
+_LABEL = slice(HEADER_SIZE + 8, None)
 
 _SECOND_DIGITS = 10
 
 _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
+
+_SHORTEST, _LONGEST = 1 + 1 + NANOSECOND_DIGITS, 9 + 1 + NANOSECOND_DIGITS
+"""Characters of a stamp that compiled code reads: to the nanosecond, without overflow."""
+
+_POINT, _ZERO = ord('.'), ord('0')
 
 
 class CommandMessages(NamedTuple):
@@ -56,23 +65,6 @@ class CommandMessages(NamedTuple):
 
     indices: NDArray[np.intp]
     messages: Messages
-
-
-class _Form:
-    """A command as it is sent, cut into what is the same in all and what varies."""
-
-    def __init__(self, layout: Layout, joints: int) -> None:
-        self.layout = layout
-        characters, data = layout.places['characters'], layout.places['data']
-        cuts = (0, characters.start, characters.stop, data.start, data.stop)
-        sizes = (stop - start for start, stop in pairwise(cuts))
-        self.parts = Struct(''.join(f'{size}s' for size in sizes))
-        """Before the digits, these, after them, the numbers."""
-        usual, void = (
-            self.parts.unpack(message) for message in layout.messages(data_offset=[0, joints])
-        )
-        self.before, self.after = usual[0], (usual[2], void[2])
-        """Bytes before and after the digits, and those of a void command."""
 
 
 class CommandKind:
@@ -97,8 +89,7 @@ class CommandKind:
         self.what, self.quantity, self.prefix = what, quantity, prefix
         self.joints = tuple(joints)
         self._label = re.compile(re.escape(prefix) + r'(\d+)\.(\d{1,9})', re.ASCII)
-        self._forms: dict[int, _Form] = {}
-        self._by_size: dict[bytes, _Form] = {}
+        self._layouts: dict[int, Layout] = {}
 
     def named(self, joints: Sequence[str]) -> CommandKind:
         """Return the same kind for joints of other names."""
@@ -106,14 +97,13 @@ class CommandKind:
             return self
         return CommandKind(self.what, self.quantity, self.prefix, joints)
 
-    def form(self, digits: int) -> _Form:
-        """Return the form of a command with `digits` characters after the prefix."""
-        form = self._forms.get(digits)
-        if form is None:
-            joints = len(self.joints)
-            form = _Form(labelled_layout(self.prefix, digits, joints), joints)
-            self._forms[digits] = form
-        return form
+    def layout(self, characters: int) -> Layout:
+        """Return the layout of a command with so many characters after the prefix."""
+        layout = self._layouts.get(characters)
+        if layout is None:
+            layout = labelled_layout(self.prefix, characters, len(self.joints))
+            self._layouts[characters] = layout
+        return layout
 
     def messages(
         self, stamps: NDArray[np.int64], numbers: ArrayLike, is_void: ArrayLike = False
@@ -143,7 +133,7 @@ class CommandKind:
                 np.full((len(indices), 1), ord('.'), np.uint8),
                 _digits(nanoseconds[indices], NANOSECOND_DIGITS),
             )
-            messages = self.form(length + 1 + NANOSECOND_DIGITS).layout.messages(
+            messages = self.layout(length + 1 + NANOSECOND_DIGITS).messages(
                 characters=np.hstack(label),
                 data_offset=voids[indices] * len(self.joints),
                 data=numbers[indices],
@@ -151,37 +141,36 @@ class CommandKind:
             groups.append(CommandMessages(indices, messages))
         return groups
 
-    def form_of_label(self, size: bytes) -> _Form | None:
-        """
-        Return the form that a label of this size goes with, None where no stamp fits it.
+    def layout_of(self, raw: bytes) -> Layout | None:
+        """Return the layout of a message by the size of its label; None if no stamp fits it."""
+        size = int.from_bytes(raw[_LABEL.start - 4:_LABEL.start], 'little')
+        characters = size - len(self.prefix) - 1
+        return self.layout(characters) if characters in _STAMP_LENGTHS else None
 
-        Parameters
-        ----------
-        size
-            as it stands in the message, at `LABEL_SIZE`.
-
+    def stamp_of(self, raw: bytes) -> int | None:
         """
-        form = self._by_size.get(size)
-        if form is None:
-            digits = int.from_bytes(size, 'little') - len(self.prefix) - 1
-            if digits not in _STAMP_LENGTHS:
-                return None
-            form = self._by_size[size] = self.form(digits)
-        return form
+        Return the stamp in ns on the label of a serialised message of any number of joints.
+
+        None without a label of this kind; InputError as `label_stamp`.
+        """
+        size = int.from_bytes(raw[_LABEL.start - 4:_LABEL.start], 'little')
+        label = raw[_LABEL.start:_LABEL.start + size - 1] if any(raw[_DIMENSIONS]) else b''
+        return self._stamp(label.decode('ascii', 'replace'))
 
     def label_stamp(self, message: Any) -> int | None:
         """
-        Return the stamp in ns on the label of a message, None where it has none.
+        Return the stamp in ns on the label of a deserialised message, None without a label.
 
         Raises
         ------
         InputError
-            for a label that starts like ours and has no stamp, or one that is no
-            time.
+            If the label has the prefix of this kind and no stamp, or one that is not a time.
 
         """
         dimensions = message.layout.dim
-        label = dimensions[0].label if dimensions else ''
+        return self._stamp(dimensions[0].label if dimensions else '')
+
+    def _stamp(self, label: str) -> int | None:
         if not label.startswith(self.prefix):
             return None
         match = self._label.fullmatch(label)
@@ -199,6 +188,95 @@ def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
     return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
 
+@kernel
+def _read(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[int, bool]:
+    """Return the stamp in ns, or UNREAD, and True for a void command."""
+    if not (is_like(raw, forms) and are_finite(raw, places[2], len(numbers))):
+        return UNREAD, False
+    stamp = np.int64(0)
+    for i in range(places[0], places[1]):
+        if i == places[1] - 1 - NANOSECOND_DIGITS:
+            if raw[i] != _POINT:
+                return UNREAD, False
+        else:
+            digit = np.int64(raw[i]) - _ZERO
+            if digit < 0 or digit > 9:
+                return UNREAD, False
+            stamp = stamp * 10 + digit
+    offset = np.int64(0)
+    for i in range(4):
+        offset |= np.int64(raw[places[3] + i]) << 8 * i
+    if offset != 0 and offset != len(numbers):
+        return UNREAD, False
+    written = numbers.view(np.uint8)
+    for i in range(len(written)):
+        written[i] = raw[places[2] + i]
+    return stamp, offset != 0
+
+
+@kernel
+def _write(stamp: int, numbers: Any, places: Any, message: Any) -> None:
+    remaining = stamp
+    for k in range(1, places[1] - places[0] + 1):
+        if k == 1 + NANOSECOND_DIGITS:
+            message[places[1] - k] = _POINT
+        else:
+            message[places[1] - k] = remaining % 10 + _ZERO
+            remaining //= 10
+    source = numbers.view(np.uint8)
+    for i in range(len(source)):
+        message[places[2] + i] = source[i]
+
+
+def _places(layout: Layout) -> NDArray[np.int64]:
+    """Return the bytes at which the stamp starts and ends, the numbers and `data_offset` start."""
+    characters, data = layout.places['characters'], layout.places['data']
+    offset = layout.places['data_offset']
+    return np.array([characters.start, characters.stop, data.start, offset.start])
+
+
+class CommandWriter:
+    """Writer of the commands whose numbers are in one array."""
+
+    def __init__(
+        self, kind: CommandKind, numbers: NDArray[np.float64], *, is_void: bool = False
+    ) -> None:
+        """
+        Initialise the writer.
+
+        Parameters
+        ----------
+        kind
+            Kind of the commands.
+        numbers
+            Array (joints) that the caller updates.
+        is_void
+            True for void commands.
+
+        """
+        self._kind, self._numbers, self._is_void = kind, numbers, is_void
+        self._prepare(0)
+        self._write = bound(_write, 0, numbers, self._places, self._message)
+
+    def to_bytes(self, stamp_ns: int) -> bytes:
+        """Return the message that answers the state of a stamp in ns."""
+        if not self._first <= stamp_ns < self._end:
+            self._prepare(stamp_ns)
+        self._write(stamp_ns, self._numbers, self._places, self._message)
+        return self._message.tobytes()
+
+    def _prepare(self, stamp_ns: int) -> None:
+        """Use the layout for stamps with as many digits as this one."""
+        digits = len(str(stamp_ns // NANOSECONDS))
+        self._first = 0 if digits == 1 else 10 ** (digits - 1) * NANOSECONDS
+        self._end = 10**digits * NANOSECONDS
+        layout = self._kind.layout(digits + 1 + NANOSECOND_DIGITS)
+        self._places = _places(layout)
+        offset = self._is_void * len(self._numbers)
+        (message,) = layout.messages(data_offset=[offset]).view(np.uint8).reshape(1, -1)
+        self._message = message
+
+
 class LabelledCdr:
     """
     A command as std_msgs/Float64MultiArray.
@@ -206,84 +284,73 @@ class LabelledCdr:
     Attributes
     ----------
     kind
-        what it is.
+        Kind of the command.
     data
-        a number for each joint of the kind.
+        A number for each joint of the kind.
     stamp_ns
-        stamp in ns of the state that it answers; None for a received command
+        Stamp in ns of the state that the command answers; None for a received command
         without a label.
     is_void
-        whether it commands nothing.
+        True if the command commands nothing.
 
     """
 
     def __init__(self, kind: CommandKind) -> None:
-        """Make a command of zeros that answers the state of time 0."""
+        """Initialise a command of zeros that answers the state of time 0."""
         self.kind = kind
         self.data = np.zeros(len(kind.joints))
-        self.stamp_ns: int | None = None
+        self.stamp_ns: int | None = 0
         self.is_void = False
-        self._numbers = memoryview(self.data.data).cast('B')
-        self._digits = b''
-        self.set_stamp(0)
+        self._layout = kind.layout(_SHORTEST)
+        self._places = _places(self._layout)
 
     def set_stamp(self, stamp_ns: int) -> None:
-        """Label the command with the stamp, in ns, of the state that it answers."""
+        """Label the command with the stamp in ns of the state that it answers."""
         self.stamp_ns = stamp_ns
-        self._digits = b'%d.%09d' % divmod(stamp_ns, NANOSECONDS)
 
     def to_bytes(self) -> bytes:
-        """Return the message as it is sent, with the label set last."""
-        form = self.kind.form(len(self._digits))
-        return b''.join((form.before, self._digits, form.after[self.is_void], self._numbers))
-
-    def is_finite(self) -> bool:
-        """Return True if every number is finite."""
-        return all_finite(self.data.tolist())
+        """Return the message with the label set last; `CommandWriter` is faster."""
+        stamps = np.array([self.stamp_ns or 0])
+        ((_, messages),) = self.kind.messages(stamps, self.data[None], self.is_void)
+        return messages.tobytes()
 
     def load(self, raw: bytes) -> bool:
         """
-        Take over a received command that is labelled and laid out like ours.
+        Read a received command of finite numbers in the package's own layout.
 
         Parameters
         ----------
         raw
-            the message with its encapsulation header.
+            Message with its encapsulation header.
 
         Returns
         -------
-            False, with nothing changed, for every other message, which a full deserialiser
-            has to read: see `load_message`.
-
-        Raises
-        ------
-        InputError
-            for a stamp that is no time; nothing is changed then.
+            False for every other message, which rclpy has to deserialise for `load_message`;
+            nothing is changed then.
 
         """
-        form = self.kind.form_of_label(raw[LABEL_SIZE])
-        if form is None or len(raw) != form.parts.size:
+        stamp, is_void = self._read(raw, self._layout.forms, self._places, self.data)
+        if stamp == UNREAD and self._adopts(raw):
+            stamp, is_void = self._read(raw, self._layout.forms, self._places, self.data)
+        if stamp == UNREAD:
             return False
-        before, digits, after, numbers = form.parts.unpack(raw)
-        if before != form.before or after not in form.after:
-            # A foreign sender's, unless only what it aligns with differs.
-            if not form.layout.matches(raw):
-                return False
-            offset = int.from_bytes(raw[form.layout.places['data_offset']], 'little')
-            if offset not in (0, len(self.data)):
-                return False
-            after = form.after[offset > 0]
-        seconds, _, nanoseconds = digits.partition(b'.')
-        if not (
-            seconds.isdigit() and nanoseconds.isdigit() and len(nanoseconds) <= NANOSECOND_DIGITS
-        ):
-            return False
-        stamp_ns = checked_stamp(int(seconds) * NANOSECONDS + int(nanoseconds))
-        self.is_void = after == form.after[True]
-        self._numbers[:] = numbers
-        self._digits = digits
-        self.stamp_ns = stamp_ns
+        self.stamp_ns, self.is_void = stamp, is_void
         return True
+
+    def _adopts(self, raw: bytes) -> bool:
+        """Adopt the layout of a label with another number of digits; False if there is none."""
+        layout = self.kind.layout_of(raw)
+        if layout is None or layout is self._layout:
+            return False
+        characters = layout.places['characters']
+        if not _SHORTEST <= characters.stop - characters.start <= _LONGEST:
+            return False
+        self._layout, self._places = layout, _places(layout)
+        return True
+
+    @cached_property
+    def _read(self) -> Callable[..., tuple[int, bool]]:
+        return bound(_read, b'', self._layout.forms, self._places, self.data)
 
     def load_message(self, message: Any) -> None:
         """
@@ -317,10 +384,7 @@ class LabelledCdr:
             )
         self.data[:] = numbers
         self.is_void = int(message.layout.data_offset) == len(numbers)
-        if stamp_ns is None:
-            self.stamp_ns = None
-        else:
-            self.set_stamp(stamp_ns)
+        self.stamp_ns = stamp_ns
 
 
 EFFORT = CommandKind('effort command', 'torque', 'effort@', DRIVEN_JOINTS)

@@ -5,18 +5,26 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
-    all_finite,
+    are_finite,
     checked_stamp,
+    copy_message,
+    END_OF_TIME,
+    HEADER_SIZE,
+    is_like,
     Layout,
     NANOSECONDS,
+    stamp_at,
     StampedMessage,
+    UNREAD,
 )
 from masmc_ros.messages.names import JOINTS
+from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -59,33 +67,56 @@ class JointStateCdr(StampedMessage):
 
     def __init__(self, names: tuple[str, ...] = JOINTS) -> None:
         """Make a state of zeros at time 0, of joints (n) of these names."""
-        super().__init__(joint_state_layout(names))
+        layout = joint_state_layout(names)
+        super().__init__(layout)
         self.names = names
         self.position, self.velocity, self.effort = (self._record[field] for field in FIELDS)
+        # Bytes of the message and words at which positions, velocities and efforts start.
+        self._starts = np.array([layout.places[field].start for field in FIELDS])
+        self._words = (self._lead + self._starts) // 8
         self._names: list[str] = []
         self._joints: tuple[str, ...] = ()
         self._order: list[int] = []
 
-    def is_finite(self) -> bool:
-        """Return True if every position and velocity is a finite number."""
-        return all_finite(self.position.tolist() + self.velocity.tolist())
-
-    def check(
-        self, joints: tuple[str, ...] | None = None, *, unknown_velocity: float | None = None
-    ) -> None:
+    def read(self, raw: bytes) -> int:
         """
-        Raise InputError for positions and velocities of `joints` that are not finite.
+        Read a received message and return its stamp in ns.
 
-        With `unknown_velocity` that takes the place of such velocities instead.
+        UNREAD, with nothing changed, for another layout, for positions and velocities that are
+        not finite and for a stamp that is not a time: `load_message` says what is wrong.
         """
-        joints = joints or self.names
-        first = len(self.names) - len(joints)
-        _check_finite(self.position[first:], joints, 'position')
-        velocity = self.velocity[first:]
-        if unknown_velocity is None:
-            _check_velocity(velocity, joints)
-        else:
-            velocity[~np.isfinite(velocity)] = unknown_velocity
+        stamp: int = self._read(raw, self._layout.forms, self._starts, self._bytes)
+        return stamp
+
+    @cached_property
+    def _read(self) -> Callable[..., int]:
+        return bound(_read_state, b'', self._layout.forms, self._starts, self._bytes)
+
+    def writer(
+        self,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        effort: NDArray[np.float64],
+    ) -> Callable[[int], bytes]:
+        """
+        Return a function of a stamp in ns that returns the message of these arrays' numbers.
+
+        Parameters
+        ----------
+        position, velocity
+            Arrays (n) that the caller updates.
+        effort
+            Array of the efforts of the last joints, at most n, that the caller updates.
+
+        """
+        arguments = position, velocity, effort, self._words, self.words
+        write = bound(_write_state, 0, *arguments)
+
+        def to_bytes(stamp_ns: int) -> bytes:
+            write(stamp_ns, *arguments)
+            return self.to_bytes()
+
+        return to_bytes
 
     def load_message(
         self,
@@ -161,6 +192,35 @@ class JointStateCdr(StampedMessage):
             return np.full(len(self._joints), unknown)
         velocity = self._pick(values, 'velocity')
         return np.where(np.isfinite(velocity), velocity, unknown)
+
+
+@kernel
+def _read_state(raw: Any, forms: Any, starts: Any, message: Any) -> int:
+    joints = (len(message) - starts[2]) // 8
+    if not (
+        is_like(raw, forms)
+        and are_finite(raw, starts[0], joints)
+        and are_finite(raw, starts[1], joints)
+    ):
+        return UNREAD
+    stamp = stamp_at(raw, HEADER_SIZE)
+    if stamp >= END_OF_TIME:
+        return UNREAD
+    copy_message(raw, forms, message)
+    return stamp
+
+
+@kernel
+def _write_state(
+    stamp: int, position: Any, velocity: Any, effort: Any, places: Any, words: Any
+) -> None:
+    for i in range(len(position)):
+        words[places[0] + i] = position[i]
+        words[places[1] + i] = velocity[i]
+    for i in range(len(effort)):
+        words[len(words) - len(effort) + i] = effort[i]
+    seconds, nanoseconds = stamp // NANOSECONDS, stamp % NANOSECONDS
+    words.view(np.int64)[1] = seconds | nanoseconds << 32
 
 
 def _doubles(values: ArrayLike) -> NDArray[np.float64]:

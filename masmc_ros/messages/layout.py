@@ -5,18 +5,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from math import isfinite
 import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.compiled import bound, formula, kernel
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian: what every ROS 2 middleware sends on such a machine."""
+
+HEADER_SIZE = len(ENCAPSULATION)
+
+UNREAD = -1
+"""In place of a stamp: the compiled reader leaves this message to rclpy."""
 
 NANOSECONDS = 1_000_000_000
 """Nanoseconds in a second."""
@@ -40,12 +45,6 @@ def checked_stamp(stamp_ns: int) -> int:
         fault = 'is negative' if stamp_ns < 0 else 'is beyond 2**31 s'
         raise InputError(f'stamp {stamp_ns} ns {fault}')
     return stamp_ns
-
-
-def all_finite(numbers: list[float]) -> bool:
-    """Return True if every number is finite; fast for a few."""
-    # A sum is finite only where every number is; it overflows before they do.
-    return isfinite(sum(numbers)) or all(map(isfinite, numbers))
 
 
 class Layout:
@@ -158,42 +157,17 @@ class Layout:
         return bytes(self._bytes)
 
     @cached_property
-    def mask(self) -> bytes:
-        """255 for each byte that is constant, 0 for one that varies or only aligns."""
-        return bytes(self._mask)
+    def forms(self) -> NDArray[np.uint8]:
+        """
+        Return (3, size): the template, then 255 for each constant and for each varying byte.
 
-    @cached_property
-    def _mask_number(self) -> int:
-        return int.from_bytes(self.mask, 'little')
-
-    @cached_property
-    def _template_number(self) -> int:
-        return int.from_bytes(self.template, 'little') & self._mask_number
-
-    @cached_property
-    def _rest(self) -> struct.Struct:
-        """Take out what does not vary, aligning bytes included."""
-        form = '<'
-        position = 0
-        for part in self.places.values():
-            form += f'{part.start - position}s{part.stop - part.start}x'
-            position = part.stop
-        return struct.Struct(f'{form}{self.size - position}s')
-
-    @cached_property
-    def _template_rest(self) -> tuple[bytes, ...]:
-        return self._rest.unpack(self.template)
-
-    def equals(self, raw: bytes) -> bool:
-        """Return True if `raw` is such a message with zeros for all padding bytes."""
-        return len(raw) == self.size and self._rest.unpack(raw) == self._template_rest
-
-    def matches(self, raw: bytes) -> bool:
-        """Return True if `raw` is such a message; padding bytes are ignored."""
-        return self.equals(raw) or (
-            len(raw) == self.size
-            and int.from_bytes(raw, 'little') & self._mask_number == self._template_number
-        )
+        Padding bytes are neither.
+        """
+        varies = np.zeros(self.size, np.uint8)
+        for place in self.places.values():
+            varies[place] = 255
+        constant = np.frombuffer(bytes(self._mask), np.uint8)
+        return np.stack([np.frombuffer(self.template, np.uint8), constant, varies])
 
     def messages(self, **fields: ArrayLike) -> Messages:
         """
@@ -238,9 +212,57 @@ class Layout:
         """
         joined = b''.join(raws)
         rows = np.frombuffer(joined, np.uint8).reshape(len(raws), self.size)
-        constant = np.frombuffer(self.mask, np.uint8).astype(bool)
-        expected = np.frombuffer(self.template, np.uint8)[constant]
-        return (rows[:, constant] == expected).all(axis=1), np.frombuffer(joined, self.dtype)
+        constant = self.forms[1].astype(bool)
+        is_ours = (rows[:, constant] == self.forms[0][constant]).all(axis=1)
+        return is_ours, np.frombuffer(joined, self.dtype)
+
+
+@formula
+def is_like(raw: Any, forms: Any) -> bool:
+    """Return True if bytes are a message of a layout's `forms`; padding bytes are ignored."""
+    template, constant = forms[0], forms[1]
+    if len(raw) != len(template):
+        return False
+    differs = np.uint8(0)
+    for i in range(len(template)):
+        differs |= (raw[i] ^ template[i]) & constant[i]
+    return differs == 0
+
+
+@formula
+def copy_message(raw: Any, forms: Any, message: Any) -> None:
+    """Write the varying bytes of a message into another, with zeros for padding bytes."""
+    template, varies = forms[0], forms[2]
+    for i in range(len(template)):
+        message[i] = template[i] | raw[i] & varies[i]
+
+
+@formula
+def stamp_at(raw: Any, place: int) -> int:
+    """Return the stamp in ns of a builtin_interfaces/Time from byte `place` on."""
+    seconds, nanoseconds = np.int64(0), np.int64(0)
+    for i in range(4):
+        seconds |= np.int64(raw[place + i]) << 8 * i
+        nanoseconds |= np.int64(raw[place + 4 + i]) << 8 * i
+    return seconds * NANOSECONDS + nanoseconds
+
+
+@formula
+def are_finite(raw: Any, first: int, count: int) -> bool:
+    """Return True if the float64 numbers from byte `first` on are finite, by their exponents."""
+    for i in range(count):
+        high, low = raw[first + 8 * i + 7], raw[first + 8 * i + 6]
+        if high & 0x7F == 0x7F and low & 0xF0 == 0xF0:
+            return False
+    return True
+
+
+@kernel
+def _load(raw: Any, forms: Any, message: Any) -> bool:
+    if not is_like(raw, forms):
+        return False
+    copy_message(raw, forms, message)
+    return True
 
 
 def stamps_of(times: Messages) -> NDArray[np.int64]:
@@ -277,6 +299,7 @@ class Message:
         self.words = np.zeros((self._lead + layout.size + 7) // 8)
         self._wire = memoryview(self.words.data).cast('B')[self._lead:self._lead + layout.size]
         self._wire[:] = layout.template
+        self._bytes = np.frombuffer(self._wire, np.uint8)
         self._record = np.ndarray((), layout.dtype, self.words, self._lead)
 
     def to_bytes(self) -> bytes:
@@ -285,28 +308,25 @@ class Message:
 
     def load(self, raw: bytes) -> bool:
         """
-        Take over a received message.
+        Read a received message.
 
         Parameters
         ----------
         raw
-            the message with its encapsulation header.
+            Message with its encapsulation header.
 
         Returns
         -------
-            False, with nothing changed, where strings or sizes differ: a message of another
-            layout, which a full deserialiser has to read.
+            False for a message of another layout, which rclpy has to deserialise; nothing is
+            changed then.
 
         """
-        if self._layout.equals(raw):
-            self._wire[:] = raw
-            return True
-        if not self._layout.matches(raw):
-            return False
-        # Part by part, so that what a foreign sender aligns with is never sent on.
-        for part in self._layout.places.values():
-            self._wire[part] = raw[part]
-        return True
+        is_ours: bool = self._load(raw, self._layout.forms, self._bytes)
+        return is_ours
+
+    @cached_property
+    def _load(self) -> Callable[..., bool]:
+        return bound(_load, b'', self._layout.forms, self._bytes)
 
 
 class StampedMessage(Message):

@@ -100,7 +100,7 @@ class ReferenceWindow:
         if samples < 1 or rest:
             return None
         layout = reference_layout(samples, axes)
-        if not layout.matches(raw):
+        if not (len(raw) == layout.size and layout.read([raw])[0][0]):
             return None
         return _window(np.frombuffer(raw, np.float64, offset=start).copy(), axes)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.commands import ARM_VELOCITY, CommandKind, EFFORT, LABEL_SIZE, LabelledCdr
+from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.layout import checked_stamp, ENCAPSULATION, NANOSECONDS, STAMP
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, COMMAND_TOPIC, TELEMETRY, telemetry_topic
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
@@ -60,9 +60,9 @@ def stamp_reader(topic: str, type_name: str) -> StampReader:
     if type_name == TRANSFORMS_TYPE:
         return transforms_stamp
     if topic == COMMAND_TOPIC:
-        return _command_reader(EFFORT)
+        return EFFORT.stamp_of
     if topic == ARM_VELOCITY_TOPIC:
-        return _command_reader(ARM_VELOCITY)
+        return ARM_VELOCITY.stamp_of
     for label in TELEMETRY:
         if topic == telemetry_topic(label):
             return _telemetry_reader(label)
@@ -74,24 +74,6 @@ def _stamp_at(raw: bytes, start: int) -> int:
         raise InputError(f'a message of {len(raw)} bytes has no stamp')
     seconds, nanoseconds = STAMP.unpack_from(raw, start)
     return checked_stamp(seconds * NANOSECONDS + nanoseconds)
-
-
-def _command_reader(kind: CommandKind) -> StampReader:
-    """Read commands for any number of joints: as many as the message has room for."""
-    one = kind.named(kind.joints[:1])
-
-    @lru_cache(maxsize=8)
-    def command(joints: int) -> LabelledCdr:
-        return LabelledCdr(kind.named(kind.joints[:1] * joints))
-
-    def read(raw: bytes) -> int | None:
-        form = one.form_of_label(raw[LABEL_SIZE])
-        if form is None:
-            return None
-        message = command(max(1, 1 + (len(raw) - form.parts.size) // _NUMBER))
-        return message.stamp_ns if message.load(raw) else None
-
-    return read
 
 
 def _telemetry_reader(label: str) -> StampReader:

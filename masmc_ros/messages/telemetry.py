@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 import struct
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import END_OF_TIME, Layout, Message, Messages, NANOSECONDS
 from masmc_ros.messages.multi_array import multi_array_layout
+from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -85,6 +87,16 @@ class TelemetryCdr(Message):
         """Write the stamp, in ns, of the state that the values belong to."""
         _STAMP_PAIR.pack_into(self._wire, self._stamp_offset, *divmod(stamp_ns, NANOSECONDS))
 
+    def writer(self, values: NDArray[np.float64]) -> Callable[[int], bytes]:
+        """Return a function of a stamp in ns that returns the message of an array's numbers."""
+        write = bound(_write, 0, values, self.numbers)
+
+        def to_bytes(stamp_ns: int) -> bytes:
+            write(stamp_ns, values, self.numbers)
+            return self.to_bytes()
+
+        return to_bytes
+
     @property
     def stamp_ns(self) -> int:
         """Return the stamp in ns; InputError where a sender wrote numbers that are no time."""
@@ -120,6 +132,13 @@ class TelemetryCdr(Message):
         numbers = [float(each) for each in message.data]
         _stamp(*numbers[:STAMP_NUMBERS])
         self._head[:], self.values[:] = numbers[:STAMP_NUMBERS], numbers[STAMP_NUMBERS:]
+
+
+@kernel
+def _write(stamp: int, values: Any, numbers: Any) -> None:
+    numbers[0], numbers[1] = stamp // NANOSECONDS, stamp % NANOSECONDS
+    for i in range(len(values)):
+        numbers[2 + i] = values[i]
 
 
 def _stamp(seconds: float, nanoseconds: float) -> int:

@@ -56,7 +56,7 @@ def test_reversed_joint_is_detected(joint: int) -> None:
     assert at - began < 0.4
 
 
-@pytest.mark.parametrize('gap, is_alarm', [(0.05, True), (0.1, False), (10.0, False)])
+@pytest.mark.parametrize(('gap', 'is_alarm'), [(0.05, True), (0.1, False), (10.0, False)])
 def test_growth_of_the_error_without_control_is_no_runaway(gap: float, is_alarm: bool) -> None:
     """A joint is at its limit, no states arrive, and the robot is elsewhere afterwards."""
     controller = CoreLoop(node_values(PAPER)).controller

@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from checked_log import check_log, LIMIT
+from checked_log import check_log, LIMIT, load_finite
 from diagnostic_msgs.msg import DiagnosticArray
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -196,10 +196,9 @@ class LiveRun:
         self.torques.append(self.torque)
 
     def _on_command(self, raw: bytes) -> None:
-        if raw not in self.injected and self._command.load(raw):
+        if raw not in self.injected and load_finite(self._command, raw):
             self.commands += 1
-            fits = np.all(np.abs(self._command.data) <= self._limit)
-            if not (fits and self._command.is_finite()):
+            if not np.all(np.abs(self._command.data) <= self._limit):
                 self.wrong.append(f'a command {self._command.data.tolist()}')
 
     def _on_told(self, raw: bytes) -> None:

@@ -129,8 +129,8 @@ def test_against_rclpy(prefix: str) -> None:
 
     raw = TransformsCdr(prefix).fill(1_500_000_000, numbers(0))
     again = serialize_message(deserialize_message(raw, messages.TFMessage))
-    # What only aligns may hold anything.
-    assert transforms_layout(prefix).matches(again)
+    # Padding bytes may hold anything.
+    assert transforms_layout(prefix).read([again])[0].all()
     ours = TransformsCdr(prefix)
     assert ours.load(again)
     assert ours.to_bytes() == raw

@@ -113,7 +113,7 @@ BAD: dict[Input, list[Bad]] = {
         (lambda t: GARBAGE, 'no record of parameters'),
     ],
     ('plant', 'effort_commands', Float64MultiArray): [
-        (lambda t: command(math.nan), 'nan, 0.0], expected 4 finite numbers'),
+        (lambda t: command(math.nan), 'is not a finite number'),
         (lambda t: Float64MultiArray(data=[0.0, math.inf, 0.0, 0.0]), "'wheel_left_joint' is not"),
         (lambda t: Float64MultiArray(data=[0.0] * 3), '3 numbers; it takes 4'),
         (lambda t: Float64MultiArray(data=[0.0] * 5), '5 numbers; it takes 4'),

@@ -15,7 +15,6 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.contents import Topic
 from masmc_ros.messages.commands import (
     CommandKind,
-    LABEL_SIZE,
     LabelledCdr,
     NANOSECOND_DIGITS,
 )
@@ -246,8 +245,7 @@ def commands(kind: CommandKind) -> Topical:
     message = LabelledCdr(kind)
 
     def layout(raw: bytes) -> Layout | None:
-        form = kind.form_of_label(raw[LABEL_SIZE])
-        return None if form is None else form.layout
+        return kind.layout_of(raw)
 
     def bulk(messages: Messages) -> Bulk:
         plain, stamps = _label_stamps(messages['characters'])

@@ -10,8 +10,7 @@ from typing import Any, Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.loop.controller import Controller
-from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
-from masmc_ros.messages.hot_path import CommandWriter
+from masmc_ros.messages.commands import ARM_VELOCITY, CommandWriter, EFFORT
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.robot.names import check_frame_prefix
@@ -59,9 +58,9 @@ class TorqueOutput:
         """Take the controller, whose torque is sent, and the joints' names."""
         self.publishers: list[Publisher] = []
         self._torque = controller.torque
-        self._none = EffortCdr(joints)
-        self._none.is_void = True
-        self._effort = CommandWriter(self._none.kind, self._torque)
+        kind = EFFORT.named(joints)
+        self._effort = CommandWriter(kind, self._torque)
+        self._void = CommandWriter(kind, np.zeros(len(joints)), is_void=True)
         self._answered = b''
 
     def connect(self, advertise: Advertise) -> None:
@@ -74,8 +73,7 @@ class TorqueOutput:
 
     def send_none(self, stamp: int) -> None:
         """Send no torque as the answer to a state: drives that can hold do so."""
-        self._none.set_stamp(stamp)
-        self._send(self._none.to_bytes())
+        self._send(self._void.to_bytes(stamp))
 
     def repeat(self) -> None:
         """Send once more what was sent last."""
@@ -104,7 +102,8 @@ class RateOutput:
             self._twist, self._type = TwistStampedCdr(prefix, base), TwistStamped
         self._mechanism = controller.mechanism
         own = [joint.name for joint in self._mechanism.own_rates]
-        self._own = ArmVelocityCdr(own)
+        self._own = np.zeros(len(own))
+        self._own_writer = CommandWriter(ARM_VELOCITY.named(own), self._own)
         self._command = controller.velocity_command
         self._none = np.zeros(len(self._command))
         self._answered = b'', b''
@@ -144,14 +143,13 @@ class RateOutput:
         }
 
     def _send(self, command: Any, stamp: int) -> None:
-        twist, own = self._twist, self._own
+        twist = self._twist
         if isinstance(twist, TwistStampedCdr):
             twist.set_stamp(stamp)
-        own.set_stamp(stamp)
         places = self._mechanism.twist
         for velocity, number in zip(places, command, strict=False):
             part, axis = divmod(velocity.place, 3)
             (twist.linear, twist.angular)[part][axis] = number
-        own.data[:] = command[len(places):]
-        self._answered = twist.to_bytes(), own.to_bytes()
+        self._own[:] = command[len(places):]
+        self._answered = twist.to_bytes(), self._own_writer.to_bytes(stamp)
         self.repeat()

@@ -10,9 +10,8 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
-from masmc_ros.messages.hot_path import StateReader, UNREAD
 from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.layout import checked_stamp
+from masmc_ros.messages.layout import checked_stamp, UNREAD
 from masmc_ros.messages.platform_motion import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
@@ -48,7 +47,8 @@ class StateInput:
         self._values = values
         names = joint_names(values)
         self._state = JointStateCdr(names)
-        self._reader = StateReader(self._state)
+        # Compiled or loaded here, not at the first state.
+        self._state.read(self._state.to_bytes())
         self._refusals = refusals
         self._on_state = on_state
         self._base = BasePose() if values['pose_source'] == 'odom' else None
@@ -64,7 +64,7 @@ class StateInput:
             self._refusals.add('joint_states', self._lacking)
             self._lacking = None
         state = self._state
-        stamp = self._reader.read(raw, state)
+        stamp = state.read(raw)
         if stamp == UNREAD:
             try:
                 stamp = self._read_any(raw, state)
@@ -80,12 +80,9 @@ class StateInput:
     def _read_any(self, raw: bytes, state: JointStateCdr) -> int:
         """Read a message of any sender into a state; return its stamp in ns, or InputError."""
         unknown = 0.0 if self._values['velocity_source'] == SOURCES[ESTIMATED] else None
-        if state.load(raw):
-            state.check(self._joints, unknown_velocity=unknown)
-        else:
-            message = deserialized(raw, JointState)
-            state.load_message(message, self._joints, unknown_velocity=unknown)
-        return checked_stamp(state.stamp_ns)
+        message = deserialized(raw, JointState)
+        state.load_message(message, self._joints, unknown_velocity=unknown)
+        return state.stamp_ns
 
     def _add_pose(self, base: BasePose, stamp: int) -> None:
         """

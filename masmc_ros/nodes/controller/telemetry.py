@@ -10,7 +10,6 @@ from typing import Any
 
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.signals import TOLD
-from masmc_ros.messages.hot_path import TelemetryWriter
 from masmc_ros.messages.names import telemetry_topic
 from masmc_ros.messages.telemetry import TelemetryCdr
 from rclpy.publisher import Publisher
@@ -32,7 +31,7 @@ class ControllerTelemetry:
         self._topics = [
             (
                 advertise(Float64MultiArray, telemetry_topic(label)),
-                TelemetryWriter(TelemetryCdr(label, len(values)), values),
+                TelemetryCdr(label, len(values)).writer(values),
             )
             for label, values in told
             if decimation
@@ -40,5 +39,5 @@ class ControllerTelemetry:
 
     def send(self, stamp: int) -> None:
         """Publish what the controller has computed for the state of a stamp in ns."""
-        for publisher, message in self._topics:
-            publisher.publish(message.to_bytes(stamp))
+        for publisher, to_bytes in self._topics:
+            publisher.publish(to_bytes(stamp))

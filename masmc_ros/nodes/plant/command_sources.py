@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import Twist, TwistStamped
 from masmc_ros.errors import InputError
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
-from masmc_ros.messages.hot_path import CommandReader, UNREAD
 from masmc_ros.messages.layout import checked_stamp
 from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_TOPIC
 from masmc_ros.messages.platform_motion import twist_numbers, TwistCdr, TwistStampedCdr
@@ -77,17 +76,12 @@ def rate_sources(
 
 
 def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
-    reader = CommandReader(command)
+    # Compiled or loaded here, not at the first command.
+    command.load(command.to_bytes())
 
     def read(raw: bytes) -> Taken:
-        stamp = reader.read(raw)
-        if stamp != UNREAD:
-            return Taken(command.data, stamp)
         if not command.load(raw):
             command.load_message(deserialized(raw, Float64MultiArray))
-        elif not command.is_finite():
-            count = len(command.data)
-            raise InputError(f'{command.data.tolist()}, expected {count} finite numbers')
         return Taken(None if command.is_void else command.data, command.stamp_ns)
 
     return read
@@ -95,6 +89,7 @@ def _labelled(command: LabelledCdr) -> Callable[[bytes], Taken]:
 
 def _twist(places: Sequence[int]) -> Callable[[bytes], Taken]:
     ours = TwistCdr()
+    ours.load(ours.to_bytes())
 
     def read(raw: bytes) -> Taken:
         twist = ours if ours.load(raw) else deserialized(raw, Twist)
@@ -105,6 +100,7 @@ def _twist(places: Sequence[int]) -> Callable[[bytes], Taken]:
 
 def _stamped_twist(frame_prefix: str, places: Sequence[int]) -> Callable[[bytes], Taken]:
     ours = TwistStampedCdr(frame_prefix)
+    ours.load(ours.to_bytes())
 
     def read(raw: bytes) -> Taken:
         if ours.load(raw):

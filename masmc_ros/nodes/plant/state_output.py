@@ -11,7 +11,6 @@ from geometry_msgs.msg import Twist
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import Timing
-from masmc_ros.messages.hot_path import StateWriter
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import CLOCK_TOPIC, CONTACT_LABEL, CONTACT_TOPIC
 from masmc_ros.messages.platform_motion import OdometryCdr, TimeCdr, TwistCdr
@@ -36,7 +35,7 @@ class StateOutput:
         self._clock_decimation: int = values['clock_decimation']
         self._display = RobotDisplay(values)
         state = JointStateCdr(joint_names(values))
-        self._state = StateWriter(state, robot.position, robot.velocity, robot.applied)
+        self._state = state.writer(robot.position, robot.velocity, robot.applied)
         self._sent = b''
         self._odometry = OdometryCdr(values['frame_prefix'], robot.mechanism.frames[0][1])
         self._twist = TwistCdr()
@@ -68,7 +67,7 @@ class StateOutput:
         """Publish the robot's state, of a stamp in ns, and what else its tick asks for."""
         tick = self._robot.tick
         # First of all the state: the controller computes while the rest is sent.
-        self._sent = self._state.to_bytes(stamp)
+        self._sent = self._state(stamp)
         self._states.publish(self._sent)
         last = tick == self._timing.last
         if last or tick % self._odom_decimation == 0:
