@@ -20,6 +20,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
     are_finite,
     checked_stamp,
+    END_OF_TIME,
     HEADER_SIZE,
     is_like,
     Layout,
@@ -44,8 +45,8 @@ _SECOND_DIGITS = 10
 
 _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS + 1)
 
-_SHORTEST, _LONGEST = 1 + 1 + NANOSECOND_DIGITS, 9 + 1 + NANOSECOND_DIGITS
-"""Characters of a stamp that compiled code reads: to the nanosecond, without overflow."""
+_SHORTEST = len('0.') + NANOSECOND_DIGITS
+"""Characters of a stamp that compiled code reads: to the nanosecond."""
 
 _POINT, _ZERO = ord('.'), ord('0')
 
@@ -193,7 +194,8 @@ def _read(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[int, bool]:
     """Return the stamp in ns, or UNREAD, and True for a void command."""
     if not (is_like(raw, forms) and are_finite(raw, places[2], len(numbers))):
         return UNREAD, False
-    stamp = np.int64(0)
+    # Ten digits of seconds and nine of nanoseconds would overflow in one number.
+    seconds, part = np.int64(0), np.int64(0)
     for i in range(places[0], places[1]):
         if i == places[1] - 1 - NANOSECOND_DIGITS:
             if raw[i] != _POINT:
@@ -202,7 +204,12 @@ def _read(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[int, bool]:
             digit = np.int64(raw[i]) - _ZERO
             if digit < 0 or digit > 9:
                 return UNREAD, False
-            stamp = stamp * 10 + digit
+            if i < places[1] - 1 - NANOSECOND_DIGITS:
+                seconds = seconds * 10 + digit
+            else:
+                part = part * 10 + digit
+    if seconds >= END_OF_TIME // NANOSECONDS:
+        return UNREAD, False
     offset = np.int64(0)
     for i in range(4):
         offset |= np.int64(raw[places[3] + i]) << 8 * i
@@ -211,7 +218,7 @@ def _read(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[int, bool]:
     written = numbers.view(np.uint8)
     for i in range(len(written)):
         written[i] = raw[places[2] + i]
-    return stamp, offset != 0
+    return seconds * NANOSECONDS + part, offset != 0
 
 
 @kernel
@@ -343,7 +350,7 @@ class LabelledCdr:
         if layout is None or layout is self._layout:
             return False
         characters = layout.places['characters']
-        if not _SHORTEST <= characters.stop - characters.start <= _LONGEST:
+        if characters.stop - characters.start < _SHORTEST:
             return False
         self._layout, self._places = layout, _places(layout)
         return True

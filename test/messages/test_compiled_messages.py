@@ -136,9 +136,9 @@ def command_by_record(raw: bytes, kind: LabelledCdr) -> tuple[int, Any]:
     if layout is None or len(raw) != layout.size:
         return UNREAD, None
     (is_ours,), (record,) = layout.read([raw])
-    label = re.fullmatch(rb'(\d{1,9})\.(\d{9})', record['characters'].tobytes())
+    label = re.fullmatch(rb'(\d{1,10})\.(\d{9})', record['characters'].tobytes())
     is_usable = np.isfinite(record['data']).all() and record['data_offset'] in (0, len(kind.data))
-    if not (is_ours and is_usable and label):
+    if not (is_ours and is_usable and label and int(label[1]) < END_OF_TIME // NANOSECONDS):
         return UNREAD, None
     return int(label[1]) * NANOSECONDS + int(label[2]), record
 
