@@ -97,7 +97,8 @@ class Situation:
         v = quasi_velocity(geometry, *self.rates)
         along = t.inverse_jacobian @ t.surface
         along_quasi = quasi_velocity(geometry, *along.tolist())
-        own = joint_torque(geometry, *coriolis(self.robot.theta, geometry, kinematics, v, along_quasi))
+        force = coriolis(self.robot.theta, geometry, kinematics, v, along_quasi)
+        own = joint_torque(geometry, *force)
         drift = task_drift(geometry, kinematics, v, along_quasi)
         turning = t.inertia @ t.inverse_jacobian @ np.array(drift)
         return t.inverse_jacobian.T @ (np.array(own) - turning)
