@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a tick reads and writes in compiled code is what the classes of the messages do."""
+"""Compiled readers and writers of the ticks against the message classes."""
 
 from typing import Any
 
@@ -41,18 +41,19 @@ def drawn(data: st.DataObject, count: int, numbers: st.SearchStrategy[float]) ->
 
 
 def same(first: Any, second: Any) -> bool:
-    """Tell whether numbers are the same bits."""
+    """Return True if two arrays are bitwise identical."""
     return bool(first.tobytes() == second.tobytes())
 
 
 def damaged(data: st.DataObject, raw: bytes) -> bytes:
-    """Return a message with some bytes changed, more of them, or fewer."""
-    found = bytearray(raw)
+    """Return a message with changed, additional or missing bytes."""
+    damaged_bytes = bytearray(raw)
     for _ in range(data.draw(st.integers(0, 3))):
-        place = data.draw(st.integers(0, len(found) - 1))
-        found[place] = data.draw(st.integers(0, 255))
+        place = data.draw(st.integers(0, len(damaged_bytes) - 1))
+        damaged_bytes[place] = data.draw(st.integers(0, 255))
     cut = data.draw(st.sampled_from([0, 0, 0, 1, 8]))
-    return bytes(found[:-cut] if cut else found) + data.draw(st.sampled_from([b'', b'', b'\0']))
+    end = data.draw(st.sampled_from([b'', b'', b'\0']))
+    return bytes(damaged_bytes[:-cut] if cut else damaged_bytes) + end
 
 
 # Joint states.
@@ -60,7 +61,7 @@ def damaged(data: st.DataObject, raw: bytes) -> bytes:
 
 @pytest.mark.parametrize('names', ROBOTS)
 @given(data=st.data(), stamp=STAMPS)
-def test_states_are_written_as_the_class_does(
+def test_state_writer_bytes_equal_message_class(
     names: tuple[str, ...], data: st.DataObject, stamp: int
 ) -> None:
     joints = len(names)
@@ -74,7 +75,7 @@ def test_states_are_written_as_the_class_does(
 
 
 def state_of(raw: bytes, names: tuple[str, ...]) -> tuple[int, JointStateCdr] | None:
-    """Read a state as nodes did before there was compiled code for it; None to refuse it."""
+    """Read a state with the message class; None for a rejected state."""
     state = JointStateCdr(names)
     if not (state.load(raw) and state.is_finite()):
         return None
@@ -86,7 +87,7 @@ def state_of(raw: bytes, names: tuple[str, ...]) -> tuple[int, JointStateCdr] | 
 
 @pytest.mark.parametrize('names', ROBOTS)
 @given(data=st.data(), stamp=st.integers(0, 2**32 - 1).map(lambda s: s * NANOSECONDS) | STAMPS)
-def test_states_are_read_as_the_class_does(
+def test_state_reader_result_equals_message_class(
     names: tuple[str, ...], data: st.DataObject, stamp: int
 ) -> None:
     message = JointStateCdr(names)
@@ -97,16 +98,16 @@ def test_states_are_read_as_the_class_does(
     raw[4:12] = np.array(divmod(stamp, NANOSECONDS), np.uint32).tobytes()
     received = damaged(data, bytes(raw))
     state = JointStateCdr(names)
-    found = StateReader(state).read(received, state)
+    stamp_read = StateReader(state).read(received, state)
     expected = state_of(received, names)
     if expected is None:
-        assert found == UNREAD
+        assert stamp_read == UNREAD
     else:
-        assert found == expected[0]
+        assert stamp_read == expected[0]
         assert state.to_bytes() == expected[1].to_bytes()
 
 
-def test_what_a_foreign_sender_aligns_with_is_not_sent_on() -> None:
+def test_state_reader_foreign_padding_is_not_copied() -> None:
     names = ROBOTS[0]
     message, state = JointStateCdr(names), JointStateCdr(names)
     message.position[:] = range(7)
@@ -128,7 +129,7 @@ def test_what_a_foreign_sender_aligns_with_is_not_sent_on() -> None:
 
 @pytest.mark.parametrize('kind', [EffortCdr, ArmVelocityCdr])
 @given(data=st.data(), stamps=st.lists(STAMPS, min_size=1, max_size=4))
-def test_commands_are_written_as_the_class_does(
+def test_command_writer_bytes_equal_message_class(
     kind: type[LabelledCdr], data: st.DataObject, stamps: list[int]
 ) -> None:
     slow = kind()
@@ -142,7 +143,7 @@ def test_commands_are_written_as_the_class_does(
 
 
 def command_of(raw: bytes, kind: type[LabelledCdr]) -> LabelledCdr | None:
-    """Read a command as nodes did before; None to refuse it, or where it commands nothing."""
+    """Read a command with the message class; None for a rejected or void command."""
     command = kind()
     try:
         is_ours = command.load(raw)
@@ -153,7 +154,7 @@ def command_of(raw: bytes, kind: type[LabelledCdr]) -> LabelledCdr | None:
 
 @pytest.mark.parametrize('kind', [EffortCdr, ArmVelocityCdr])
 @given(data=st.data(), stamps=st.lists(STAMPS, min_size=1, max_size=4))
-def test_commands_are_read_as_the_class_does(
+def test_command_reader_result_equals_message_class(
     kind: type[LabelledCdr], data: st.DataObject, stamps: list[int]
 ) -> None:
     message, received = kind(), kind()
@@ -164,19 +165,19 @@ def test_commands_are_read_as_the_class_does(
         message.is_void = data.draw(st.sampled_from([False, False, True]))
         message.set_stamp(stamp)
         raw = damaged(data, message.to_bytes())
-        found, expected = reader.read(raw), command_of(raw, kind)
-        if found == UNREAD:
-            # Seconds of ten digits, and such of a fraction, are left to the class.
+        stamp_read, expected = reader.read(raw), command_of(raw, kind)
+        if stamp_read == UNREAD:
+            # Seconds with ten digits and incomplete fractions are left to the class.
             is_usual = len(str(stamp // NANOSECONDS)) < 10 and raw == message.to_bytes()
             assert expected is None or not is_usual
         else:
             assert expected is not None
-            assert found == expected.stamp_ns
+            assert stamp_read == expected.stamp_ns
             assert same(received.data, expected.data)
 
 
 @pytest.mark.parametrize('number', [np.nan, np.inf, -np.inf])
-def test_numbers_that_are_not_finite_are_left_to_the_class(number: float) -> None:
+def test_compiled_readers_non_finite_numbers_are_unread(number: float) -> None:
     state = JointStateCdr(ROBOTS[0])
     reader = StateReader(state)
     for row in (state.position, state.velocity):
@@ -193,7 +194,7 @@ def test_numbers_that_are_not_finite_are_left_to_the_class(number: float) -> Non
 @pytest.mark.parametrize(
     'digits', [b'12.00000000x', b'1x.000000034', b'12,000000034', b'12.0000000 4', b'-2.000000034']
 )
-def test_labels_without_a_stamp_are_left_to_the_class(digits: bytes) -> None:
+def test_command_reader_label_without_stamp_is_unread(digits: bytes) -> None:
     command = EffortCdr()
     command.set_stamp(12_000_000_034)
     raw = command.to_bytes()
@@ -207,7 +208,7 @@ def test_labels_without_a_stamp_are_left_to_the_class(digits: bytes) -> None:
 
 @given(data=st.data(), stamp=STAMPS, count=st.integers(1, 30))
 @example(data=None, stamp=END_OF_TIME - 1, count=1)
-def test_telemetry_is_written_as_the_class_does(
+def test_telemetry_writer_bytes_equal_message_class(
     data: st.DataObject | None, stamp: int, count: int
 ) -> None:
     values = np.ones(count) if data is None else drawn(data, count, NUMBERS)
