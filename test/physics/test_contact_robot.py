@@ -184,9 +184,8 @@ def test_contact_slip_backoff_lets_wheels_regain_grip(backoff: float, keeps: boo
 def test_contact_tiago_keeps_traction(friction: float, limits: str) -> None:
     """Check the shipped file, in which only the disturbance estimate is reduced during slip."""
     settings = ['duration=4', 'plant.physics=mujoco', f'plant.friction={friction}', limits]
-    (stretch,) = Simulation(load_scenario(TIAGO, [setting for setting in settings if setting])).run(
-        block=sys.maxsize
-    )
+    scenario = load_scenario(TIAGO, [setting for setting in settings if setting])
+    (stretch,) = Simulation(scenario).run(block=sys.maxsize)
     assert largest_slip(stretch.contact) < 0.1
     assert largest_slip(stretch.contact[1000:]) < 0.01
     # Without a limit of the wheel torque the wheels slip at first on such ground.
