@@ -145,7 +145,7 @@ def test_lanes_smc_equal_single_runs(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('other', [None, ('frequency', 4.0), ('phase', 1.0)])
+@pytest.mark.parametrize('difference', [None, ('frequency', 4.0), ('phase', 1.0)])
 def test_lanes_equal_disturbance_waves_equal_single_runs(
     difference: tuple[str, float] | None
 ) -> None:

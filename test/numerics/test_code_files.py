@@ -21,15 +21,15 @@ from masmc_ros.numerics.compiled import kernel
 
 @kernel
 def total(values):
-    found = 0.0
+    weighted = 0.0
     for value in values:
-        found += len(values) * value
-    return found
+        weighted += len(values) * value
+    return weighted
 
 if __name__ == '__main__':
-    own, everybody = Path(sys.argv[1]), int(sys.argv[2])
+    own, processes = Path(sys.argv[1]), int(sys.argv[2])
     own.touch()
-    while len(list(own.parent.glob('ready.*'))) < everybody:
+    while len(list(own.parent.glob('ready.*'))) < processes:
         time.sleep(1e-4)
     sizes = map(int, sys.argv[3:])
     print([total((1.0,) * size) for size in sizes], sum(total.stats.cache_hits.values()))

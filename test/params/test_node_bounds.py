@@ -24,7 +24,7 @@ import pytest
 def test_parameter_extreme_value_raises(
     node: str, name: str, value: float, expected: str
 ) -> None:
-    (parameter,) = (each for each in declared(node) if each.name == name)
+    (parameter,) = (p for p in declared(node) if p.name == name)
     with pytest.raises(InputError, match=f'^{name} = ') as raised:
         parameter.check(value)
     assert str(raised.value).endswith(f': expected {expected}')
@@ -33,5 +33,5 @@ def test_parameter_extreme_value_raises(
 @pytest.mark.parametrize('name', ['max_size', 'max_duration'])
 @pytest.mark.parametrize('value', [0.0, 1.0, 1e9])
 def test_recorder_parts_usual_value_is_accepted(name: str, value: float) -> None:
-    (parameter,) = (each for each in declared('recorder') if each.name == name)
+    (parameter,) = (p for p in declared('recorder') if p.name == name)
     assert parameter.check(value) == value

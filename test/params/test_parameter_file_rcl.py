@@ -202,7 +202,7 @@ ERRORS_ONLY_HERE = {
     'scalar document': 'controller\n',
     'name above a dotted one keeps too little': block('a:\n  b.c:\n    d: 1\n  e: 2'),
     'value replaced by a map': block('a: 1\na:\n  b: 2'),
-    'any key that begins with ros__parameters': '/**:\n  ros__parameters_old:\n    a: 1\n',
+    'any key that starts with ros__parameters': '/**:\n  ros__parameters_old:\n    a: 1\n',
     'two documents': block('a: 1') + '---\n' + block('b: 2', 'controller'),
     'empty map': block('a: 1\nb: {}'),
     'array in an array': block('a: [[1, 2]]'),
@@ -396,7 +396,7 @@ _TANGLED_BLOCKS = st.tuples(st.just('ros__parameters'), _TANGLED).map(': '.join)
 _TANGLED_NODES = st.tuples(_NODE_KEYS, _TANGLED_BLOCKS.map('{{{}}}'.format)).map(': '.join)
 _TANGLED_SPACES = st.tuples(_NODE_KEYS, _TANGLED_NODES.map('{{{}}}'.format)).map(': '.join)
 _TANGLED_FILES = st.lists(_TANGLED_NODES | _TANGLED_SPACES, min_size=1, max_size=4).map(
-    lambda each: ''.join(f'{node}\n' for node in each)
+    lambda nodes: ''.join(f'{node}\n' for node in nodes)
 )
 
 
