@@ -215,7 +215,7 @@ class RandomInput:
         elif present.type == ParameterType.PARAMETER_DOUBLE:
             value.double_value = present.double_value * factor
         elif present.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
-            value.double_array_value = [factor * value for value in present.double_array_value]
+            value.double_array_value = [factor * entry for entry in present.double_array_value]
         elif present.type == ParameterType.PARAMETER_STRING and choices:
             value.string_value = self.random.choice(choices)
         else:

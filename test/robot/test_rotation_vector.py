@@ -110,7 +110,7 @@ def test_angular_motion_equals_derivatives_of_rotation(
         return phi + time * first + 0.5 * time * time * second, first + time * second
 
     def velocity(time: float) -> Array:
-        where, speed = (tuple(vector.tolist()) for vector in at(time))
+        where, speed = (tuple(entry.tolist()) for entry in at(time))
         return np.array(angular_motion(where, speed, acceleration)[0])
 
     omega, alpha = angular_motion(tuple(phi.tolist()), rate, acceleration)
