@@ -4,9 +4,9 @@
 """
 Long run at 1 kHz with memory and open files of nodes: `python -m benchmarks.soak [SECONDS]`.
 
-The exit status is 1 if a node ends unexpectedly or with an error, if its memory grows after the
-warm-up, or if it leaves files open. With `--hostile` a client sends random requests and messages
-to all nodes, and some nodes are killed: see `hostile_soak.py`.
+The exit status is 1 if a node ends unexpectedly or with an error. Growing memory after the warm-up
+and open files at the end also cause it. With `--hostile` a client sends random requests and
+messages to all nodes, and some nodes are killed: see `hostile_soak.py`.
 """
 
 from __future__ import annotations
