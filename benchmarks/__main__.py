@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Print all measurements, or those named, and write them to bench.json.
+Command that prints all benchmarks, or the named ones, and writes them to bench.json.
 
 usage: python -m benchmarks [kernel] [whole_process] [lockstep] [recording]
 """
@@ -24,17 +24,17 @@ PARTS = {
 
 
 def main(names: list[str]) -> int:
-    """Measure; return an exit status."""
+    """Run the benchmarks and return the exit status."""
     unknown = [name for name in names if name not in PARTS]
     if unknown:
         print(f"no benchmark '{unknown[0]}'; known are {', '.join(PARTS)}", file=sys.stderr)
         return 2
-    found: list[Measure] = []
+    results: list[Measure] = []
     for name in names or PARTS:
         for measure in PARTS[name]():
             print(measure, flush=True)
-            found.append(measure)
-    write(found, Path('bench.json'))
+            results.append(measure)
+    write(results, Path('bench.json'))
     return 0
 
 

@@ -1,8 +1,8 @@
 // Copyright 2026 The masmc_ros authors
 // SPDX-License-Identifier: Apache-2.0
 
-// The paper's scenario (rasmc, tanh) in C with closed forms and libm: a yardstick, not a part of
-// the package. Prints the best time of a 20 s run in ms and the RMS errors in mm.
+// The paper's scenario (rasmc, tanh) in C with closed forms and libm: a reference for benchmarks,
+// not a part of the package. Prints the best time of a 20 s run in ms and the RMS errors in mm.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

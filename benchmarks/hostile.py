@@ -35,7 +35,7 @@ FLOATS = (
 TEXTS = ('', 'a', ' ', '/', '..', '[]', '{"a": 1}', '%s%n', 'é∂ß', '\n', '[1, 2.0]', 'nan', '~')
 
 _DEEP = 20_000
-"""Brackets in front of a text, more than a parser that calls itself can take."""
+"""Number of opening brackets in a text, above the limit of a recursive parser."""
 
 _INTEGERS = {
     f'{sign}int{bits}': (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -67,15 +67,21 @@ def interface_class(type_name: str) -> Any:
 
 
 class RandomInput:
-    """Makes random values of ROS types."""
+    """Generator of random values of ROS types."""
 
     def __init__(self, seed: int, *, is_tame: bool = False) -> None:
         """
         Initialise the generator with a seed.
 
-        A tame one requests no parameter values that are extreme and valid: those are a user's
-        own decision, and with some a robot may move as fast as it can. Its messages are smaller,
-        as the middleware keeps buffers of the size of the largest message.
+        Parameters
+        ----------
+        seed
+            seed of all choices.
+        is_tame
+            True to exclude valid extreme parameter values, with which a robot may move at its
+        maximum speed. Messages are smaller, as the middleware keeps buffers of the size of the
+        largest message.
+
         """
         self.random = random.Random(seed)
         self._is_tame = is_tame
@@ -104,7 +110,7 @@ class RandomInput:
         return self.random.choice(TEXTS)[:longest]
 
     def json_text(self, text: str) -> str:
-        """Return a JSON object with another value of one entry, at any depth."""
+        """Return a JSON object with one changed entry, at any depth."""
         try:
             content = part = json.loads(text)
             while isinstance(part, dict) and part:
@@ -122,7 +128,7 @@ class RandomInput:
             return self.text()
 
     def json_value(self, depth: int = 0) -> Any:
-        """Return a random value that JSON can express, numbers beyond 64 bits among them."""
+        """Return a random value that JSON can express, including numbers beyond 64 bits."""
         kind = self.random.randrange(8 if depth < 3 else 6)
         if kind == 6:
             return [self.json_value(depth + 1) for _ in range(self.length(8))]
@@ -139,7 +145,7 @@ class RandomInput:
         return length if most is None else min(length, most)
 
     def fill(self, message: Any, depth: int = 0) -> Any:
-        """Give every field of a message or request a random value; return the message."""
+        """Set every field of a message or request to a random value and return it."""
         for name, kind in message.get_fields_and_field_types().items():
             setattr(message, name, self.field(kind, depth))
         return message
@@ -198,8 +204,8 @@ class RandomInput:
         choices
             the strings that the parameter accepts; empty if unknown.
         scale
-            by how much a number is divided at most; none is larger than the present one, as a
-            gain that a control period is too long for lets a robot move as fast as it can.
+            largest divisor of a number. No number exceeds the present one: with a gain too
+            large for the control period a robot may move at its maximum speed.
 
         """
         value = ParameterValue(type=present.type)
@@ -209,7 +215,7 @@ class RandomInput:
         elif present.type == ParameterType.PARAMETER_DOUBLE:
             value.double_value = present.double_value * factor
         elif present.type == ParameterType.PARAMETER_DOUBLE_ARRAY:
-            value.double_array_value = [factor * each for each in present.double_array_value]
+            value.double_array_value = [factor * entry for entry in present.double_array_value]
         elif present.type == ParameterType.PARAMETER_STRING and choices:
             value.string_value = self.random.choice(choices)
         else:
@@ -217,7 +223,7 @@ class RandomInput:
         return value
 
     def wrong_value(self, present: ParameterValue) -> ParameterValue:
-        """Return a value of a parameter's type that is extreme, and often invalid."""
+        """Return an extreme, often invalid value of a parameter's type."""
         value = ParameterValue(type=present.type)
         name = _FIELDS.get(present.type)
         if name is None:
@@ -227,7 +233,7 @@ class RandomInput:
         return value
 
     def invalid_value(self, present: ParameterValue) -> ParameterValue:
-        """Return a value that no parameter accepts in the place of a present one."""
+        """Return a value that no parameter accepts instead of the present one."""
         wrong = self.random.choice((float('nan'), float('inf'), float('-inf')))
         value = ParameterValue(type=present.type)
         kind = self.random.randrange(3)
@@ -246,9 +252,9 @@ class RandomInput:
 
     def request(self, service: Any, known: Mapping[str, ParameterValue]) -> Any:
         """
-        Return a request to a service; those about parameters have known names in most cases.
+        Return a request to a service; most requests about parameters have known names.
 
-        `known` has the parameters of the node and values that it has accepted.
+        `known` contains the parameters of the node and accepted values.
         """
         request = service.Request()
         fields = request.get_fields_and_field_types()
@@ -262,13 +268,13 @@ class RandomInput:
         return request
 
     def name(self, known: Mapping[str, ParameterValue]) -> str:
-        """Return the name of a parameter, now and then one that does not exist."""
+        """Return the name of a parameter, occasionally of a missing one."""
         if known and self.random.random() < 0.85:
             return self.random.choice(list(known))
         return self.text(1000)
 
     def parameter(self, known: Mapping[str, ParameterValue]) -> Parameter:
-        """Return a parameter with a value that may be right, wrong or of an unknown type."""
+        """Return a parameter with a valid or invalid value or one of an unknown type."""
         name = self.name(known)
         kind = self.random.random()
         if name in known and kind < 0.3:
@@ -283,9 +289,9 @@ class RandomInput:
 
     def message(self, kind: Any, template: bytes | None) -> bytes:
         """
-        Return the bytes of a message: random fields, a changed template, or no message at all.
+        Return the bytes of a message: random fields, a changed template, or invalid bytes.
 
-        `template` is a message that a node has sent on the topic, None if there is none yet.
+        `template` is a message that a node has sent on the topic; None if none has been received.
         """
         makers: list[Callable[[], bytes]] = [
             lambda: serialize_message(self.fill(kind())),
@@ -304,10 +310,10 @@ class RandomInput:
 
     def disarmed(self, kind: Any, raw: bytes) -> bytes:
         """
-        Return a tame message of a topic that robots obey: its numbers are NaN.
+        Return a tame message of a topic that robots follow: its numbers are NaN.
 
-        A node that sends valid torques or states moves the robot as it likes, and no controller
-        can keep it within bounds then.
+        A sender of valid torques or states can move the robot arbitrarily. No controller can keep
+        it within bounds then.
         """
         if not self._is_tame:
             return raw
@@ -321,7 +327,7 @@ class RandomInput:
         return serialize_message(message)
 
     def garbage(self) -> bytes:
-        """Return bytes that are no message, often behind a right encapsulation header."""
+        """Return bytes that are no message, often after a valid encapsulation header."""
         head = self.random.choice((b'', b'\0\1\0\0', b'\0\0\0\0', b'\0\1\0'))
         sizes = (0, 1, 3, 4, 8, 100, 300 if self._is_tame else 70_000)
         body = self.random.randbytes(self.random.choice(sizes))
@@ -330,7 +336,7 @@ class RandomInput:
         return head + body
 
     def _changed(self, kind: Any, template: bytes) -> bytes:
-        """Return a message in which one field, at any depth, has another value."""
+        """Return a message with one changed field, at any depth."""
         message = deserialize_message(template, kind)
         part = message
         while True:
@@ -356,7 +362,7 @@ class RandomInput:
         return serialize_message(message)
 
     def _damaged(self, template: bytes) -> bytes:
-        """Return bytes of a message with some missing, added or changed."""
+        """Return the bytes of a message with some of them missing, added or changed."""
         data = bytearray(template)
         kind = self.random.randrange(4)
         if kind == 0:
@@ -372,6 +378,6 @@ class RandomInput:
 
 
 def choices_of(constraints: str) -> tuple[str, ...]:
-    """Return the strings that a descriptor's constraints list, as in 'one of smc, rasmc'."""
+    """Return the strings in the constraints of a descriptor, such as 'one of smc, rasmc'."""
     match = _CHOICES.fullmatch(constraints)
     return () if match is None else tuple(match[1].split(', '))

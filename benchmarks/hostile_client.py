@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A client that sends random requests and messages to all services and topics of nodes."""
+"""Client that sends random requests and messages to all services and topics of nodes."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _MOST_SENT = 20_000
 """Number of own messages that the client remembers."""
 
 _LONGEST_TEXT = 100
-_OBEYED = ('effort_commands', 'joint_states')
-"""Topics that plant and controller act on without any means to know the sender."""
+_FOLLOWED = ('effort_commands', 'joint_states')
+"""Topics that plant and controller follow without knowledge of the sender."""
 
 _DEPTH = 10
 
@@ -47,14 +47,14 @@ class Topic(NamedTuple):
 
 class HostileClient:
     """
-    Sends random input to nodes, and valid requests in between.
+    Client that sends random input to nodes, and valid requests in between.
 
     Attributes
     ----------
     services
-        all services of the nodes, by the last discovery.
+        all services of the nodes at the last discovery.
     topics
-        all topics of installed types that the nodes subscribe to.
+        all subscribed topics of installed types.
     requests
         number of requests by service.
     messages
@@ -108,7 +108,7 @@ class HostileClient:
     # Discovery.
 
     def discover(self) -> None:
-        """Look for services and topics, and for parameters of nodes that are not known yet."""
+        """Update the services and topics of all nodes."""
         own = {(self._node.get_name(), self._node.get_namespace())}
         present = set(self._node.get_node_names_and_namespaces()) - own
         services, topics = [], {}
@@ -138,24 +138,25 @@ class HostileClient:
 
         def on_values(names: list[str], future: Future) -> None:
             self.known[target] = dict(zip(names, future.result().values, strict=False))
-            told = self._call(DescribeParameters, f'/{target}/describe_parameters', names=names)
-            told.add_done_callback(on_descriptions)
+            service = f'/{target}/describe_parameters'
+            descriptions = self._call(DescribeParameters, service, names=names)
+            descriptions.add_done_callback(on_descriptions)
 
         def on_descriptions(future: Future) -> None:
-            found = future.result().descriptors
-            self._changeable[target] = [d.name for d in found if not d.read_only]
+            descriptors = future.result().descriptors
+            self._changeable[target] = [d.name for d in descriptors if not d.read_only]
             self._choices[target] = {
-                d.name: choices_of(d.additional_constraints) for d in found
+                d.name: choices_of(d.additional_constraints) for d in descriptors
             }
 
         self._call(ListParameters, f'/{target}/list_parameters').add_done_callback(on_names)
 
     def is_known(self, target: str) -> bool:
-        """Return True if the parameters of a node have been learned."""
+        """Return True if the parameters of a node are known."""
         return target in self._changeable
 
     def limit_choices(self, name: str, choices: Sequence[str]) -> None:
-        """Choose a parameter of any node among fewer strings than it accepts."""
+        """Restrict the choices of a parameter of all nodes to fewer strings."""
         for known in self._choices.values():
             if name in known:
                 known[name] = tuple(choices)
@@ -174,18 +175,18 @@ class HostileClient:
     # Actions.
 
     def random_request(self) -> str:
-        """Send a random request to a random service; return what was sent in short."""
+        """Send a random request to a random service; return a short description."""
         service = self._source.random.choice(self.services)
         return self.request(service)
 
     def request(self, service: Service) -> str:
-        """Send a random request to a service; return what was sent in short."""
+        """Send a random request to a service; return a short description."""
         request = self._source.request(service.kind, self.known[service.node])
         self._send(service, request)
         return f'{service.name} {_short(request)}'
 
     def valid_change(self, target: str, scale: float = 2.0) -> str | None:
-        """Change a parameter of a node within its range; None if that is not possible now."""
+        """Change a parameter of a node within its range; return None if that is impossible."""
         names = [n for n in self._changeable.get(target, ()) if n not in self._fixed]
         if not names:
             return None
@@ -200,7 +201,7 @@ class HostileClient:
         return f'/{target}/set_parameters {name} {_short(value)}'
 
     def call(self, target: str, service: str, **fields: Any) -> str | None:
-        """Call a service of a node by its last name; None if the node does not have it."""
+        """Call a service of a node by its last name; return None if the node lacks it."""
         name = f'/{target}/{service}'
         for known in self.services:
             if known.name == name:
@@ -209,27 +210,27 @@ class HostileClient:
         return None
 
     def random_message(self) -> str:
-        """Publish a random message on a random topic; return what was sent in short."""
+        """Publish a random message on a random topic; return a short description."""
         topic = self._source.random.choice(self.topics)
         return self.publish(topic)
 
     def publish(self, topic: Topic) -> str:
-        """Publish a random message on a topic; return what was sent in short."""
+        """Publish a random message on a topic; return a short description."""
         raw = self._source.message(topic.kind, self._templates.get(topic.name))
-        if topic.name.rpartition('/')[2] in _OBEYED:
+        if topic.name.rpartition('/')[2] in _FOLLOWED:
             raw = self._source.disarmed(topic.kind, raw)
         publisher = self._publisher(topic, is_latched=self._source.random.random() < 0.5)
         self._sent[hash(raw)] = None
         if len(self._sent) > _MOST_SENT:
             del self._sent[next(iter(self._sent))]
-        # Fast DDS does not send more bytes than a type of bounded size can have.
+        # Fast DDS does not send more bytes than the maximum size of a bounded type.
         with suppress(RuntimeError):
             publisher.publish(raw)
         self.messages[topic.name] = self.messages.get(topic.name, 0) + 1
         return f'{topic.name} {len(raw)} bytes {raw[:24].hex()}'
 
     def has_sent(self, raw: bytes) -> bool:
-        """Return True if a message comes from here, not from a node."""
+        """Return True if this client has sent the message."""
         return hash(bytes(raw)) in self._sent
 
     def _publisher(self, topic: Topic, *, is_latched: bool) -> Any:
@@ -267,7 +268,7 @@ class HostileClient:
 
 
 def _short(message: Any) -> str:
-    """Return the fields of a message that are not empty, in one short line."""
+    """Return the non-empty fields of a message in one short line."""
     parts = []
     for name in message.get_fields_and_field_types():
         value = getattr(message, name)

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A run of nodes in real time under random input, with nodes that are killed and started again.
+Real-time run of nodes under random input, with nodes that are killed and restarted.
 
 Plant, trajectory, controller and recorder are real processes. A client sends random requests to
-all their services and random messages to all their topics, changes parameters, and enables, stops
-and clears. Between bursts of input the robot follows its path. The run fails if a node ends that
-was not killed, if a torque or a speed exceeds its limit, or if the memory of a node grows.
+all their services and random messages to all their topics. It also changes parameters, and
+enables, stops and clears the controller. Between bursts of input the robot follows its path. The
+run fails if a node ends unexpectedly, if a torque or a speed exceeds its limit, or if the memory
+of a node grows.
 """
 
 from __future__ import annotations
@@ -50,10 +51,10 @@ from std_msgs.msg import Float64MultiArray, String
 
 NODES = ('trajectory', 'controller', 'plant', 'recorder')
 KILLED = ('trajectory', 'controller', 'recorder')
-"""Nodes that are killed; the plant stands for the robot."""
+"""Nodes that are killed; the plant represents the robot."""
 
 LIMITS = (6.0, 6.0, 20.0, 10.0)
-"""Torque limits in N·m, with which the paper's robot cannot diverge however late commands come."""
+"""Torque limits in N·m with which the paper's robot cannot diverge for any command delay."""
 
 _FIXED = ('torque_limit', 'boundary_layer')
 """Parameters that no valid request changes: a thinner layer needs a shorter control period."""
@@ -62,7 +63,7 @@ _SWITCHING = ('saturation', 'tanh', 'sigmoid')
 """Switching terms that are stable at the control period; `sign` has no layer."""
 
 _TRACE = 12
-"""Seconds of speeds that are printed on failure."""
+"""Number of seconds whose speeds are printed on failure."""
 
 _SPEED_LIMITS = ', '.join(
     f'{joint} {speed}'
@@ -73,35 +74,35 @@ _SPEED_LIMITS = ', '.join(
         ('arm_joint_2', 15.0),
     )
 )
-"""Speed limits of the joints; beyond 1.2 times them a run-away is detected."""
+"""Speed limits of the joints; above 1.2 times these limits a run-away is detected."""
 
 _QUEUE = 4.0
-"""Size in MB of the recorder's queue: what waits there is no leak."""
+"""Size of the recorder's queue in MB; its contents are not a leak."""
 
 _START = 90.0
 _END = 30.0
 _TOLERANCE = 1e-9
-_TURN = 0.01
+_ACTION_PERIOD = 0.01
 """Time in s between two actions."""
 
 _REPAIR = 0.5
 """Time in s after which the robot is set in motion again."""
 
 _BURST, _PAUSE = 6.0, 4.0
-"""Times in s with random input and without it, in turn: in between the robot follows its path."""
+"""Alternating times in s with and without random input; without it the robot follows its path."""
 
-_LOOK = 2.0
-"""Time in s between two looks at the services and topics that there are."""
+_DISCOVERY_PERIOD = 2.0
+"""Time in s between two discoveries of services and topics."""
 
 _KILL = 0.04
 _LAST_KILL = 0.6
-"""Parts of the run: between two kills, and after which no node is killed."""
+"""Shares of the run: between two kills, and after which no node is killed."""
 
 _WARM = 0.25
-"""Part of the run after which the memory of a node that was not started again must be flat."""
+"""Share of the run after which the memory of a node without restart must be constant."""
 
 _WARM_AGAIN = 0.15
-"""Part of the run after which that of a node that was started again must be."""
+"""Share of the run after which the memory of a restarted node must be constant."""
 
 _GROWTH = 0.05
 _GROWTH_MIB = 10.0
@@ -109,7 +110,7 @@ _SAMPLE = 1.0
 
 
 class RunError(Exception):
-    """A run failed; the text says why."""
+    """A failed run; the text states the reason."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Options:
     seconds
         length of the run.
     seed
-        of all random choices.
+        seed of all random choices.
     period
         control period in s.
     wheel_speed
@@ -130,7 +131,7 @@ class Options:
     arm_speed
         largest speed of a joint of the arm in rad/s.
     laws
-        the laws among which the controller changes; others would have to be compiled.
+        laws between which the controller changes; other laws would have to be compiled.
 
     """
 
@@ -144,7 +145,7 @@ class Options:
 
 @dataclass
 class NodeRun:
-    """A node: its process, its memory in MiB, and how often it was started and killed."""
+    """A node: its process, its memory in MiB, and its numbers of starts and kills."""
 
     process: subprocess.Popen[bytes]
     started: float
@@ -159,7 +160,7 @@ class NodeRun:
 
 class Watch:
     """
-    Follows states and commands, and compares them with their limits.
+    Comparison of states and commands with their limits.
 
     Attributes
     ----------
@@ -168,20 +169,20 @@ class Watch:
     commands
         number of commands of the controller.
     torque
-        largest torque as a part of its limit, applied or commanded.
+        largest torque as a share of its limit, applied or commanded.
     wheel
         largest speed of a wheel in rad/s.
     arm
         largest speed of a joint of the arm in rad/s.
     wrong
-        first value beyond a limit; empty if there is none.
+        first value beyond a limit; empty if no value is.
     state
         the latest state of the controller, such as `active`.
 
     """
 
     def __init__(self, node: Node, options: Options, is_foreign: Callable[[bytes], bool]) -> None:
-        """Subscribe; `is_foreign` returns True for messages that no node has sent."""
+        """Subscribe to states and commands; `is_foreign` returns True for messages of no node."""
         self._options = options
         self._is_foreign = is_foreign
         self._state, self._command = JointStateCdr(), EffortCdr()
@@ -235,7 +236,7 @@ class Watch:
         limits = tuple(map(max, *self._limits)) if len(self._limits) > 1 else self._limits[0]
         self._compare('command', self._command.data, limits, 'N·m commanded')
 
-    def _compare(self, what: str, torques: Any, limits: tuple[float, ...], unit: str) -> None:
+    def _compare(self, name: str, torques: Any, limits: tuple[float, ...], unit: str) -> None:
         for torque, limit in zip(torques.tolist(), limits, strict=True):
             part = abs(torque) / limit if limit else 0.0
             self.torque = max(self.torque, part)
@@ -246,20 +247,20 @@ class Watch:
         with suppress(InputError):
             limits = record_of(raw).parameters.get('torque_limit', LIMITS)
             many = limits if isinstance(limits, list) else [limits] * len(LIMITS)
-            # 0 is no limit.
-            self._limits.append(tuple(float(each) or math.inf for each in many))
+            # 0 disables the limit.
+            self._limits.append(tuple(float(limit) or math.inf for limit in many))
 
     def _on_controller_state(self, raw: bytes) -> None:
         with suppress(InputError):
             self.state = text_of(raw)
 
     def text(self) -> str:
-        """Return the present speeds and torques, and the state of the controller."""
+        """Return the current speeds and torques, and the state of the controller."""
         speed, torques = self._state.velocity.tolist(), self._state.effort[-len(LIMITS):].tolist()
         return (
             f'wheels {[round(speed[i], 1) for i in self._wheels]} '
             f'arm {[round(speed[i], 1) for i in self._arm]} rad/s, '
-            f'torques {[round(each, 1) for each in torques]} N·m, {self.state[:60]}'
+            f'torques {[round(torque, 1) for torque in torques]} N·m, {self.state[:60]}'
         )
 
     def _note(self, text: str) -> None:
@@ -267,7 +268,7 @@ class Watch:
 
 
 class HostileRun:
-    """A run with its processes, its client and its last actions."""
+    """A hostile run with its processes, its client and its last actions."""
 
     def __init__(self, folder: Path, environment: Mapping[str, str], options: Options) -> None:
         """Initialise a run without processes."""
@@ -279,14 +280,14 @@ class HostileRun:
         self.trace: deque[str] = deque(maxlen=_TRACE)
         self.counts: dict[str, int] = {}
         self._source = RandomInput(options.seed, is_tame=True)
-        self._again: list[tuple[float, str]] = []
-        self._begin = math.inf
+        self._restarts: list[tuple[float, str]] = []
+        self._start_time = math.inf
         """Monotonic time in s at which the nodes were ready."""
 
     # Processes.
 
     def start(self, name: str) -> None:
-        """Start a node, or start it again."""
+        """Start or restart a node."""
         known = self.nodes.get(name)
         number = known.starts if known else 0
         output = self._folder / f'{name}_{number}.txt'
@@ -321,15 +322,15 @@ class HostileRun:
             known.baseline = math.nan
 
     def kill(self, name: str) -> None:
-        """Kill a node; it is started again a moment later."""
+        """Kill a node; it is restarted after up to 2 s."""
         node = self.nodes[name]
         node.process.kill()
         node.process.wait()
         node.kills += 1
-        self._again.append((time.monotonic() + self._source.random.uniform(0.2, 2.0), name))
+        self._restarts.append((time.monotonic() + self._source.random.uniform(0.2, 2.0), name))
 
     def end(self) -> dict[str, int | None]:
-        """Ask all nodes to end; return their statuses, None for one that does not end."""
+        """Request all nodes to end; return their statuses, None for a node that does not end."""
         statuses: dict[str, int | None] = {}
         for node in self.nodes.values():
             node.process.send_signal(signal.SIGINT)
@@ -341,7 +342,7 @@ class HostileRun:
         return statuses
 
     def stop(self) -> None:
-        """Kill the nodes that still run."""
+        """Kill the running nodes."""
         for node in self.nodes.values():
             node.process.kill()
             node.process.wait()
@@ -349,38 +350,38 @@ class HostileRun:
     # Course.
 
     def run(self, node: Node, spin: Callable[[float], None]) -> Watch:
-        """Run to the end; RunError if something is wrong."""
+        """Run to the end; raise RunError on failure."""
         client = HostileClient(node, self._source, NODES, _FIXED)
         watch = Watch(node, self.options, client.has_sent)
         for name in NODES:
             self.start(name)
-        self._learn(client, spin)
+        self._await_parameters(client, spin)
         watch.states = watch.commands = watch.active = 0
         seconds = self.options.seconds
-        self._begin = begin = time.monotonic()
-        repair, kill, sample, look = begin, begin + _KILL * seconds, begin, begin
-        while (now := time.monotonic()) < begin + seconds:
-            if now >= look:
+        self._start_time = start = time.monotonic()
+        repair, kill, sample, discovery = start, start + _KILL * seconds, start, start
+        while (now := time.monotonic()) < start + seconds:
+            if now >= discovery:
                 client.discover()
-                look = now + _LOOK
+                discovery = now + _DISCOVERY_PERIOD
             if now >= sample:
                 self._check(now)
-                self.trace.append(f'{now - begin:9.3f} s  {watch.text()}')
+                self.trace.append(f'{now - start:9.3f} s  {watch.text()}')
                 sample = now + _SAMPLE
-            for due, name in tuple(self._again):
+            for due, name in tuple(self._restarts):
                 if now >= due:
-                    self._again.remove((due, name))
+                    self._restarts.remove((due, name))
                     self.start(name)
-                    self._note(f'{name} is started again')
-            if now >= kill and now < begin + _LAST_KILL * seconds:
+                    self._note(f'{name} is restarted')
+            if now >= kill and now < start + _LAST_KILL * seconds:
                 self._kill_one()
                 kill = now + _KILL * seconds
             if now >= repair:
                 self._repair(client)
                 repair = now + _REPAIR
-            if (now - begin) % (_BURST + _PAUSE) < _BURST:
+            if (now - start) % (_BURST + _PAUSE) < _BURST:
                 self._act(client)
-            spin(_TURN)
+            spin(_ACTION_PERIOD)
             if watch.wrong:
                 raise RunError(watch.wrong)
         self._check(time.monotonic())
@@ -392,17 +393,17 @@ class HostileRun:
             raise RunError(f'exit statuses {statuses}; expected 0')
         return watch
 
-    def _learn(self, client: HostileClient, spin: Callable[[float], None]) -> None:
+    def _await_parameters(self, client: HostileClient, spin: Callable[[float], None]) -> None:
         limit = time.monotonic() + _START
-        asked: dict[str, float] = {}
+        requested: dict[str, float] = {}
         while not all(map(client.is_known, NODES)):
             if time.monotonic() > limit:
                 raise RunError('the nodes do not respond')
             client.discover()
-            for name in {each.node for each in client.services}:
-                if not client.is_known(name) and time.monotonic() > asked.get(name, 0.0) + 3.0:
+            for name in {service.node for service in client.services}:
+                if not client.is_known(name) and time.monotonic() > requested.get(name, 0.0) + 3.0:
                     client.learn_parameters(name)
-                    asked[name] = time.monotonic()
+                    requested[name] = time.monotonic()
             spin(0.2)
             self._check(time.monotonic())
         client.limit_choices('law', self.options.laws)
@@ -441,18 +442,18 @@ class HostileRun:
             self.kill(name)
 
     def _check(self, now: float) -> None:
-        """Check that no process ended and that none has grown."""
+        """Check that no process has ended and that no memory has grown."""
         waiting = {name for _, name in self._again}
         seconds = self.options.seconds
         for name, node in self.nodes.items():
             if name in waiting:
                 continue
             if node.process.poll() is not None:
-                raise RunError(f'{name} ended by itself with status {node.process.returncode}')
+                raise RunError(f'{name} ended unexpectedly with status {node.process.returncode}')
             node.present = memory(node.process.pid)
             node.largest = max(node.largest, node.present)
             part = _WARM if node.starts == 1 else _WARM_AGAIN
-            flat = max(self._begin + _WARM * seconds, node.started + part * seconds)
+            flat = max(self._start_time + _WARM * seconds, node.started + part * seconds)
             if math.isnan(node.baseline):
                 if now >= flat:
                     node.baseline = node.present
@@ -463,7 +464,7 @@ class HostileRun:
                 )
 
     def _note(self, text: str) -> None:
-        self.actions.append((time.monotonic() - self._begin, text))
+        self.actions.append((time.monotonic() - self._start_time, text))
 
     # Report.
 
@@ -484,7 +485,7 @@ class HostileRun:
         )
 
     def print_failure(self, failure: BaseException) -> None:
-        """Print the failure, the actions before it, and the last lines of the nodes."""
+        """Print the failure, the preceding actions and the last lines of the nodes."""
         print(f'FAILED: {failure}; seed {self.options.seed}')
         print('the last actions:')
         for when, text in self.actions:
@@ -504,7 +505,7 @@ def _watching(domain: Mapping[str, str]) -> Iterator[tuple[Node, Callable[[float
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node('hostile', context=context, enable_rosout=False)
-    # rclpy warns of every subscription that does not match a publisher of the client.
+    # rclpy warns about every subscription that does not match a publisher of the client.
     node.get_logger().set_level(LoggingSeverity.ERROR)
     executor = EventsExecutor(context=context)
     executor.add_node(node)
@@ -518,7 +519,7 @@ def _watching(domain: Mapping[str, str]) -> Iterator[tuple[Node, Callable[[float
 
 
 def hostile_soak(options: Options) -> bool:
-    """Run, print a summary, and return True if all is well."""
+    """Run, print a summary, and return True on success."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         domain = stack.enter_context(private_domain())

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed of the compiled kernel: a whole run, and single ticks called from Python."""
+"""Benchmarks of the compiled kernel: whole runs, and single ticks called from Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import subprocess
 import tempfile
 import time
 
-from benchmarks.measure import beside, Measure
+from benchmarks.measure import compared, Measure
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
@@ -28,7 +28,7 @@ from masmc_ros.share import shared_file
 import numpy as np
 
 LANES, BLOCK = 16, 100
-"""Runs side by side, and ticks that are kept at a time."""
+"""Number of parallel runs, and number of ticks per block."""
 
 IN_C = '20 s at 1 kHz: rasmc, tanh in C, -O3'
 
@@ -43,10 +43,10 @@ CASES = {
 }
 
 CLAIMS = dict(zip(CASES, ((0.74, 0.12), (0.8, 0.13), (0.81, 0.32)), strict=True))
-"""Of the run in C, alone and side by side, as docs/development.md has them."""
+"""Documented ratios to the run in C, single and in parallel (docs/development.md)."""
 
 OWN_CLAIM, TREE_CLAIM, PROCESSES_CLAIM = 0.16, 22.5, 2.0
-"""Side by side with disturbances of their own, TIAGo, two processes."""
+"""Documented ratios in parallel with separate disturbances, of TIAGo, and of two processes."""
 
 
 def run_seconds(
@@ -56,10 +56,10 @@ def run_seconds(
     simulation = Simulation(load_scenario(str(shared_file('config', config)), settings))
     best = float('inf')
     for _ in range(repeats + 1):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         for _ in simulation.run(block=30_000):
             pass
-        best = min(best, time.perf_counter() - begin)
+        best = min(best, time.perf_counter() - start)
     return best
 
 
@@ -71,7 +71,7 @@ def tick_seconds(repeats: int = 100_000) -> tuple[float, float]:
     controller.tick(plant.position, plant.velocity, reference)
     plant.advance(controller.torque)
     plant.reset()
-    begin = time.perf_counter()
+    start = time.perf_counter()
     for _ in range(repeats):
         controller.tick(plant.position, plant.velocity, reference)
     middle = time.perf_counter()
@@ -79,7 +79,7 @@ def tick_seconds(repeats: int = 100_000) -> tuple[float, float]:
     for _ in range(repeats):
         plant.advance(controller.torque)
     end = time.perf_counter()
-    return (middle - begin) / repeats, (end - middle) / repeats
+    return (middle - start) / repeats, (end - middle) / repeats
 
 
 def c_seconds() -> float | None:
@@ -99,9 +99,9 @@ def lanes_seconds(
     settings: tuple[str, ...], lanes: int, repeats: int = 3, apart: float = 0.0
 ) -> float:
     """
-    Return the best time of so many such runs side by side, divided by their number, in s.
+    Return the best time of `lanes` parallel runs, divided by their number, in s.
 
-    Phases of their disturbances are `apart` by so many rad, from each to the next.
+    The phases of their disturbances differ by `apart` rad from lane to lane.
     """
     simulation = Simulation(load_scenario(str(shared_file('config', 'paper.yaml')), settings))
     simulation.plant.reset()
@@ -110,55 +110,55 @@ def lanes_seconds(
     law = LAWS[values['law']]
     ticks = 20_001
     reference = simulation.trajectory.sample(0, ticks)
-    now = records.signals(mechanism, lanes)
-    # One block after the other, as a run that is written does: 16 runs whole are 1.5 GB.
-    signals = np.empty(BLOCK, now.dtype)
+    current_signals = records.signals(mechanism, lanes)
+    # Blocks, as in a run that is written: 16 whole runs need 1.5 GB.
+    signals = np.empty(BLOCK, current_signals.dtype)
     best = float('inf')
     for _ in range(repeats + 1):
         gains = records.law_settings(mechanism, law, values['switching'], lanes)
-        learned = records.law_memory(mechanism, law, lanes)
+        memory = records.law_memory(mechanism, law, lanes)
         robot = records.plant_settings(mechanism, lanes)
         state = records.plant_memory(mechanism, lanes)
         for record, single in (
             (gains, controller.settings),
-            (learned, controller.memory),
+            (memory, controller.memory),
             (robot, plant.settings),
             (state, plant.memory),
         ):
             take_over(record, single)
         robot['phase'] += apart * np.arange(lanes)
-        delayed = delay_line(robot, mechanism)
-        plant_start(robot, state, delayed, now)
-        begin = time.perf_counter()
+        delay_buffer = delay_line(robot, mechanism)
+        plant_start(robot, state, delay_buffer, current_signals)
+        start = time.perf_counter()
         for first in range(0, ticks, BLOCK):
             followed = reference[first:first + BLOCK]
             final = first + len(followed) == ticks
             closed_loop(
-                robot, state, delayed, gains, learned, now, first, final, followed,
+                robot, state, delay_buffer, gains, memory, current_signals, first, final, followed,
                 signals[: len(followed)],
             )  # fmt: skip
-        best = min(best, time.perf_counter() - begin)
+        best = min(best, time.perf_counter() - start)
     return best / lanes
 
 
 def runs_per_second(settings: tuple[str, ...], processes: int) -> float:
-    """Return how many runs a second so many processes do together, each of them many at once."""
+    """Return the total number of runs per second of several processes with parallel runs."""
     tasks = 4 * processes
     with ProcessPoolExecutor(processes, multiprocessing.get_context('spawn')) as pool:
-        # Everybody has imported and compiled before it counts.
+        # All processes have imported and compiled before the measurement.
         for repeats in (0, 3):
-            begin = time.perf_counter()
+            start = time.perf_counter()
             list(pool.map(lanes_seconds, *zip(*[(settings, LANES, repeats)] * tasks, strict=True)))
-        return tasks * LANES * (1 + repeats) / (time.perf_counter() - begin)
+        return tasks * LANES * (1 + repeats) / (time.perf_counter() - start)
 
 
-def beside_c(name: str, seconds: Callable[[], float], claim: float) -> Measure:
-    """Return a time in ms and that of C right before and after: a processor's clock changes."""
-    before, taken, after = c_seconds(), seconds(), c_seconds()
+def compared_with_c(name: str, seconds: Callable[[], float], claim: float) -> Measure:
+    """Return a time in ms and the mean of C before and after it, as the clock rate changes."""
+    before, own_seconds, after = c_seconds(), seconds(), c_seconds()
     in_c = None
     if before is not None and after is not None:
         in_c = Measure(IN_C, 500.0 * (before + after), 'ms')
-    return beside(name, 1e3 * taken, 'ms', in_c, claim)
+    return compared(name, 1e3 * own_seconds, 'ms', in_c, claim)
 
 
 def tree_seconds() -> float:
@@ -172,18 +172,19 @@ def measures() -> Iterator[Measure]:
     if seconds is not None:
         yield Measure(IN_C, 1e3 * seconds, 'ms')
     for name, settings in CASES.items():
-        yield beside_c(f'20 s at 1 kHz: {name}', partial(run_seconds, settings), CLAIMS[name][0])
+        alone = partial(run_seconds, settings)
+        yield compared_with_c(f'20 s at 1 kHz: {name}', alone, CLAIMS[name][0])
     for name, settings in CASES.items():
         together = f'the same, each of {LANES} side by side: {name}'
-        yield beside_c(together, partial(lanes_seconds, settings, LANES), CLAIMS[name][1])
+        yield compared_with_c(together, partial(lanes_seconds, settings, LANES), CLAIMS[name][1])
     name = f'rasmc, tanh, each of {LANES} with a disturbance of its own'
-    yield beside_c(name, partial(lanes_seconds, (), LANES, apart=0.01), OWN_CLAIM)
+    yield compared_with_c(name, partial(lanes_seconds, (), LANES, apart=0.01), OWN_CLAIM)
     if find_spec('pinocchio') is not None:
-        yield beside_c('20 s at 1 kHz: TIAGo, rasmc, implicit', tree_seconds, TREE_CLAIM)
+        yield compared_with_c('20 s at 1 kHz: TIAGo, rasmc, implicit', tree_seconds, TREE_CLAIM)
     one, two = (runs_per_second(CASES['rasmc, tanh'], count) for count in (1, 2))
-    alone = Measure('runs of rasmc, tanh side by side, one process', one, '/s')
-    yield alone
-    yield beside('the same, two processes', two, '/s', alone, PROCESSES_CLAIM)
+    reference = Measure('runs of rasmc, tanh side by side, one process', one, '/s')
+    yield reference
+    yield compared('the same, two processes', two, '/s', reference, PROCESSES_CLAIM)
     control, plant = tick_seconds()
     yield Measure('control tick from Python', 1e6 * control, 'us')
     yield Measure('plant tick from Python', 1e6 * plant, 'us')

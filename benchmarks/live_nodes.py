@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes by the wall clock, each in a process of its own, in a domain of their own."""
+"""Real-time nodes in separate processes, in a private domain."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.share import shared_file
 
-PATIENCE = 30.0
+TIMEOUT = 30.0
 
 
 @contextmanager
 def realtime_nodes(
     folder: Path, period: float, *nodes: str
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """Yield the processes of an endless run; this process is in their domain meanwhile."""
+    """Yield the processes of an endless run; this process joins their domain meanwhile."""
     wait_for = ', '.join(node for node in nodes if node != 'plant')
     arguments = ['--ros-args', '--params-file', str(shared_file('config', 'paper.yaml'))]
     for setting in (
@@ -61,7 +61,7 @@ def memory(pid: int) -> float:
 
 
 def end(processes: dict[str, subprocess.Popen[bytes]]) -> dict[str, int]:
-    """Ask all to end and return their exit statuses."""
+    """Request all processes to end and return their exit statuses."""
     for process in processes.values():
         process.send_signal(signal.SIGINT)
-    return {node: process.wait(PATIENCE) for node, process in processes.items()}
+    return {node: process.wait(TIMEOUT) for node, process in processes.items()}

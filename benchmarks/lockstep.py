@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ticks per second of a lock-step run, against the bare ping-pong of the same messages."""
+"""Ticks per second of a lock-step run, compared with the ping-pong of the same messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 
-from benchmarks.measure import beside, Measure
+from benchmarks.measure import compared, Measure
 from benchmarks.ping_pong import round_trips_per_second, Sizes
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
@@ -26,13 +26,13 @@ from masmc_ros.share import shared_file
 
 NODES = ('trajectory', 'controller', 'plant')
 CLAIMS = {False: (1.5, 0.77), True: (2.4, 0.5)}
-"""Ratios in docs/real_time.md, without and with everything, for one process and several."""
+"""Ratios in docs/real_time.md, without and with all options, for one process and several."""
 
 _PACE = re.compile(r'(\d+) ticks/s')
 
 
 def sizes_of(config: str) -> Sizes:
-    """Return how long the messages of a scenario's robot are."""
+    """Return the message sizes of a scenario's robot."""
     values = load_scenario(str(shared_file('config', config)))['plant']
     return Sizes(joint_names(values), len(driven_joint_names(values)))
 
@@ -43,7 +43,7 @@ def ticks_per_second(
     """
     Run a scenario on real nodes and return the plant's ticks per second.
 
-    `everything`: telemetry and frames at every tick, and the recorder; otherwise none of them.
+    `everything` enables telemetry and frames at every tick, and the recorder.
     """
     nodes = (*NODES, 'recorder') if everything else NODES
     wait_for = ', '.join(node for node in nodes if node != 'plant')
@@ -70,13 +70,13 @@ def ticks_per_second(
             commands = {'composed': record + arguments}
         processes = [
             subprocess.Popen(
-                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *given],
+                [sys.executable, '-m', 'masmc_ros.cli.main', 'run', node, *node_arguments],
                 env={**os.environ, **domain, **child_environment()},
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
             )
-            for node, given in commands.items()
+            for node, node_arguments in commands.items()
         ]
         try:
             output = ''.join(process.communicate(timeout=300.0)[0] for process in processes)
@@ -91,22 +91,22 @@ def ticks_per_second(
 
 
 def measures(rounds: int = 3) -> Iterator[Measure]:
-    """Yield medians over rounds in which ping-pong and lock-step alternate."""
-    yield from _beside_ping_pong('paper.yaml', '', (False, True), CLAIMS, rounds)
+    """Yield medians over rounds that alternate ping-pong and lock-step."""
+    yield from _compared_with_ping_pong('paper.yaml', '', (False, True), CLAIMS, rounds)
     if find_spec('pinocchio') is not None:
         # The first run compiles.
         ticks_per_second(composed=True, everything=False, duration=0.1, config='tiago.yaml')
-        yield from _beside_ping_pong('tiago.yaml', ' of TIAGo', (False,), {}, rounds)
+        yield from _compared_with_ping_pong('tiago.yaml', ' of TIAGo', (False,), {}, rounds)
 
 
-def _beside_ping_pong(
+def _compared_with_ping_pong(
     config: str,
-    of: str,
+    robot: str,
     loads: tuple[bool, ...],
     claims: Mapping[bool, tuple[float, float]],
     rounds: int,
 ) -> Iterator[Measure]:
-    """Yield figures of a scenario, without and with everything, and of messages of its sizes."""
+    """Yield the figures of a scenario and of messages of its sizes."""
     sizes = sizes_of(config)
     for composed in (False, True):
         bare: list[float] = []
@@ -114,15 +114,15 @@ def _beside_ping_pong(
         for _ in range(rounds):
             with private_domain() as domain:
                 os.environ.update(domain)
-                found = round_trips_per_second(raw=False, composed=composed, sizes=sizes)
-            bare.append(found)
+                rate = round_trips_per_second(raw=False, composed=composed, sizes=sizes)
+            bare.append(rate)
             for everything, rates in ticks.items():
                 pace = ticks_per_second(composed=composed, everything=everything, config=config)
                 rates.append(pace)
-        where = 'one process' if composed else 'separate processes'
-        reference = Measure(f'typed ping-pong{of}, {where}', median(bare), '/s')
+        place = 'one process' if composed else 'separate processes'
+        reference = Measure(f'typed ping-pong{robot}, {place}', median(bare), '/s')
         yield reference
         for everything, rates in ticks.items():
-            name = f'lock-step{of}, {where}' + ', telemetry and recorder' * everything
+            name = f'lock-step{robot}, {place}' + ', telemetry and recorder' * everything
             claim = claims[composed][everything] if claims else None
-            yield beside(name, median(rates), '/s', reference, claim)
+            yield compared(name, median(rates), '/s', reference, claim)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One figure of a benchmark, and the table and the file of all of them."""
+"""Figures of a benchmark, with their table and file."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from pathlib import Path
 @dataclass(frozen=True)
 class Measure:
     """
-    A figure and another one of the same run: machines differ, their ratio less so.
+    A figure and a reference of the same run: their ratio depends less on the machine.
 
     Attributes
     ----------
     name
-        what was measured.
+        measured quantity.
     value
-        the figure.
+        figure.
     unit
-        its unit.
+        unit of the figure.
     reference
-        what it is held against, '' for nothing.
+        name of the reference, '' for no reference.
     ratio
-        of the value to that of the reference.
+        ratio of the value to that of the reference.
     claim
-        the ratio that the documentation states, None where it states none.
+        documented ratio; None if no ratio is documented.
 
     """
 
@@ -49,7 +49,7 @@ class Measure:
         return f'{text} {self.ratio:6.2f} of {self.reference}{claim}'
 
 
-def beside(
+def compared(
     name: str,
     value: float,
     unit: str,
@@ -64,5 +64,5 @@ def beside(
 
 def write(measures: Iterable[Measure], path: Path) -> None:
     """Write figures as a list of JSON objects."""
-    found = [asdict(each) for each in measures]
-    path.write_text(json.dumps(found, indent=2, ensure_ascii=False) + '\n', encoding='utf-8')
+    objects = [asdict(measure) for measure in measures]
+    path.write_text(json.dumps(objects, indent=2, ensure_ascii=False) + '\n', encoding='utf-8')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bare two-node ping-pong of JointState and Float64MultiArray: what the transport allows."""
+"""Ping-pong of JointState and Float64MultiArray between two nodes: limit of the transport."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _QOS = QoSProfile(depth=1)
 
 
 class Sizes(NamedTuple):
-    """Messages with the lengths of those of a robot."""
+    """Message sizes of a robot."""
 
     joints: tuple[str, ...] = (
         'base_x_joint',
@@ -36,7 +36,7 @@ class Sizes(NamedTuple):
         'arm_joint_1',
         'arm_joint_2',
     )
-    """Names in the state, whose last are those of the driven joints."""
+    """Names in the state; the last ones are those of the driven joints."""
     driven: int = 4
 
 
@@ -44,9 +44,9 @@ PAPER = Sizes()
 
 
 def _state(sizes: Sizes) -> Any:
-    nothing = [0.0] * len(sizes.joints)
+    zeros = [0.0] * len(sizes.joints)
     return JointState(
-        name=list(sizes.joints), position=nothing, velocity=nothing, effort=nothing
+        name=list(sizes.joints), position=zeros, velocity=zeros, effort=zeros
     )
 
 
@@ -59,18 +59,18 @@ def _command(sizes: Sizes) -> Any:
 
 
 class Pong:
-    """Answers every state with a command."""
+    """Node that responds to every state with a command."""
 
     def __init__(self, context: rclpy.Context, sizes: Sizes, *, raw: bool) -> None:
-        """Create the node."""
+        """Initialise the node."""
         self.node = rclpy.create_node('pong', context=context)
         self._sizes = sizes
-        self._answer = serialize_message(_command(sizes)) if raw else None
+        self._response = serialize_message(_command(sizes)) if raw else None
         self._publisher = self.node.create_publisher(Float64MultiArray, 'pong', _QOS)
         self.node.create_subscription(JointState, 'ping', self._reply, _QOS, raw=raw)
 
     def _reply(self, state: Any) -> None:
-        self._publisher.publish(self._answer or self._command_like(state))
+        self._publisher.publish(self._response or self._command_like(state))
 
     def _command_like(self, state: Any) -> Any:
         command = _command(self._sizes)
@@ -79,10 +79,10 @@ class Pong:
 
 
 class Ping:
-    """Sends the next state when the command is there."""
+    """Node that sends the next state after every command."""
 
     def __init__(self, context: rclpy.Context, sizes: Sizes, *, raw: bool) -> None:
-        """Create the node."""
+        """Initialise the node."""
         self.count = 0
         self.node = rclpy.create_node('ping', context=context)
         self._sizes = sizes
@@ -102,7 +102,7 @@ class Ping:
 def round_trips_per_second(
     *, raw: bool, composed: bool, seconds: float = 3.0, sizes: Sizes = PAPER
 ) -> float:
-    """Measure round trips per second, both nodes in this process or one in another."""
+    """Return the round trips per second, with both nodes in this process or in two processes."""
     prepare_transport()
     context = rclpy.Context()
     rclpy.init(context=context)
@@ -123,10 +123,10 @@ def round_trips_per_second(
         while ping.count == 0 and time.monotonic() < limit:
             ping.send()
             executor.spin_once(timeout_sec=0.2)
-        begin, first = time.monotonic(), ping.count
-        while time.monotonic() - begin < seconds:
+        start, first = time.monotonic(), ping.count
+        while time.monotonic() - start < seconds:
             executor.spin_once(timeout_sec=0.1)
-        return (ping.count - first) / (time.monotonic() - begin)
+        return (ping.count - first) / (time.monotonic() - start)
     finally:
         if peer is not None:
             peer.terminate()
@@ -135,7 +135,7 @@ def round_trips_per_second(
 
 
 def _serve(sizes: Sizes, *, raw: bool) -> None:
-    """Answer until SIGTERM."""
+    """Respond to states until SIGTERM."""
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
     prepare_transport()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Jitter and overruns of a run by the wall clock: `python -m benchmarks.real_time [SECONDS]`.
+Jitter and overruns of a real-time run: `python -m benchmarks.real_time [SECONDS]`.
 
-All times are those at which the middleware sent the messages, so that the observer's own
-delays do not count.
+All times are those at which the middleware sent the messages. Delays of the observer have no
+effect.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ RATES = (500, 1000)
 
 
 def measure(rate: int, seconds: float) -> str:
-    """Run for some time at a rate in 1/s and return a line of figures."""
+    """Run for `seconds` at a rate in 1/s and return a line of figures."""
     states: dict[int, int] = {}
-    answers: dict[int, int] = {}
+    commands: dict[int, int] = {}
     command = EffortCdr()
 
     def on_state(raw: Any, info: Any) -> None:
@@ -44,7 +44,7 @@ def measure(rate: int, seconds: float) -> str:
 
     def on_command(raw: Any, info: Any) -> None:
         if command.load(raw) and command.stamp_ns is not None:
-            answers.setdefault(command.stamp_ns, info['source_timestamp'])
+            commands.setdefault(command.stamp_ns, info['source_timestamp'])
 
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -52,7 +52,7 @@ def measure(rate: int, seconds: float) -> str:
     ):
         context = Context()
         rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-        # The other executor fails on callbacks that take a message's times as well.
+        # The other executor fails on callbacks that receive the times of a message.
         executor = SingleThreadedExecutor(context=context)
         node = Node('observer', context=context)
         qos = subscription_qos(depth=1000)
@@ -60,27 +60,27 @@ def measure(rate: int, seconds: float) -> str:
         node.create_subscription(Float64MultiArray, 'effort_commands', on_command, qos, raw=True)
         executor.add_node(node)
         limit = time.monotonic() + 30.0
-        while not (states and answers) and time.monotonic() < limit:
+        while not (states and commands) and time.monotonic() < limit:
             executor.spin_once(0.1)
-        begin = time.monotonic()
-        while time.monotonic() < begin + seconds:
+        start = time.monotonic()
+        while time.monotonic() < start + seconds:
             executor.spin_once(0.1)
         end(processes)
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
         context.try_shutdown()
-    # The two topics are not found at the same time.
-    first = min(answers)
-    return _figures(rate, {stamp: t for stamp, t in states.items() if stamp >= first}, answers)
+    # The two topics are not discovered at the same time.
+    first = min(commands)
+    return _figures(rate, {stamp: t for stamp, t in states.items() if stamp >= first}, commands)
 
 
-def _figures(rate: int, states: dict[int, int], answers: dict[int, int]) -> str:
+def _figures(rate: int, states: dict[int, int], commands: dict[int, int]) -> str:
     period = 1e3 / rate
     sent = np.array([states[stamp] for stamp in sorted(states)]) * 1e-6
     jitter = np.abs(np.diff(sent) - period)
     response = np.array(
-        [(answers[stamp] - states[stamp]) * 1e-6 for stamp in states.keys() & answers.keys()]
+        [(commands[stamp] - states[stamp]) * 1e-6 for stamp in states.keys() & commands.keys()]
     )
     unanswered = len(states) - len(response)
     return (
@@ -94,7 +94,7 @@ def _figures(rate: int, states: dict[int, int], answers: dict[int, int]) -> str:
 
 
 def main() -> None:
-    """Print a line for each rate."""
+    """Print a line for every rate."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     for rate in RATES:
         print(measure(rate, seconds), flush=True)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Load of a recorder with 20 topics and 10 000 messages a second in all."""
+"""Load of a recorder with 20 topics and 10 000 messages per second in total."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from benchmarks.measure import beside, Measure
+from benchmarks.measure import compared, Measure
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -29,19 +29,19 @@ from sensor_msgs.msg import JointState
 
 TOPICS = 20
 RATE = 500
-"""Messages a second on each topic."""
+"""Messages per second on every topic."""
 
 SECONDS = 10.0
 _BURSTS = 100
-"""Times a second at which messages are sent."""
+"""Number of bursts per second."""
 
-_PATIENCE = 30.0
+_TIMEOUT = 30.0
 _KIB_PER_MIB = 1024
 _TICKS = os.sysconf('SC_CLK_TCK')
 
 
 def measures(seconds: float = SECONDS) -> Iterator[Measure]:
-    """Send, record, and yield what is there and what it took."""
+    """Send and record messages, and yield numbers, load and memory."""
     with tempfile.TemporaryDirectory() as folder, private_domain() as domain:
         os.environ.update(domain)
         log = Path(folder) / 'run.mcap'
@@ -57,14 +57,14 @@ def measures(seconds: float = SECONDS) -> Iterator[Measure]:
         try:
             sent, wall, share, memory, grown = _send(names, seconds, recorder.pid)
             recorder.send_signal(signal.SIGINT)
-            recorder.wait(_PATIENCE)
+            recorder.wait(_TIMEOUT)
         finally:
             recorder.kill()
             recorder.wait()
         recorded = _recorded(log)
         reference = Measure(f'messages sent, {TOPICS} topics', TOPICS * sent, '')
         yield reference
-        yield beside('messages recorded', sum(recorded.values()), '', reference, 1.0)
+        yield compared('messages recorded', sum(recorded.values()), '', reference, 1.0)
         yield Measure('messages sent a second', TOPICS * sent / wall, '/s')
         yield Measure('the recorder, of a core', 100.0 * share, '%')
         yield Measure('the recorder, resident memory', memory, 'MiB')
@@ -76,23 +76,23 @@ def _send(
     names: list[str], seconds: float, recorder: int
 ) -> tuple[int, float, float, float, float]:
     """
-    Send on all topics; return how many on each, the time it took, and what the recorder did.
+    Send on all topics; return messages per topic, duration, and load of the recorder.
 
-    That is its share of a core, its memory in MiB, and by how much that has grown.
+    The load consists of its share of a core, its memory in MiB, and the growth of this memory.
     """
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node('bench', context=context)
     try:
         publishers = [node.create_publisher(JointState, n, publisher_qos()) for n in names]
-        limit = time.monotonic() + _PATIENCE
+        limit = time.monotonic() + _TIMEOUT
         while not all(p.get_subscription_count() for p in publishers):
             if time.monotonic() > limit:
                 raise RuntimeError('the recorder does not find the topics')
             time.sleep(0.05)
-        before, begun = _usage(recorder), time.monotonic()
-        sent = _send_by_the_clock(publishers, begun, seconds)
-        wall = time.monotonic() - begun
+        before, start = _usage(recorder), time.monotonic()
+        sent = _send_at_rate(publishers, start, seconds)
+        wall = time.monotonic() - start
         after = _usage(recorder)
         for publisher in publishers:
             publisher.wait_for_all_acked()
@@ -103,12 +103,12 @@ def _send(
         context.try_shutdown()
 
 
-def _send_by_the_clock(publishers: list[Publisher], begun: float, seconds: float) -> int:
+def _send_at_rate(publishers: list[Publisher], start: float, seconds: float) -> int:
     message = JointStateCdr()
-    sent, each = 0, RATE // _BURSTS
+    sent, messages_per_burst = 0, RATE // _BURSTS
     for burst in range(round(seconds * _BURSTS)):
-        time.sleep(max(0.0, begun + burst / _BURSTS - time.monotonic()))
-        for _ in range(each):
+        time.sleep(max(0.0, start + burst / _BURSTS - time.monotonic()))
+        for _ in range(messages_per_burst):
             message.set_stamp(sent * 10**9 // RATE)
             raw = message.to_bytes()
             for publisher in publishers:

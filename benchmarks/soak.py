@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A long run at 1 kHz: memory and open files of every node, `python -m benchmarks.soak [SECONDS]`.
+Long run at 1 kHz with memory and open files of nodes: `python -m benchmarks.soak [SECONDS]`.
 
-Ends with status 1 where a node ends by itself or not cleanly, keeps more than a little memory
-after it has warmed up, or leaves files open. With `--hostile`, random requests and messages are
-sent to all nodes meanwhile, and some nodes are killed: see `hostile_soak.py`.
+The exit status is 1 if a node ends unexpectedly or with an error. Growing memory after the warm-up
+and open files at the end also cause it. With `--hostile` a client sends random requests and
+messages to all nodes, and some nodes are killed: see `hostile_soak.py`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from benchmarks.live_nodes import end, memory, realtime_nodes
 NODES = ('trajectory', 'controller', 'plant', 'recorder')
 SAMPLES = 60
 WARM = 0.25
-"""Part of the run after which memory must be flat; queues and caches are filled by then."""
+"""Share of the run after which memory must be constant; queues and caches are filled then."""
 
-MOST_GROWTH = 0.05
-"""Largest growth of memory after that, as a part of it."""
+LARGEST_GROWTH = 0.05
+"""Largest growth of memory after that time, as a share of it."""
 
 
 def _files(pid: int) -> int:
@@ -33,19 +33,19 @@ def _files(pid: int) -> int:
 
 
 def soak(seconds: float) -> bool:
-    """Run, print a line for each node, and return True if all is well."""
+    """Run, print a line for every node, and return True on success."""
     sizes: dict[str, list[float]] = {node: [] for node in NODES}
     files: dict[str, list[int]] = {node: [] for node in NODES}
     with (
         tempfile.TemporaryDirectory() as folder,
         realtime_nodes(Path(folder), 0.001, *NODES) as processes,
     ):
-        begin = time.monotonic()
+        start = time.monotonic()
         for sample in range(1, SAMPLES + 1):
-            time.sleep(max(0.0, begin + seconds * sample / SAMPLES - time.monotonic()))
+            time.sleep(max(0.0, start + seconds * sample / SAMPLES - time.monotonic()))
             for node, process in processes.items():
                 if process.poll() is not None:
-                    print(f'{node} ended by itself with status {process.returncode}')
+                    print(f'{node} ended unexpectedly with status {process.returncode}')
                     return False
                 sizes[node].append(memory(process.pid))
                 files[node].append(_files(process.pid))
@@ -55,23 +55,23 @@ def soak(seconds: float) -> bool:
     first = int(SAMPLES * WARM)
     for node in NODES:
         before, after = sizes[node][first], sizes[node][-1]
-        fine = (
+        is_node_well = (
             statuses[node] == 0
-            and after <= before * (1.0 + MOST_GROWTH)
+            and after <= before * (1.0 + LARGEST_GROWTH)
             and files[node][-1] <= files[node][first]
         )
-        is_well &= fine
+        is_well &= is_node_well
         print(
             f'{node:>10}: {before:.1f} MiB after {seconds * WARM:.0f} s, {after:.1f} MiB after '
             f'{seconds:.0f} s; {files[node][first]} and {files[node][-1]} open files; '
-            f'status {statuses[node]}{"" if fine else "  <- not well"}'
+            f'status {statuses[node]}{"" if is_node_well else "  <- not well"}'
         )
     print(f'{size / 2**20:.0f} MiB recorded')
     return is_well
 
 
 def main() -> int:
-    """Run what the command line says; return the exit status."""
+    """Run with the options of the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.soak', description='A long run.')
     parser.add_argument(
         'seconds',

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write CHANGELOG.rst, which ROS 2's release tools read, from CHANGELOG.md."""
+"""Generator of CHANGELOG.rst, which the release tools of ROS 2 read, from CHANGELOG.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def as_rst(markdown: str) -> str:
-    """Return a changelog in the form of REP-132."""
+    """Return a changelog in the format of REP-132."""
     lines = []
     title = 'Changelog for package masmc_ros'
     bar = '^' * len(title)

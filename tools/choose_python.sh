@@ -2,7 +2,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-# Prints the Python to make the environment with: 3.11 or 3.12, or says what is missing.
+# Prints the Python of the environment, 3.11 or 3.12, or an error message.
 works() {
     "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' \
         >/dev/null 2>&1
@@ -13,7 +13,7 @@ for candidate in "$@" python3.12 python3.11 python3; do
         exit 0
     fi
 done
-found=$(python3 --version 2>&1 || echo 'no python3')
-echo "masmc_ros needs Python 3.11 or 3.12 with venv; found $found." >&2
+version=$(python3 --version 2>&1 || echo 'no python3')
+echo "masmc_ros needs Python 3.11 or 3.12 with venv; found $version." >&2
 echo "Install it (Debian, Ubuntu: apt install python3-venv) or name it: make PYTHON=/path/to/python3.12" >&2
 exit 1

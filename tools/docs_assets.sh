@@ -2,8 +2,8 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-# Puts what the pages of the documentation load into build/docs_assets: the style sheet and fonts
-# of KaTeX, and the script of Mermaid. With them the site needs no network.
+# Copies the assets of the documentation into build/docs_assets: the style sheet and fonts of
+# KaTeX, and the script of Mermaid. With them the site needs no network.
 # The version of KaTeX must be that of the script in sphinxcontrib-katex (constraints.txt).
 set -eu
 cd "$(dirname "$0")/.."

@@ -4,9 +4,9 @@
 """
 Error against torque variation of the velocity estimator and of a first-order filter.
 
-`python tools/estimator_curve.py` draws docs/images/estimator.png and renews the table in
-docs/estimator.md. The paper's scenario, smc with the implicit law and observer_gain 0.5, at
-1 kHz, encoders of 1e-4 rad and noise of 0.01 rad/s on the measured rates.
+`python tools/estimator_curve.py` draws docs/images/estimator.png and updates the table in
+docs/estimator.md. The scenario is the paper's with smc, the implicit law and observer_gain 0.5 at
+1 kHz. Encoders have 1e-4 rad, measured velocities a noise of 0.01 rad/s.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NO_CURVE = 10.0
 
 @dataclass(frozen=True)
 class Point:
-    """RMS of the true distance of E from its path in mm and total variation in N m/s."""
+    """RMS of the true distance of E from its path in mm, and total variation in N·m/s."""
 
     bandwidth: float
     error: float
@@ -47,7 +47,7 @@ class Point:
 
 
 def estimated(bandwidth: float) -> Point:
-    """Return what the velocity estimator reaches at a bandwidth in rad/s."""
+    """Return the result of the velocity estimator at a bandwidth in rad/s."""
     simulation = _simulation(
         'controller.velocity_source=estimated', f'controller.estimator_bandwidth={bandwidth}'
     )
@@ -56,7 +56,7 @@ def estimated(bandwidth: float) -> Point:
 
 
 def filtered(bandwidth: float) -> Point:
-    """Return what differences of the angles under a first-order filter reach, in rad/s."""
+    """Return the result of filtered differences of the angles at a bandwidth in rad/s."""
     simulation = _simulation()
     plant, controller = simulation.plant, simulation.controller
     period = simulation.timing.period
@@ -77,7 +77,7 @@ def filtered(bandwidth: float) -> Point:
 
 
 def measured() -> Point:
-    """Return what the noisy measured rates reach."""
+    """Return the result of the noisy measured velocities."""
     simulation = _simulation()
     (run,) = simulation.run(block=30_000)
     return _point(math.nan, run.true_error(simulation.plant.robot), run.torque)
@@ -141,7 +141,7 @@ def _draw(estimates: list[Point], filters: list[Point], plain: Point) -> None:
 
 
 def main() -> None:
-    """Draw the curve and renew its table."""
+    """Draw the curve and update its table."""
     estimates = [estimated(bandwidth) for bandwidth in BANDWIDTHS]
     filters = []
     for bandwidth in FILTERS:

@@ -2,7 +2,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-# Gives the environment rclpy: a sourced ROS 2 Jazzy as it is, otherwise the wheels.
+# Installs the wheels of rclpy into the environment, unless a ROS 2 Jazzy is sourced.
 # usage: install_ros.sh PYTHON [CONSTRAINTS]
 python=$1
 constraints=${2:-constraints.txt}

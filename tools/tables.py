@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Renew the generated tables in README.md and docs/: `python tools/tables.py [--check]`.
+Generator of the tables in README.md and docs/: `python tools/tables.py [--check]`.
 
 A table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`.
 """
@@ -25,13 +25,13 @@ ROOT = Path(__file__).resolve().parent.parent
 PAPER_LAWS = ('smc', 'rasmc')
 
 COMMON = {BOUNDARY_LAYER.name}
-"""Parameters of switching terms, which some laws read too."""
+"""Parameters of switching terms that some laws read, too."""
 
 _BLOCK = re.compile(r'(<!-- table: ([a-z_ ]+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
 
 def tables() -> dict[str, str]:
-    """Return every table by its name, Markdown, without what plug-ins of this machine bring."""
+    """Return every table in Markdown by its name, without plug-ins of this machine."""
     with patch.object(plug_ins, 'entry_points', lambda **_: ()):
         return _tables()
 
@@ -81,18 +81,18 @@ def _topics() -> str:
 
 
 def renewed(text: str) -> str:
-    """Return a document with its tables as they should be; KeyError for an unknown one."""
+    """Return a document with current tables; raise KeyError for an unknown one."""
     known = tables()
     return _BLOCK.sub(lambda match: match[1] + known[match[2]] + match[3], text)
 
 
 def documents() -> list[Path]:
-    """Return the documents that may have tables."""
+    """Return the documents that may contain tables."""
     return [ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 
 
 def main() -> int:
-    """Renew all documents, or with --check print the ones that are not current."""
+    """Update all documents; with --check print the outdated ones."""
     stale = []
     for path in documents():
         text = path.read_text(encoding='utf-8')

@@ -18,23 +18,18 @@ from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
-    are_finite,
     checked_stamp,
-    END_OF_TIME,
     HEADER_SIZE,
-    is_like,
     Layout,
     Messages,
+    NANOSECOND_DIGITS,
     NANOSECONDS,
     UNREAD,
 )
 from masmc_ros.messages.multi_array import labelled_layout
 from masmc_ros.messages.names import DRIVEN_JOINTS, RATED_JOINTS
-from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-NANOSECOND_DIGITS = 9
 
 _DIMENSIONS = slice(HEADER_SIZE, HEADER_SIZE + 4)
 """Bytes of the number of dimensions; the size of the first label and the label follow."""
@@ -47,8 +42,6 @@ _STAMP_LENGTHS = range(len('0.0'), _SECOND_DIGITS + len('.') + NANOSECOND_DIGITS
 
 _SHORTEST = len('0.') + NANOSECOND_DIGITS
 """Characters of a stamp that compiled code reads: to the nanosecond."""
-
-_POINT, _ZERO = ord('.'), ord('0')
 
 
 class CommandMessages(NamedTuple):
@@ -189,52 +182,6 @@ def _digits(numbers: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
     return (numbers[:, None] // powers % 10 + ord('0')).astype(np.uint8)
 
 
-@kernel
-def _read(raw: Any, forms: Any, places: Any, numbers: Any) -> tuple[int, bool]:
-    """Return the stamp in ns, or UNREAD, and True for a void command."""
-    if not (is_like(raw, forms) and are_finite(raw, places[2], len(numbers))):
-        return UNREAD, False
-    # Ten digits of seconds and nine of nanoseconds would overflow in one number.
-    seconds, part = np.int64(0), np.int64(0)
-    for i in range(places[0], places[1]):
-        if i == places[1] - 1 - NANOSECOND_DIGITS:
-            if raw[i] != _POINT:
-                return UNREAD, False
-        else:
-            digit = np.int64(raw[i]) - _ZERO
-            if digit < 0 or digit > 9:
-                return UNREAD, False
-            if i < places[1] - 1 - NANOSECOND_DIGITS:
-                seconds = seconds * 10 + digit
-            else:
-                part = part * 10 + digit
-    if seconds >= END_OF_TIME // NANOSECONDS:
-        return UNREAD, False
-    offset = np.int64(0)
-    for i in range(4):
-        offset |= np.int64(raw[places[3] + i]) << 8 * i
-    if offset != 0 and offset != len(numbers):
-        return UNREAD, False
-    written = numbers.view(np.uint8)
-    for i in range(len(written)):
-        written[i] = raw[places[2] + i]
-    return seconds * NANOSECONDS + part, offset != 0
-
-
-@kernel
-def _write(stamp: int, numbers: Any, places: Any, message: Any) -> None:
-    remaining = stamp
-    for k in range(1, places[1] - places[0] + 1):
-        if k == 1 + NANOSECOND_DIGITS:
-            message[places[1] - k] = _POINT
-        else:
-            message[places[1] - k] = remaining % 10 + _ZERO
-            remaining //= 10
-    source = numbers.view(np.uint8)
-    for i in range(len(source)):
-        message[places[2] + i] = source[i]
-
-
 def _places(layout: Layout) -> NDArray[np.int64]:
     """Return the bytes at which the stamp starts and ends, the numbers and `data_offset` start."""
     characters, data = layout.places['characters'], layout.places['data']
@@ -261,9 +208,12 @@ class CommandWriter:
             True for void commands.
 
         """
+        from masmc_ros.messages.kernels import write_command
+        from masmc_ros.numerics.compiled import bound
+
         self._kind, self._numbers, self._is_void = kind, numbers, is_void
         self._prepare(0)
-        self._write = bound(_write, 0, numbers, self._places, self._message)
+        self._write = bound(write_command, 0, numbers, self._places, self._message)
 
     def to_bytes(self, stamp_ns: int) -> bytes:
         """Return the message that answers the state of a stamp in ns."""
@@ -357,7 +307,10 @@ class LabelledCdr:
 
     @cached_property
     def _read(self) -> Callable[..., tuple[int, bool]]:
-        return bound(_read, b'', self._layout.forms, self._places, self.data)
+        from masmc_ros.messages.kernels import read_command
+        from masmc_ros.numerics.compiled import bound
+
+        return bound(read_command, b'', self._layout.forms, self._places, self.data)
 
     def load_message(self, message: Any) -> None:
         """

@@ -11,20 +11,12 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import (
-    are_finite,
     checked_stamp,
-    copy_message,
-    END_OF_TIME,
-    HEADER_SIZE,
-    is_like,
     Layout,
     NANOSECONDS,
-    stamp_at,
     StampedMessage,
-    UNREAD,
 )
 from masmc_ros.messages.names import JOINTS
-from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -90,7 +82,10 @@ class JointStateCdr(StampedMessage):
 
     @cached_property
     def _read(self) -> Callable[..., int]:
-        return bound(_read_state, b'', self._layout.forms, self._starts, self._bytes)
+        from masmc_ros.messages.kernels import read_state
+        from masmc_ros.numerics.compiled import bound
+
+        return bound(read_state, b'', self._layout.forms, self._starts, self._bytes)
 
     def writer(
         self,
@@ -109,8 +104,11 @@ class JointStateCdr(StampedMessage):
             Array of the efforts of the last joints, at most n, that the caller updates.
 
         """
+        from masmc_ros.messages.kernels import write_state
+        from masmc_ros.numerics.compiled import bound
+
         arguments = position, velocity, effort, self._words, self.words
-        write = bound(_write_state, 0, *arguments)
+        write = bound(write_state, 0, *arguments)
 
         def to_bytes(stamp_ns: int) -> bytes:
             write(stamp_ns, *arguments)
@@ -192,35 +190,6 @@ class JointStateCdr(StampedMessage):
             return np.full(len(self._joints), unknown)
         velocity = self._pick(values, 'velocity')
         return np.where(np.isfinite(velocity), velocity, unknown)
-
-
-@kernel
-def _read_state(raw: Any, forms: Any, starts: Any, message: Any) -> int:
-    joints = (len(message) - starts[2]) // 8
-    if not (
-        is_like(raw, forms)
-        and are_finite(raw, starts[0], joints)
-        and are_finite(raw, starts[1], joints)
-    ):
-        return UNREAD
-    stamp = stamp_at(raw, HEADER_SIZE)
-    if stamp >= END_OF_TIME:
-        return UNREAD
-    copy_message(raw, forms, message)
-    return stamp
-
-
-@kernel
-def _write_state(
-    stamp: int, position: Any, velocity: Any, effort: Any, places: Any, words: Any
-) -> None:
-    for i in range(len(position)):
-        words[places[0] + i] = position[i]
-        words[places[1] + i] = velocity[i]
-    for i in range(len(effort)):
-        words[len(words) - len(effort) + i] = effort[i]
-    seconds, nanoseconds = stamp // NANOSECONDS, stamp % NANOSECONDS
-    words.view(np.int64)[1] = seconds | nanoseconds << 32
 
 
 def _doubles(values: ArrayLike) -> NDArray[np.float64]:

@@ -11,7 +11,6 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.numerics.compiled import bound, formula, kernel
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
@@ -22,6 +21,9 @@ HEADER_SIZE = len(ENCAPSULATION)
 
 UNREAD = -1
 """In place of a stamp: the compiled reader leaves this message to rclpy."""
+
+NANOSECOND_DIGITS = 9
+"""Digits of the nanoseconds of a stamp in a label."""
 
 NANOSECONDS = 1_000_000_000
 """Nanoseconds in a second."""
@@ -217,54 +219,6 @@ class Layout:
         return is_ours, np.frombuffer(joined, self.dtype)
 
 
-@formula
-def is_like(raw: Any, forms: Any) -> bool:
-    """Return True if bytes are a message of a layout's `forms`; padding bytes are ignored."""
-    template, constant = forms[0], forms[1]
-    if len(raw) != len(template):
-        return False
-    differs = np.uint8(0)
-    for i in range(len(template)):
-        differs |= (raw[i] ^ template[i]) & constant[i]
-    return differs == 0
-
-
-@formula
-def copy_message(raw: Any, forms: Any, message: Any) -> None:
-    """Write the varying bytes of a message into another, with zeros for padding bytes."""
-    template, varies = forms[0], forms[2]
-    for i in range(len(template)):
-        message[i] = template[i] | raw[i] & varies[i]
-
-
-@formula
-def stamp_at(raw: Any, place: int) -> int:
-    """Return the stamp in ns of a builtin_interfaces/Time from byte `place` on."""
-    seconds, nanoseconds = np.int64(0), np.int64(0)
-    for i in range(4):
-        seconds |= np.int64(raw[place + i]) << 8 * i
-        nanoseconds |= np.int64(raw[place + 4 + i]) << 8 * i
-    return seconds * NANOSECONDS + nanoseconds
-
-
-@formula
-def are_finite(raw: Any, first: int, count: int) -> bool:
-    """Return True if the float64 numbers from byte `first` on are finite, by their exponents."""
-    for i in range(count):
-        high, low = raw[first + 8 * i + 7], raw[first + 8 * i + 6]
-        if high & 0x7F == 0x7F and low & 0xF0 == 0xF0:
-            return False
-    return True
-
-
-@kernel
-def _load(raw: Any, forms: Any, message: Any) -> bool:
-    if not is_like(raw, forms):
-        return False
-    copy_message(raw, forms, message)
-    return True
-
-
 def stamps_of(times: Messages) -> NDArray[np.int64]:
     """Return stamps (N) in ns of a field of times (N)."""
     return np.asarray(times['sec'].astype(np.int64) * NANOSECONDS + times['nanosec'])
@@ -326,7 +280,10 @@ class Message:
 
     @cached_property
     def _load(self) -> Callable[..., bool]:
-        return bound(_load, b'', self._layout.forms, self._bytes)
+        from masmc_ros.messages.kernels import load
+        from masmc_ros.numerics.compiled import bound
+
+        return bound(load, b'', self._layout.forms, self._bytes)
 
 
 class StampedMessage(Message):

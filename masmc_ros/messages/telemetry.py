@@ -13,7 +13,6 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.messages.layout import END_OF_TIME, Layout, Message, Messages, NANOSECONDS
 from masmc_ros.messages.multi_array import multi_array_layout
-from masmc_ros.numerics.compiled import bound, kernel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -89,7 +88,10 @@ class TelemetryCdr(Message):
 
     def writer(self, values: NDArray[np.float64]) -> Callable[[int], bytes]:
         """Return a function of a stamp in ns that returns the message of an array's numbers."""
-        write = bound(_write, 0, values, self.numbers)
+        from masmc_ros.messages.kernels import write_telemetry
+        from masmc_ros.numerics.compiled import bound
+
+        write = bound(write_telemetry, 0, values, self.numbers)
 
         def to_bytes(stamp_ns: int) -> bytes:
             write(stamp_ns, values, self.numbers)
@@ -132,13 +134,6 @@ class TelemetryCdr(Message):
         numbers = [float(each) for each in message.data]
         _stamp(*numbers[:STAMP_NUMBERS])
         self._head[:], self.values[:] = numbers[:STAMP_NUMBERS], numbers[STAMP_NUMBERS:]
-
-
-@kernel
-def _write(stamp: int, values: Any, numbers: Any) -> None:
-    numbers[0], numbers[1] = stamp // NANOSECONDS, stamp % NANOSECONDS
-    for i in range(len(values)):
-        numbers[2 + i] = values[i]
 
 
 def _stamp(seconds: float, nanoseconds: float) -> int:

@@ -42,7 +42,8 @@ def test_process_signals_at_end_keep_status_0(
     with domain() as own, output.open('wb') as stream:
         process = subprocess.Popen(
             [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
-            env={**surroundings(), **domain_variables(own)},
+            # Output appears with the flush at the end, when the work is complete.
+            env={**surroundings(), **domain_variables(own), 'PYTHONUNBUFFERED': ''},
             stdin=subprocess.DEVNULL,
             stdout=stream,
             stderr=stream,

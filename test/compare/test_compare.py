@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc compare` and `masmc laws`: the runs are those of `masmc simulate`, in any lane."""
+"""`masmc compare` and `masmc laws`: results against `masmc simulate`, in any lane."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 SHORT = ('duration=0.3',)
 
 
-def test_runs_side_by_side_are_those_alone() -> None:
-    """Each draw with its own robot, disturbance and noise: the bits of `Simulation`."""
+def test_side_by_side_runs_equal_single_runs() -> None:
+    """Every draw has its own robot, disturbance and noise; results equal `Simulation` bitwise."""
     settings = (*SHORT, 'plant.velocity_noise=0.02', 'controller.projection.lower=0.5')
     scenario = load_scenario(PAPER, settings)
     runs = [drawn(scenario, TWO_LINK, seed) for seed in range(4)]
@@ -43,13 +43,13 @@ def test_runs_side_by_side_are_those_alone() -> None:
     assert len({tuple(signals['torque'][-1, :, lane]) for lane in range(4)}) == 4
 
 
-def test_runs_that_cannot_be_computed_together_are_refused() -> None:
+def test_side_by_side_different_durations_raise() -> None:
     one, other = load_scenario(PAPER, SHORT), load_scenario(PAPER, ('duration=0.4',))
     with pytest.raises(InputError, match=r'plant.duration = 0.4: expected 0.3'):
         SideBySide([one, other])
 
 
-def test_draws_are_of_the_plant_alone_and_repeatable() -> None:
+def test_drawn_scenario_changes_plant_only_repeatably() -> None:
     scenario = load_scenario(PAPER, SHORT)
     assert drawn(scenario, TWO_LINK, 0) is scenario
     first, again, other = (drawn(scenario, TWO_LINK, seed) for seed in (1, 1, 2))
@@ -63,7 +63,7 @@ def test_draws_are_of_the_plant_alone_and_repeatable() -> None:
         assert ratio == 0.0 or 0.6 <= ratio <= 1.4
 
 
-def test_lanes_and_single_runs_give_the_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compare_lanes_and_single_runs_give_same_table(monkeypatch: pytest.MonkeyPatch) -> None:
     task = Task(PAPER, SHORT, Contender('rasmc'), (AS_IS,), 5)
     alone = compute(task)
     monkeypatch.setattr(campaign, 'LANES', 4)
@@ -71,15 +71,15 @@ def test_lanes_and_single_runs_give_the_same_table(monkeypatch: pytest.MonkeyPat
     assert compute(task) == alone
 
 
-def test_a_run_that_diverges_is_lost_and_no_error() -> None:
+def test_compare_diverged_run_counts_as_lost() -> None:
     settings = (*SHORT, 'control_period=0.05', 'controller.k_s1=1e5')
-    (found,) = compute(Task(PAPER, settings, Contender('smc'), (AS_IS,), 1))
-    assert found.reached == (None,)
-    (ranked,) = ranking([found], AS_IS.name)
+    (result,) = compute(Task(PAPER, settings, Contender('smc'), (AS_IS,), 1))
+    assert result.reached == (None,)
+    (ranked,) = ranking([result], AS_IS.name)
     assert ranked.rows[AS_IS.name].lost == 1
 
 
-def test_the_command_writes_what_it_prints(
+def test_compare_command_writes_printed_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ['compare', PAPER, '--laws', 'smc,rasmc,smc:implicit', '--trials', 'noise,delay']
@@ -116,28 +116,28 @@ def test_the_command_writes_what_it_prints(
           'plant.command_interface=velocity'], 'expected effort'),
     ],
 )
-def test_bad_arguments_get_one_line(
+def test_compare_invalid_arguments_print_one_line(
     arguments: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['compare', PAPER, *arguments, '--output', str(tmp_path / 'out')]) == 2
-    told = capsys.readouterr().err
-    assert line in told
-    assert told.count('\n') == 1
+    error_text = capsys.readouterr().err
+    assert line in error_text
+    assert error_text.count('\n') == 1
     assert not (tmp_path / 'out').exists()
 
 
-def test_all_are_all() -> None:
-    every = contenders('all', TWO_LINK, 'tanh')
-    assert {each.law for each in every} == set(registry.names())
-    assert [each.switching for each in every if each.law == 'rasmc'] == ['', 'implicit']
+def test_compare_all_selects_every_law_and_trial() -> None:
+    all_contenders = contenders('all', TWO_LINK, 'tanh')
+    assert {contender.law for contender in all_contenders} == set(registry.names())
+    assert [c.switching for c in all_contenders if c.law == 'rasmc'] == ['', 'implicit']
     others = contenders('all', TWO_LINK, 'implicit')
-    assert [each.switching for each in others if each.law == 'rasmc'] == ['', 'tanh']
-    assert [each for each in others if each.law == 'pid'] == [Contender('pid')]
+    assert [c.switching for c in others if c.law == 'rasmc'] == ['', 'tanh']
+    assert [c for c in others if c.law == 'pid'] == [Contender('pid')]
     assert trials_named('all') == TRIALS
     assert trials_named('delay')[0] is AS_IS
 
 
-def test_laws_are_listed_with_their_sources(capsys: pytest.CaptureFixture[str]) -> None:
+def test_laws_command_lists_laws_with_sources(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['laws']) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == list(registry.names())

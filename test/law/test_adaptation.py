@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What lets adaptation last: leakage, e-modification, dead zone, freezing, and all at once."""
+"""Robust adaptation: leakage, e-modification, dead zone, freezing and projection."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ RATE = between(0.0, 1e9)
 
 @PROPERTY
 @given(THETA, THETA, between(-100.0, 100.0), between(1e-2, 100.0), PERIOD, RATE)
-def test_one_tick_is_explicit_in_the_gradient_and_implicit_in_the_leakage(
+def test_estimate_step_has_explicit_gradient_implicit_leakage(
     estimate: float, nominal: float, gradient: float, gamma: float, period: float, rate: float
 ) -> None:
     """theta+ = theta - T g / gamma - T rate (theta+ - theta_0)."""
-    moved = gradient_step(estimate, gradient, gamma, period)
-    found = pulled_estimate(moved, nominal, period, rate)
-    pull = period * rate * (found - nominal)
+    after_gradient = gradient_step(estimate, gradient, gamma, period)
+    next_estimate = pulled_estimate(after_gradient, nominal, period, rate)
+    pull = period * rate * (next_estimate - nominal)
     size = abs(estimate) + abs(nominal) + abs(period * gradient / gamma) + 1.0
     expected = estimate - period * gradient / gamma - pull
-    assert found == pytest.approx(expected, abs=1e-13 * size * (1.0 + period * rate))
+    assert next_estimate == pytest.approx(expected, abs=1e-13 * size * (1.0 + period * rate))
 
 
 @PROPERTY
 @given(THETA, THETA, PERIOD, RATE)
-def test_no_rate_of_leakage_overshoots(
+def test_leakage_any_rate_does_not_overshoot(
     estimate: float, nominal: float, period: float, rate: float
 ) -> None:
-    found = pulled_estimate(estimate, nominal, period, rate)
+    next_estimate = pulled_estimate(estimate, nominal, period, rate)
     low, high = sorted((estimate, nominal))
     rounding = 1e-15 * (abs(low) + abs(high))
-    assert low - rounding <= found <= high + rounding
+    assert low - rounding <= next_estimate <= high + rounding
 
 
 @PROPERTY
 @given(between(0.0, 10.0), between(0.0, 10.0))
-def test_the_dead_zone_leaves_what_is_beyond_it(distance: float, width: float) -> None:
+def test_dead_zone_keeps_the_part_beyond_its_width(distance: float, width: float) -> None:
     share = beyond_dead_zone(distance, width)
     if width == 0.0:
         assert share == 1.0
@@ -69,8 +69,8 @@ def with_(scenario: Scenario, **fields: object) -> Scenario:
 BASE = Scenario('rasmc', 'tanh', ticks=2001)
 
 
-def test_leakage_is_what_is_left_of_the_step() -> None:
-    """One tick from the same state, with and without: (theta - theta_0) / (1 + T rate)."""
+def test_leakage_scales_estimate_step() -> None:
+    """One tick from the same state without and with leakage: (theta - theta_0) / (1 + T rate)."""
     rate = 3.0
     plain, leaking = whole(BASE), whole(with_(BASE, leakage=rate))
     step = plain.estimate[1] - plain.estimate[0]
@@ -79,7 +79,7 @@ def test_leakage_is_what_is_left_of_the_step() -> None:
     assert (leaking.estimate[1] != plain.estimate[1]).any()
 
 
-def test_e_modification_is_leakage_in_proportion_to_s() -> None:
+def test_e_modification_leakage_is_proportional_to_s() -> None:
     nu = 50.0
     plain, leaking = whole(BASE), whole(with_(BASE, e_modification=nu))
     rate = nu * float(np.linalg.norm(plain.surface[0]))
@@ -90,7 +90,7 @@ def test_e_modification_is_leakage_in_proportion_to_s() -> None:
 
 
 @pytest.mark.parametrize('modification', [0.0, 20.0])
-def test_inside_the_dead_zone_the_estimate_rests(modification: float) -> None:
+def test_dead_zone_s_within_width_keeps_estimate(modification: float) -> None:
     width = 0.065
     run = whole(with_(BASE, dead_zone=width, e_modification=modification))
     inside = np.linalg.norm(run.surface, axis=1)[:-1] <= width
@@ -99,34 +99,34 @@ def test_inside_the_dead_zone_the_estimate_rests(modification: float) -> None:
     assert (moved == ~inside).all()
 
 
-def test_while_the_torque_saturates_nothing_is_learned() -> None:
+def test_freezing_torque_saturated_keeps_estimate() -> None:
     limits = with_(BASE, torque_limit=axes(2.5, 2.5, 6.0, 4.0))
     frozen, free = whole(with_(limits, freeze_when_saturated=1)), whole(limits)
-    cut = (frozen.raw_torque != frozen.torque).any(axis=1)[:-1]
+    limited = (frozen.raw_torque != frozen.torque).any(axis=1)[:-1]
     moved = (np.diff(frozen.estimate, axis=0) != 0.0).any(axis=1)
-    assert 100 < cut.sum() < 1900
-    assert (moved == ~cut).all()
+    assert 100 < limited.sum() < 1900
+    assert (moved == ~limited).all()
     assert (np.diff(free.estimate, axis=0) != 0.0).any(axis=1).all()
 
 
-def test_leakage_goes_on_while_the_torque_saturates() -> None:
-    """So that an estimate which makes the torque saturate does not stay for ever."""
+def test_freezing_torque_saturated_leakage_continues() -> None:
+    """An estimate that saturates the torque does not stay indefinitely."""
     simulation = Simulation(load_scenario(str(PAPER)))
     controller, plant = simulation.controller, simulation.plant
     reference = simulation.trajectory.sample(0, 1)[0]
     for _ in range(10):
         controller.tick(plant.position, plant.velocity, reference)
-    learned = controller.estimate - controller.nominal
-    assert learned.any()
+    deviation = controller.estimate - controller.nominal
+    assert deviation.any()
     controller.change(
         {'torque_limit': (1e-3,) * 4, 'leakage': 5.0, 'freeze_when_saturated': True}
     )
     controller.tick(plant.position, plant.velocity, reference)
-    left = controller.estimate - controller.nominal
-    assert left == pytest.approx(learned / (1.0 + 5.0 * controller.period), rel=1e-9)
+    remaining = controller.estimate - controller.nominal
+    assert remaining == pytest.approx(deviation / (1.0 + 5.0 * controller.period), rel=1e-9)
 
 
-def test_smc_does_not_adapt_whatever_is_set() -> None:
+def test_smc_adaptation_settings_keep_estimate() -> None:
     everything = with_(
         BASE, leakage=1.0, e_modification=1.0, dead_zone=0.01, projection_lower=0.5
     )
@@ -135,8 +135,8 @@ def test_smc_does_not_adapt_whatever_is_set() -> None:
 
 
 @pytest.mark.parametrize('gamma', [1e-6, 1e-4, 1e-2, 1.0])
-def test_all_at_once_keeps_the_estimate_in_its_box(gamma: float) -> None:
-    """However fast the adaptation: without projection the two fastest diverge in 10 ms."""
+def test_adaptation_all_settings_keep_estimate_within_bounds(gamma: float) -> None:
+    """The bounds hold for fast adaptation; without projection the two fastest diverge in 10 ms."""
     scenario = with_(
         replace(BASE, gamma=np.full(7, gamma), ticks=5001),
         leakage=0.5,

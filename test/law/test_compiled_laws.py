@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A law of formulas from another package runs compiled, as the built-in ones do."""
+"""Compiled laws of other packages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-PATIENCE = 300.0
+TIMEOUT = 300.0
 
 SCRIPT = """
 import json
@@ -49,16 +49,16 @@ print(json.dumps({
 
 
 def example() -> str:
-    """Return the law of the documentation."""
+    """Return the source of the law in the documentation."""
     text = (ROOT / 'docs' / 'extending.md').read_text(encoding='utf-8')
-    found = re.search(r'```python\n# explicit_twisting\.py\n(.*?)```', text, re.DOTALL)
-    assert found is not None
-    return found.group(1)
+    match = re.search(r'```python\n# explicit_twisting\.py\n(.*?)```', text, re.DOTALL)
+    assert match is not None
+    return match.group(1)
 
 
 @pytest.fixture(scope='module')
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return the environment of a process in which the documentation's law is installed."""
+    """Return the environment of a process with the installed law of the documentation."""
     folder = tmp_path_factory.mktemp('site')
     (folder / 'explicit_twisting.py').write_text(example(), encoding='utf-8')
     distribution = folder / 'explicit_twisting-1.0.dist-info'
@@ -72,18 +72,18 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_the_law_of_the_documentation_is_compiled_and_tuned(installed: dict[str, str]) -> None:
+def test_documented_law_installed_is_compiled_and_tuned(installed: dict[str, str]) -> None:
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT],
         cwd=ROOT,
         env=installed,
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
+        timeout=TIMEOUT,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found['is compiled']
-    assert found['model alone']
-    assert found['error'] < 0.3
+    results = json.loads(done.stdout)
+    assert results['is compiled']
+    assert results['model alone']
+    assert results['error'] < 0.3

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base parameters that bodies can have: Q(theta), the masses behind it, and H(q)."""
+"""Physical consistency of base parameters: Q(theta), masses of bodies and H(q)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def stretched(theta: BaseParameters, geometry: Geometry) -> Array:
 
 
 def entries_of(matrix: Array) -> BaseParameters:
-    """Return theta with the entries of Q that stand for themselves."""
+    """Return theta from the entries of Q that are parameters."""
     m, j, i_1, i_2 = np.diag(matrix).tolist()
     c, p_1, p_2 = matrix[0, 1:].tolist()
     return BaseParameters(m, j, c, p_1, p_2, i_1, i_2)
@@ -56,7 +56,7 @@ def reduced_inertia(theta: BaseParameters, geometry: Geometry, angles: Angles) -
 
 @st.composite
 def any_parameters(draw: st.DrawFn) -> tuple[BaseParameters, Geometry]:
-    """Draw lengths and seven numbers, about half of which bodies can have."""
+    """Draw lengths and seven parameters; bodies exist for about half of the draws."""
     robot = draw(machines())
     rng = np.random.default_rng(draw(SEEDS))
     size = draw(between(0.1, 0.9))
@@ -72,14 +72,14 @@ def any_parameters(draw: st.DrawFn) -> tuple[BaseParameters, Geometry]:
 
 @PROPERTY
 @given(machines())
-def test_the_parameters_of_bodies_are_consistent(robot: Machine) -> None:
+def test_consistency_parameters_of_bodies_is_true(robot: Machine) -> None:
     assert is_consistent(robot.theta, robot.geometry)
     assert np.linalg.eigvalsh(stretched(robot.theta, robot.geometry))[0] > 0.0
 
 
 @PROPERTY
 @given(any_parameters())
-def test_consistent_means_that_q_is_positive_definite(
+def test_consistency_is_true_if_q_is_positive_definite(
     drawn: tuple[BaseParameters, Geometry],
 ) -> None:
     theta, geometry = drawn
@@ -92,7 +92,9 @@ def test_consistent_means_that_q_is_positive_definite(
 
 @PROPERTY
 @given(any_parameters())
-def test_the_weakest_motion_shows_what_is_wrong(drawn: tuple[BaseParameters, Geometry]) -> None:
+def test_weakest_motion_pivot_equals_its_quadratic_form(
+    drawn: tuple[BaseParameters, Geometry]
+) -> None:
     theta, geometry = drawn
     pivot, *motion = weakest_motion(theta, geometry)
     x, matrix = np.array(motion), stretched(theta, geometry)
@@ -103,7 +105,7 @@ def test_the_weakest_motion_shows_what_is_wrong(drawn: tuple[BaseParameters, Geo
 
 @PROPERTY
 @given(any_parameters(), all_angles())
-def test_consistent_parameters_have_a_positive_definite_inertia_in_every_posture(
+def test_consistent_parameters_inertia_is_positive_definite(
     drawn: tuple[BaseParameters, Geometry], angles: Angles
 ) -> None:
     theta, geometry = drawn
@@ -117,7 +119,7 @@ def bodies(theta: BaseParameters, geometry: Geometry) -> dict[str, float]:
     """Return masses, inertias and centres of mass that have these base parameters."""
     m, j, c, p_1, p_2, i_1, i_2 = theta
     l, link = geometry.arm_base, geometry.link_1  # noqa: E741
-    # The arm's mass lies between what the arm needs and what leaves a platform.
+    # The arm's mass lies between the minimum of the arm and the maximum that leaves a platform.
     moments = np.array([p_1, p_2])
     least = moments @ np.linalg.solve([[i_1, link * p_2], [link * p_2, i_2]], moments)
     most = (m * j - c * c) / (j + m * l * l - 2.0 * c * l)
@@ -149,7 +151,7 @@ def bodies(theta: BaseParameters, geometry: Geometry) -> dict[str, float]:
 
 @PROPERTY
 @given(any_parameters())
-def test_consistent_parameters_are_those_of_bodies(
+def test_consistent_parameters_bodies_exist(
     drawn: tuple[BaseParameters, Geometry],
 ) -> None:
     theta, geometry = drawn
@@ -157,8 +159,8 @@ def test_consistent_parameters_are_those_of_bodies(
     scaled = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
     if np.linalg.eigvalsh(scaled)[0] < 1e-6:
         return
-    found = bodies(theta, geometry)
-    for name, value in found.items():
+    physical = bodies(theta, geometry)
+    for name, value in physical.items():
         if name.endswith(('_mass', '_inertia')) and not name.startswith('wheel'):
             assert value > 0.0, name
-    assert_agree(base_parameters(**found), theta, 1e-9)
+    assert_agree(base_parameters(**physical), theta, 1e-9)

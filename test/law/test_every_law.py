@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for every law: the same bits in lanes and tick by tick, limits, pauses, changes."""
+"""Properties of every law: identical results tick by tick, limits, pauses, changes of the law."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ SHORT = 'duration=0.4'
 
 
 def scenario(law: str, *settings: str) -> Any:
-    """Return the paper's experiment with a law, short."""
+    """Return a short run of the paper's experiment with a law."""
     return load_scenario(PAPER, (SHORT, f'controller.law={law}', *settings))
 
 
 @pytest.mark.parametrize('law', OTHERS)
-def test_it_has_its_docs(law: str) -> None:
+def test_law_documentation_has_all_sections(law: str) -> None:
     text = (DOCS / f'{law}.md').read_text(encoding='utf-8')
     assert text.startswith(f'# `{law}`')
     for heading in ('## Stability', '## Sampled', '## Parameters'):
@@ -42,8 +42,8 @@ def test_it_has_its_docs(law: str) -> None:
 
 
 @pytest.mark.parametrize('law', OTHERS)
-def test_ticks_one_by_one_are_the_whole_run(law: str) -> None:
-    """What the nodes compute, a tick at a time, is what is compiled as a whole: every bit."""
+def test_law_single_ticks_equal_compiled_run(law: str) -> None:
+    """Single ticks, as in the nodes, are bitwise identical to the compiled run."""
     values = scenario(law)
     whole = next(Simulation(values).run())
     controller = Controller(robot_of(values['controller']), 1e-3, values['controller'])
@@ -54,8 +54,8 @@ def test_ticks_one_by_one_are_the_whole_run(law: str) -> None:
 
 
 @pytest.mark.parametrize('law', OTHERS)
-def test_limits_hold_and_nothing_winds_up(law: str) -> None:
-    """Torques and their rates stay within limits, and the run stays finite behind them."""
+def test_law_limited_torque_keeps_run_finite(law: str) -> None:
+    """Torques and their rates stay within limits; states and estimates stay finite."""
     limits = ('controller.torque_limit=1.0', 'controller.torque_rate_limit=50.0')
     run = next(Simulation(scenario(law, *limits)).run())
     assert np.abs(run.torque).max() <= 1.0
@@ -65,8 +65,8 @@ def test_limits_hold_and_nothing_winds_up(law: str) -> None:
 
 
 @pytest.mark.parametrize('law', OTHERS)
-def test_a_pause_leaves_nothing_of_the_tick_before(law: str) -> None:
-    """After a rest or skipped ticks torques are finite, and a reset is a new beginning."""
+def test_law_after_pause_or_reset_has_no_old_state(law: str) -> None:
+    """After a pause or skipped ticks torques are finite; a reset restarts the law."""
     values = scenario(law)['controller']
     controller = Controller(robot_of(values), 1e-3, values)
     run = next(Simulation(scenario(law)).run())
@@ -84,18 +84,18 @@ def test_a_pause_leaves_nothing_of_the_tick_before(law: str) -> None:
     np.testing.assert_array_equal([torque(k) for k in range(20)], first)
 
 
-def test_a_plug_in_does_not_hide_behind_a_built_in_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor does it stand in for one: who names it is told."""
+def test_registry_plug_in_with_built_in_name_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plug-in does not replace a built-in law; the user of that name gets an error."""
     monkeypatch.setattr(registry, 'plugged_in', lambda group: ('mine', 'smc'))
     assert registry.names() == (*LAWS, 'mine')
     with pytest.raises(InputError, match=r'law = smc: an installed package brings'):
         registry.load_for('smc', TWO_LINK)
-    # Whoever chooses another law has no part in it.
+    # Other laws are not affected.
     assert registry.load_for('rasmc', TWO_LINK) is LAWS['rasmc']
 
 
-def test_a_change_of_law_goes_over_within_the_rate_limit() -> None:
-    """Through all laws in a run: no jump of the torque beyond its rate limit."""
+def test_law_change_keeps_torque_rate_limit() -> None:
+    """The torque rate stays within its limit while the law changes through all laws in one run."""
     limit = 2000.0
     values = scenario('rasmc', f'controller.torque_rate_limit={limit}')
     plant = Simulation(values)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits of the commanded torque: what they keep, and that nothing winds up behind them."""
+"""Limits of the commanded torque, and anti-windup of adaptation and disturbance estimate."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ RATE = st.one_of(st.just(0.0), between(0.1, 1e4))
 
 
 def with_limits(scenario: Scenario, torque: Array, rate: Array) -> Scenario:
-    """Return the scenario under limits in N m and N m/s."""
+    """Return the scenario with limits in N·m and N·m/s."""
     limits = (('torque_limit', torque), ('torque_rate_limit', rate))
     return replace(scenario, extra=scenario.extra + limits)
 
 
 @PROPERTY
 @given(TORQUE, TORQUE, LIMIT, RATE, between(1e-4, 0.1))
-def test_the_limits_hold_and_what_is_within_them_passes(
+def test_limits_any_torque_bounded_or_passed_unmodified(
     value: float, previous: float, limit: float, rate: float, period: float
 ) -> None:
-    found = limited(value, previous, limit, rate, period)
-    assert limit == 0.0 or abs(found) <= limit
+    torque = limited(value, previous, limit, rate, period)
+    assert limit == 0.0 or abs(torque) <= limit
     low, high = sorted((previous, value))
     inside = limit == 0.0 or abs(previous) <= limit
     if inside:
-        assert low <= found <= high or abs(found) == limit
-        assert rate == 0.0 or abs(found - previous) <= rate * period * (1 + 1e-12) + 1e-14
+        assert low <= torque <= high or abs(torque) == limit
+        assert rate == 0.0 or abs(torque - previous) <= rate * period * (1 + 1e-12) + 1e-14
     if (limit == 0.0 or abs(value) <= limit) and (
         rate == 0.0 or abs(value - previous) <= rate * period * (1 - 1e-12)
     ):
-        assert found == value
+        assert torque == value
 
 
-def test_not_a_number_is_not_hidden() -> None:
+def test_limits_nan_torque_stays_nan() -> None:
     assert np.isnan(limited(np.nan, 1.0, 2.0, 3.0, 0.1))
 
 
 @pytest.mark.parametrize('switching', SWITCHING)
-def test_a_run_stays_within_its_limits(switching: str) -> None:
+def test_limits_run_stays_within_them(switching: str) -> None:
     limit, rate = axes(1.0, 0.0, 4.0, 1.5), axes(0.0, 300.0, 500.0, 200.0)
     start = Scenario('rasmc', switching, 0.5, ticks=2001)
     run = whole(with_limits(start, limit, rate))
@@ -70,7 +70,7 @@ def test_a_run_stays_within_its_limits(switching: str) -> None:
 
 
 @pytest.mark.parametrize('switching', SWITCHING)
-def test_limits_out_of_reach_change_no_bit(switching: str) -> None:
+def test_limits_out_of_reach_leave_run_identical(switching: str) -> None:
     start = Scenario('rasmc', switching, 0.5, ticks=1001)
     free, wide = whole(start), whole(with_limits(start, np.full(4, 1e6), np.full(4, 1e9)))
     assert (free.torque == wide.torque).all()
@@ -79,32 +79,32 @@ def test_limits_out_of_reach_change_no_bit(switching: str) -> None:
 
 
 def exact(**changes: object) -> Scenario:
-    """Return the implicit law with the true model, off its path at the start."""
+    """Return the implicit law with the true model, away from its path at the start."""
     joints = axes(0.0, 0.0, 0.5, -1.2)
     return replace(
         Scenario('smc', 'implicit', 0.5, model_scale=1.0, joints=joints, ticks=8001), **changes
     )
 
 
-def test_what_the_limits_cut_is_not_taken_for_a_disturbance() -> None:
-    """Without a disturbance the error after saturation is that of a law without an estimate."""
+def test_disturbance_estimate_ignores_limited_torque() -> None:
+    """Undisturbed, the error after saturation equals that of a law without an estimate."""
     still = exact(amplitude=np.zeros(4))
     limit = axes(1.0, 1.0, 2.0, 0.7)
     with_estimate = whole(with_limits(still, limit, np.zeros(4)))
     without = whole(with_limits(replace(still, observer_gain=0.0), limit, np.zeros(4)))
-    cut = (with_estimate.raw_torque != with_estimate.torque).any(axis=1)
-    assert cut.sum() > 200
-    # The same torques, to what one period's prediction leaves out, all through saturation.
-    last = int(np.flatnonzero(cut)[-1])
-    apart = np.abs(with_estimate.raw_torque - without.raw_torque)[: last // 2]
-    assert apart.max() < 0.05 * np.abs(without.raw_torque).max()
+    limited_ticks = (with_estimate.raw_torque != with_estimate.torque).any(axis=1)
+    assert limited_ticks.sum() > 200
+    # Equal torques during saturation, up to the prediction error of one period.
+    last = int(np.flatnonzero(limited_ticks)[-1])
+    difference = np.abs(with_estimate.raw_torque - without.raw_torque)[: last // 2]
+    assert difference.max() < 0.05 * np.abs(without.raw_torque).max()
 
 
-def test_after_saturation_a_constant_disturbance_is_still_rejected() -> None:
-    push = exact(
+def test_disturbance_estimate_after_saturation_converges() -> None:
+    disturbed = exact(
         amplitude=axes(0.3, 0.3, 1.0, 0.4), frequency=np.zeros(4), phase=np.full(4, np.pi / 2)
     )
-    run = whole(with_limits(push, axes(1.5, 1.5, 4.0, 1.5), axes(0.0, 0.0, 100.0, 100.0)))
+    run = whole(with_limits(disturbed, axes(1.5, 1.5, 4.0, 1.5), axes(0.0, 0.0, 100.0, 100.0)))
     assert (run.raw_torque != run.torque).any(axis=1).sum() > 200
     assert np.abs(run.surface[-1000:]).max() < 1e-4
 
@@ -114,7 +114,7 @@ import numpy as np
 
 
 class Push:
-    """Ask for the same torque at every tick; note what became of the last one."""
+    """Request the same torque at every tick; store the last commanded one."""
 
     parameters = ()
     commanded = []
@@ -125,7 +125,7 @@ class Push:
 '''
 
 
-def test_a_plugged_in_law_is_limited_and_told(
+def test_plugged_in_law_torque_is_limited_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / 'pushing.py').write_text(PLUGGED_IN)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Error dynamics (18) and Lyapunov function (19)-(23) in continuous time, signs and all."""
+"""Error dynamics (18) and Lyapunov function (19)-(23) in continuous time, with their signs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from robots import (
 
 @dataclass(frozen=True)
 class Situation:
-    """A robot in motion under (17) with an estimate, gains and a disturbance."""
+    """A moving robot under (17) with an estimate, gains and a disturbance."""
 
     robot: Machine
     angles: Angles
@@ -52,7 +52,7 @@ class Situation:
 
     @property
     def tick(self) -> TickInput:
-        """Surface, reference state and the true model's matrices."""
+        """Surface, reference state and matrices of the true model."""
         position = np.array(
             [0.2, -0.1, self.angles.yaw, 0.0, 0.0, self.angles.arm_1, self.angles.arm_2]
         )
@@ -64,11 +64,11 @@ class Situation:
         fill(settings, 'nominal', theta)
         fill(settings, 'period', 1e-3)
         fill(settings, 'sigma', gains['sigma'])
-        now = records.signals(TWO_LINK)
-        fill(now, 'position', position)
-        fill(now, 'velocity', velocity)
-        fill(now, 'reference', self.reference)
-        return tick_input(settings, now, gains, self.estimate, np.zeros(4))
+        signals = records.signals(TWO_LINK)
+        fill(signals, 'position', position)
+        fill(signals, 'velocity', velocity)
+        fill(signals, 'reference', self.reference)
+        return tick_input(settings, signals, gains, self.estimate, np.zeros(4))
 
     @property
     def task_disturbance(self) -> Array:
@@ -84,28 +84,29 @@ class Situation:
             0.0, 0.0, self.angles.yaw, 0.0, 0.0, self.angles.arm_1, self.angles.arm_2, *self.rates
         )
         rate = derivative(self.robot.theta, geometry, state, tuple(torque.tolist()))
-        bend = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        kinematics = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
         v = quasi_velocity(geometry, *self.rates)
-        acceleration = t.jacobian @ np.array(rate[7:]) + task_drift(geometry, bend, v, v)
+        acceleration = t.jacobian @ np.array(rate[7:]) + task_drift(geometry, kinematics, v, v)
         sigma = np.asarray(t.gains['sigma'])
         return acceleration - (t.reference[2] - sigma * t.error_rate)
 
     def coriolis_force(self) -> Array:
         """Return V_x s (4) of (11)."""
         t, geometry = self.tick, self.robot.geometry
-        bend = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
+        kinematics = posture(self.angles.yaw, self.angles.arm_1, self.angles.arm_2)
         v = quasi_velocity(geometry, *self.rates)
         along = t.inverse_jacobian @ t.surface
         along_quasi = quasi_velocity(geometry, *along.tolist())
-        own = joint_torque(geometry, *coriolis(self.robot.theta, geometry, bend, v, along_quasi))
-        drift = task_drift(geometry, bend, v, along_quasi)
+        force = coriolis(self.robot.theta, geometry, kinematics, v, along_quasi)
+        own = joint_torque(geometry, *force)
+        drift = task_drift(geometry, kinematics, v, along_quasi)
         turning = t.inertia @ t.inverse_jacobian @ np.array(drift)
         return t.inverse_jacobian.T @ (np.array(own) - turning)
 
 
 @st.composite
 def situations(draw: st.DrawFn) -> Situation:
-    """Draw a situation with an arm well bent and every s_i off the surface."""
+    """Draw a situation with a bent arm and every s_i off the surface."""
     robot = draw(machines())
     bend = draw(st.floats(0.4, 2.7)) * draw(st.sampled_from((-1.0, 1.0)))
     angles = Angles(draw(st.floats(-3.0, 3.0)), draw(st.floats(-3.0, 3.0)), bend)
@@ -127,17 +128,17 @@ def situations(draw: st.DrawFn) -> Situation:
 @pytest.mark.slow
 @PROPERTY
 @given(situations())
-def test_18_has_the_estimation_error_with_a_minus(situation: Situation) -> None:
+def test_error_dynamics_estimation_error_has_minus_sign(situation: Situation) -> None:
     """H_x sdot + V_x s + K_s1 s + K_s2 sgn(s) = -Y (theta - theta_hat) + tau_dx."""
     t = situation.tick
     s = t.surface
     inertial = t.task_inertia @ situation.surface_rate()
     left = inertial + situation.coriolis_force() + situation.k_s1 * s + situation.k_s2 * np.sign(s)
-    wrong = np.array(situation.robot.theta) - situation.estimate
-    mismatch = t.inverse_jacobian.T @ t.regressor @ wrong
+    estimation_error = np.array(situation.robot.theta) - situation.estimate
+    mismatch = t.inverse_jacobian.T @ t.regressor @ estimation_error
     size = np.abs(inertial).max() + np.abs(left).max() + 1.0
     assert_agree(left, -mismatch + situation.task_disturbance, 1e-9, scale=size)
-    # As printed, with a plus and without the disturbance, it fails.
+    # The printed equation, with a plus and without the disturbance, does not hold.
     assert np.abs(left - mismatch).max() > 1e-6 * size
 
 
@@ -146,19 +147,19 @@ def lyapunov_rate(situation: Situation, estimate_rate: Array, gamma: Array) -> f
     t = situation.tick
     s = t.surface
     along = s @ (t.task_inertia @ situation.surface_rate() + situation.coriolis_force())
-    wrong = np.array(situation.robot.theta) - situation.estimate
-    return float(along + wrong @ (gamma * -estimate_rate))
+    estimation_error = np.array(situation.robot.theta) - situation.estimate
+    return float(along + estimation_error @ (gamma * -estimate_rate))
 
 
 @PROPERTY
 @given(situations(), st.integers(0, 2**32 - 1))
-def test_23_cancels_the_estimation_error(situation: Situation, seed: int) -> None:
+def test_update_law_cancels_estimation_error(situation: Situation, seed: int) -> None:
     """dL/dt = -s' K_s1 s - s' K_s2 sgn(s) + s' tau_dx under dtheta_hat/dt of (23)."""
     t = situation.tick
     s = t.surface
     gamma = np.random.default_rng(seed).uniform(0.1, 10.0, 7)
     update = -(t.regressor.T @ t.inverse_jacobian @ s) / gamma
-    found = lyapunov_rate(situation, update, gamma)
+    rate = lyapunov_rate(situation, update, gamma)
     expected = (
         -s @ (situation.k_s1 * s) - np.abs(s) @ situation.k_s2 + s @ situation.task_disturbance
     )
@@ -167,18 +168,18 @@ def test_23_cancels_the_estimation_error(situation: Situation, seed: int) -> Non
         np.abs(t.task_inertia @ situation.surface_rate()).max()
         + np.abs(y_x).max() * np.abs(situation.robot.theta).max() * 4.0
     )
-    assert_agree(found, expected, 1e-9, scale=size)
-    # With theta_tilde's derivative on the left of (23), as its symbols suggest in (20), the
+    assert_agree(rate, expected, 1e-9, scale=size)
+    # With the derivative of theta_tilde on the left of (23), as its symbols in (20) suggest, the
     # estimation error would enter twice instead of cancelling.
-    wrong = np.array(situation.robot.theta) - situation.estimate
+    estimation_error = np.array(situation.robot.theta) - situation.estimate
     opposite = lyapunov_rate(situation, -update, gamma)
-    left_over = -2.0 * s @ y_x @ wrong
-    assert_agree(opposite - found, left_over, 1e-9, scale=size)
+    remainder = -2.0 * s @ y_x @ estimation_error
+    assert_agree(opposite - rate, remainder, 1e-9, scale=size)
 
 
 @PROPERTY
 @given(situations())
-def test_switching_gains_above_the_disturbance_make_l_decrease(situation: Situation) -> None:
+def test_lyapunov_function_large_switching_gains_decreases(situation: Situation) -> None:
     strong = Situation(
         **{**vars(situation), 'k_s2': np.abs(situation.task_disturbance) * 1.01 + 1e-3}
     )
@@ -188,8 +189,8 @@ def test_switching_gains_above_the_disturbance_make_l_decrease(situation: Situat
     assert lyapunov_rate(strong, update, np.ones(7)) < 1e-9 * size
 
 
-def test_switching_gains_below_the_disturbance_let_l_grow() -> None:
-    """(21)-(22) drop K_s2 and the disturbance, and with them the condition on K_s2."""
+def test_lyapunov_function_small_switching_gains_grows() -> None:
+    """(21)-(22) omit K_s2 and the disturbance, and with them the condition on K_s2."""
     robot = Machine(DEFAULT)
     angles = Angles(0.4, 0.7, -1.2)
     still = Situation(
@@ -202,13 +203,13 @@ def test_switching_gains_below_the_disturbance_let_l_grow() -> None:
         np.zeros(4),
         np.zeros(4),
     )
-    # A reference a millimetre off in every axis, and a push along s that K_s2 = 1 N is under.
-    bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
-    x = np.array(task_position(robot.geometry, bend, 0.2, -0.1))
+    # A reference 1 mm off in every axis, and a disturbance along s above K_s2 = 1 N.
+    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    x = np.array(task_position(robot.geometry, kinematics, 0.2, -0.1))
     reference = np.concatenate([x - 1e-3, np.zeros(8)])
-    push = still.tick.jacobian.T @ np.full(4, 2.0)
+    disturbance = still.tick.jacobian.T @ np.full(4, 2.0)
     near = Situation(
-        **{**vars(still), 'reference': reference, 'k_s2': np.ones(4), 'disturbance': push}
+        **{**vars(still), 'reference': reference, 'k_s2': np.ones(4), 'disturbance': disturbance}
     )
     assert (near.tick.surface > 0.0).all()
     assert near.task_disturbance == pytest.approx(np.full(4, 2.0))

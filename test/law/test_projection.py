@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Projection of theta_hat: what it keeps, and that it never leads away from a robot's theta."""
+"""Projection of theta_hat: bounds, consistency, and distance to the theta of any robot."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 class Projected:
-    """An estimate under projection, moved at will."""
+    """A projected estimate that a test moves."""
 
     def __init__(self, robot: Machine, lower: float, upper: float, gamma: Array) -> None:
-        """Start at the nominal model, which is the robot's."""
+        """Initialise the estimate with the nominal model, which is the robot's."""
         self.robot, self.gamma, self._bounds = robot, gamma, (lower, upper)
         self.nominal = np.array(robot.theta)
         self.estimate = self.nominal.copy()
@@ -54,7 +54,7 @@ def least_eigenvalue(matrix: Array, nominal: Array) -> float:
 @given(
     machines(), all_angles(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-2.0, 4.0)
 )
-def test_whatever_the_gradients_the_estimate_stays_that_of_bodies(
+def test_projection_any_gradient_keeps_estimate_consistent(
     robot: Machine, angles: Angles, lower: float, upper: float, seed: int, size: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -77,13 +77,13 @@ def test_whatever_the_gradients_the_estimate_stays_that_of_bodies(
 
 @PROPERTY
 @given(machines(), between(0.05, 0.9), between(1.1, 20.0), SEEDS, between(-3.0, -0.5))
-def test_projection_comes_no_farther_from_any_robot_in_the_set(
+def test_projection_never_increases_distance_to_robots(
     robot: Machine, lower: float, upper: float, seed: int, size: float
 ) -> None:
     """
-    A robot whose every mass and inertia is within the bounds, centres of mass the same.
+    Every mass and inertia of the robot is within the bounds; centres of mass are equal.
 
-    Steps of up to a third of the model in one tick.
+    Steps are up to a third of the model per tick.
     """
     rng = np.random.default_rng(seed)
     factors = {
@@ -104,7 +104,7 @@ def test_projection_comes_no_farther_from_any_robot_in_the_set(
         assert projected.distance(other) <= far * (1.0 + 1e-9)
 
 
-def test_inside_nothing_moves() -> None:
+def test_projection_inside_bounds_keeps_estimate() -> None:
     projected = Projected(Scenario().robot, 0.2, 5.0, np.ones(7))
     step = 0.3 * projected.nominal
     projected.move(step)
@@ -112,7 +112,7 @@ def test_inside_nothing_moves() -> None:
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_neither_hangs_nor_hides(value: float) -> None:
+def test_projection_nan_or_inf_terminates_nan_is_kept(value: float) -> None:
     projected = Projected(Scenario().robot, 0.2, 5.0, np.ones(7))
     projected.move(np.array([0.0, 0.0, 0.0, value, 0.0, 0.0, 0.0]))
     assert np.isnan(value) == np.isnan(projected.estimate).any()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Explicit reaching terms, surface, reference state and update laws, axis by axis."""
+"""Explicit reaching terms, surface, reference state and update law of single axes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def switched(kind: str, s: float, delta: float) -> float:
     return -explicit_reaching(kind, s, 0.0, 1.0, delta)
 
 
-def test_laws_and_terms_go_by_their_names() -> None:
+def test_laws_and_terms_registered_under_their_names() -> None:
     assert (*EXPLICIT, 'implicit') == SWITCHING
     assert {name: term.name for name, term in REACHING.items()} == {n: n for n in SWITCHING}
     assert {name: law.name for name, law in LAWS.items()} == {n: n for n in LAWS}
@@ -57,7 +57,7 @@ def test_laws_and_terms_go_by_their_names() -> None:
 
 @PROPERTY
 @given(KINDS, SURFACE, GAIN, GAIN, LAYER)
-def test_reaching_is_the_sum_of_both_terms(
+def test_reaching_force_is_sum_of_both_terms(
     kind: str, s: float, k_s1: float, k_s2: float, delta: float
 ) -> None:
     expected = -k_s1 * s - k_s2 * switched(kind, s, delta)
@@ -66,7 +66,7 @@ def test_reaching_is_the_sum_of_both_terms(
 
 @PROPERTY
 @given(KINDS, SURFACE, GAIN, GAIN, LAYER)
-def test_reaching_is_odd_to_the_bit_and_opposes_s(
+def test_reaching_force_is_exactly_odd_and_opposes_s(
     kind: str, s: float, k_s1: float, k_s2: float, delta: float
 ) -> None:
     u = explicit_reaching(kind, s, k_s1, k_s2, delta)
@@ -76,27 +76,29 @@ def test_reaching_is_odd_to_the_bit_and_opposes_s(
 
 @PROPERTY
 @given(KINDS, SURFACE, LAYER)
-def test_switching_stays_within_one(kind: str, s: float, delta: float) -> None:
+def test_switching_function_stays_within_one(kind: str, s: float, delta: float) -> None:
     assert abs(switched(kind, s, delta)) <= 1.0
 
 
 @PROPERTY
 @given(KINDS, SURFACE, SURFACE, LAYER)
-def test_switching_does_not_decrease(kind: str, s: float, other: float, delta: float) -> None:
+def test_switching_function_does_not_decrease(
+    kind: str, s: float, other: float, delta: float
+) -> None:
     low, high = sorted((s, other))
-    # Where the two branches of tanh meet, neighbours may change places by a rounding.
+    # At the joint of the two branches of tanh, rounding may swap neighbours.
     assert switched(kind, low, delta) <= switched(kind, high, delta) + 4e-16
 
 
 @PROPERTY
 @given(st.sampled_from(SMOOTH), SURFACE.filter(lambda s: abs(s) > 1e-6))
-def test_a_thin_layer_is_the_sign(kind: str, s: float) -> None:
+def test_switching_function_thin_layer_is_sign(kind: str, s: float) -> None:
     assert switched(kind, s, 1e-16) == pytest.approx(math.copysign(1.0, s), abs=1e-9)
 
 
 @PROPERTY
 @given(st.sampled_from(SMOOTH), between(-1.0, 1.0), LAYER)
-def test_inside_the_layer_the_slope_is_one_over_delta(
+def test_switching_function_slope_inside_layer_is_one_over_delta(
     kind: str, ratio: float, delta: float
 ) -> None:
     s = 1e-6 * ratio * delta
@@ -105,7 +107,7 @@ def test_inside_the_layer_the_slope_is_one_over_delta(
 
 @PROPERTY
 @given(SURFACE, LAYER)
-def test_switching_functions_are_what_they_are_called(s: float, delta: float) -> None:
+def test_switching_functions_equal_their_definitions(s: float, delta: float) -> None:
     assert switched(SIGN, s, delta) == (s > 0) - (s < 0)
     assert switched(SATURATION, s, delta) == max(-1.0, min(1.0, s / delta))
     assert switched(TANH, s, delta) == pytest.approx(math.tanh(s / delta), rel=1e-15)
@@ -113,40 +115,40 @@ def test_switching_functions_are_what_they_are_called(s: float, delta: float) ->
 
 
 @pytest.mark.parametrize('kind', EXPLICIT)
-def test_on_the_surface_there_is_no_force(kind: str) -> None:
+def test_reaching_force_on_surface_is_zero(kind: str) -> None:
     assert explicit_reaching(kind, 0.0, 100.0, 100.0, 0.2) == 0.0
 
 
 @pytest.mark.parametrize('kind', EXPLICIT)
-def test_not_a_number_is_not_hidden(kind: str) -> None:
+def test_reaching_force_nan_surface_is_nan(kind: str) -> None:
     assert math.isnan(explicit_reaching(kind, math.nan, 100.0, 100.0, 0.2))
 
 
 @PROPERTY
 @given(SURFACE, SURFACE, SURFACE, SURFACE, SURFACE, between(0.0, 20.0))
-def test_the_surface_is_what_is_left_of_the_reference_state(
+def test_surface_is_velocity_minus_reference_velocity(
     x: float, x_dot: float, x_d: float, x_dot_d: float, x_ddot_d: float, sigma: float
 ) -> None:
-    """S = xdot - xdot_r of (14), and its derivative likewise."""
+    """The surface is xdot - xdot_r of (14); its derivative follows."""
     error, rate = x - x_d, x_dot - x_dot_d
     s = sliding_surface(error, rate, sigma)
     assert s == pytest.approx(x_dot - reference_velocity(x_dot_d, error, sigma), abs=1e-11)
     # sdot = xddot - xddot_r for any xddot; at xddot = xddot_d it is sigma edot.
-    left = x_ddot_d - reference_acceleration(x_ddot_d, rate, sigma)
-    assert left == pytest.approx(sliding_surface(rate, 0.0, sigma), abs=1e-11)
+    difference = x_ddot_d - reference_acceleration(x_ddot_d, rate, sigma)
+    assert difference == pytest.approx(sliding_surface(rate, 0.0, sigma), abs=1e-11)
 
 
 @PROPERTY
 @given(between(-100.0, 100.0), between(-1e4, 1e4), between(1e-3, 1e3), between(1e-4, 0.1))
-def test_the_update_is_one_euler_step_of_23(
+def test_gradient_step_is_one_euler_step(
     estimate: float, gradient: float, gamma: float, period: float
 ) -> None:
     exact = Fraction(estimate) - Fraction(period) * Fraction(gradient) / Fraction(gamma)
-    found = gradient_step(estimate, gradient, gamma, period)
+    next_estimate = gradient_step(estimate, gradient, gamma, period)
     size = abs(estimate) + abs(period * gradient / gamma)
-    assert abs(Fraction(found) - exact) <= Fraction(1e-15 * size + 1e-300)
+    assert abs(Fraction(next_estimate) - exact) <= Fraction(1e-15 * size + 1e-300)
 
 
-def test_smc_learns_nothing() -> None:
+def test_smc_run_keeps_estimate() -> None:
     run = whole(Scenario('smc', 'tanh', ticks=51))
     assert (run.estimate == run.estimate[0]).all()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The disturbance estimate follows less where the base moves other than its wheels roll."""
+"""Reduced disturbance adaptation while the wheels slip (slip_backoff)."""
 
 from __future__ import annotations
 
@@ -24,38 +24,38 @@ RATES = np.array([1.0, 2.0, 0.5, -0.4])
 
 
 def estimate(slip: Array, backoff: float, source: int = MEASURED) -> Array:
-    """Return the disturbance estimate in N after two ticks at which the base slips so."""
+    """Return the disturbance estimate in N after two ticks with a slipping base."""
     extra = (('slip_backoff', backoff), ('velocity_source', source), ('estimator_bandwidth', 1e3))
     scenario = Scenario(law='smc', switching='implicit', observer_gain=0.5, extra=extra)
     settings, memory = law_records(scenario)
-    now = records.signals(TWO_LINK)
+    signals = records.signals(TWO_LINK)
     velocity = matrices(DEFAULT, POSITION, RATES).null_space @ RATES
     velocity[:3] += slip
-    fill(now, 'position', POSITION)
-    fill(now, 'velocity', velocity)
-    fill(now, 'reference', REFERENCE)
+    fill(signals, 'position', POSITION)
+    fill(signals, 'velocity', velocity)
+    fill(signals, 'reference', REFERENCE)
     for _ in range(2):
-        control_tick(settings, memory, now, *inputs(now))
-    found: Array = memory['disturbance'][0, :, 0].copy()
-    return found
+        control_tick(settings, memory, signals, *inputs(signals))
+    disturbance: Array = memory['disturbance'][0, :, 0].copy()
+    return disturbance
 
 
 @pytest.mark.parametrize(
     'slip', [(0.05, 0.0, 0.0), (0.0, -0.02, 0.0), (0.0, 0.0, 0.3), (0.3, -0.4, 0.1)]
 )
-def test_it_follows_by_as_much_less_as_it_slips(slip: tuple[float, float, float]) -> None:
-    at = np.array(slip)
-    expected = estimate(at, 0.0) / (1.0 + at @ at / SCALE**2)
+def test_slip_backoff_reduces_disturbance_estimate(slip: tuple[float, float, float]) -> None:
+    base_slip = np.array(slip)
+    expected = estimate(base_slip, 0.0) / (1.0 + base_slip @ base_slip / SCALE**2)
     assert np.abs(expected).max() > 0.1
-    np.testing.assert_allclose(estimate(at, SCALE), expected, rtol=1e-9)
+    np.testing.assert_allclose(estimate(base_slip, SCALE), expected, rtol=1e-9)
 
 
-def test_where_wheels_roll_its_bits_are_those_without() -> None:
-    rolls = np.zeros(3)
-    np.testing.assert_array_equal(estimate(rolls, SCALE), estimate(rolls, 0.0))
+def test_slip_backoff_without_slip_leaves_estimate_identical() -> None:
+    no_slip = np.zeros(3)
+    np.testing.assert_array_equal(estimate(no_slip, SCALE), estimate(no_slip, 0.0))
 
 
-def test_rates_that_are_not_measured_tell_of_no_slip() -> None:
+def test_slip_backoff_estimated_velocities_ignores_slip() -> None:
     slip = np.array([0.3, 0.0, 0.0])
     np.testing.assert_array_equal(
         estimate(slip, SCALE, ESTIMATED), estimate(slip, 0.0, ESTIMATED)

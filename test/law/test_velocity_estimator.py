@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rates from joint angles: the observer by itself, and in the loop against a simple filter."""
+"""Joint velocities from joint angles: the observer alone, and in the loop against a filter."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ PERIOD = 1e-3
 
 
 def follow(angles: Array, accelerations: Array, bandwidth: float) -> Array:
-    """Return estimated angle, rate and push after every sample, from rest at the first."""
-    state, found = (float(angles[0]), 0.0, 0.0), []
+    """Return estimated angle, velocity and disturbance after every sample (n, 3)."""
+    state, states = (float(angles[0]), 0.0, 0.0), []
     gain = gains(bandwidth, PERIOD)
     for angle, acceleration in zip(angles[1:], accelerations[:-1], strict=True):
         state = followed(*state, float(acceleration), float(angle), PERIOD, gain)
-        found.append(state)
-    return np.array(found)
+        states.append(state)
+    return np.array(states)
 
 
 @PROPERTY
 @given(between(-5.0, 5.0), between(-50.0, 50.0), between(-50.0, 50.0), between(200.0, 5000.0))
-def test_it_finds_rate_and_push_without_error(
+def test_observer_constant_push_has_no_error(
     rate: float, known: float, push: float, bandwidth: float
 ) -> None:
-    """Under a constant push it has no lag at all, however little of it is known."""
+    """Under a constant disturbance the observer has no lag, for any unmodelled part."""
     t = PERIOD * np.arange(4000)
     angles = rate * t + 0.5 * (known + push) * t * t
-    angle, found, found_push = follow(angles, np.full(len(t), known), bandwidth)[-1]
+    angle, estimated_rate, estimated_push = follow(angles, np.full(len(t), known), bandwidth)[-1]
     assert angle == pytest.approx(angles[-1], abs=1e-9 * (1.0 + abs(angles[-1])))
-    assert found == pytest.approx(rate + (known + push) * t[-1], abs=1e-6)
-    assert found_push == pytest.approx(push, abs=1e-2)
+    assert estimated_rate == pytest.approx(rate + (known + push) * t[-1], abs=1e-6)
+    assert estimated_push == pytest.approx(push, abs=1e-2)
 
 
 @PROPERTY
 @given(between(1.0, 1e6), between(1e-4, 0.1))
-def test_it_is_stable_at_every_bandwidth_and_period(bandwidth: float, period: float) -> None:
+def test_observer_any_bandwidth_and_period_is_stable(bandwidth: float, period: float) -> None:
     g, h, k = gains(bandwidth, period)
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     error = step - np.outer([g, h, k], step[0])
@@ -56,7 +56,7 @@ def test_it_is_stable_at_every_bandwidth_and_period(bandwidth: float, period: fl
 
 @PROPERTY
 @given(between(200.0, 5000.0))
-def test_without_the_push_both_poles_are_where_the_bandwidth_puts_them(bandwidth: float) -> None:
+def test_observer_without_push_has_double_pole_at_bandwidth(bandwidth: float) -> None:
     g, h, _ = gains(bandwidth, PERIOD)
     error = np.array([[1.0 - g, 1.0 - g], [-h, 1.0 - h]])
     pole = 1.0 / (1.0 + bandwidth * PERIOD)
@@ -64,7 +64,7 @@ def test_without_the_push_both_poles_are_where_the_bandwidth_puts_them(bandwidth
 
 
 def estimated(bandwidth: float, base: Scenario) -> Scenario:
-    """Return the scenario with rates from the angles."""
+    """Return the scenario with joint velocities estimated from the angles."""
     extra = (('velocity_source', ESTIMATED), ('estimator_bandwidth', bandwidth))
     return replace(base, extra=base.extra + extra)
 
@@ -77,7 +77,7 @@ QUANTISED = Scenario(
 )
 
 
-def test_measured_rates_are_not_looked_at() -> None:
+def test_observer_measured_velocities_are_ignored() -> None:
     base = estimated(1000.0, replace(QUANTISED, ticks=501))
     noisier = replace(base, measured=(base.measured[0], ('noise', np.full(4, 1.0))))
     one, other = whole(base), whole(noisier)
@@ -85,8 +85,8 @@ def test_measured_rates_are_not_looked_at() -> None:
     assert (one.torque == other.torque).all()
 
 
-def test_with_exact_angles_nothing_is_lost() -> None:
-    """A standstill at the start, the rest as with exact rates."""
+def test_observer_exact_angles_keeps_tracking_accuracy() -> None:
+    """The start from rest differs; afterwards the run equals one with measured velocities."""
     exact = Scenario('smc', 'implicit', 0.5)
     half = slice(10_000, 20_000)
     one, other = whole(exact), whole(estimated(1000.0, exact))
@@ -105,14 +105,14 @@ def _curve() -> ModuleType:
     return module
 
 
-def test_no_first_order_filter_does_better() -> None:
-    """For every filter there is a bandwidth with less error and less variation."""
+def test_observer_outperforms_every_first_order_filter() -> None:
+    """For every filter a bandwidth of the observer has less error and less variation."""
     curve = _curve()
     filtered = [curve.filtered(bandwidth) for bandwidth in (700.0, 1000.0, 2000.0, 5000.0)]
     estimates = [curve.estimated(bandwidth) for bandwidth in (500.0, 1000.0, 2000.0)]
     assert min(point.variation for point in filtered) > 20_000.0
-    for simple in filtered:
+    for filter_point in filtered:
         assert any(
-            point.error < simple.error and point.variation < simple.variation
+            point.error < filter_point.error and point.variation < filter_point.variation
             for point in estimates
         )

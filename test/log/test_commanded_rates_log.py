@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commanded rates out of a log: stamps, refused messages, report, export."""
+"""Commanded velocities of a log: stamps, rejected messages, report, export."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TICK = 1_000_000
 def write(
     path: Path, twists: list[tuple[int, Any]], arm: list[int], kind: str = TWIST
 ) -> None:
-    """Write five states, twists at times in ns of the log, commands for the arm by stamp."""
+    """Write five states, twists at log times in ns, and arm commands by stamp."""
     with LogWriter(path) as log:
         states = log.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
         platform = log.channel('/cmd_vel', kind, Qos())
@@ -54,12 +54,12 @@ def twist(forward: float, turn: float) -> TwistCdr:
 
 
 def stamps(run: Run) -> list[int]:
-    """Return the stamps of the commands for the platform in ticks."""
+    """Return the stamps of the platform commands in ticks."""
     return [round(time * 1e9 / TICK) for time in run.cmd_vel.times]
 
 
-def test_plain_twists_go_with_the_commands_for_the_arm(tmp_path: Path) -> None:
-    """In a recording two of them may have the same time, and another a tick too late."""
+def test_read_run_plain_twists_get_stamps_of_arm_commands(tmp_path: Path) -> None:
+    """In a recording two twists may have the same time, and another may be one tick late."""
     path = tmp_path / 'run.mcap'
     times = [0, 0, 2, 4, 4]
     write(
@@ -75,14 +75,14 @@ def test_plain_twists_go_with_the_commands_for_the_arm(tmp_path: Path) -> None:
     assert run.commands_rates
 
 
-def test_plain_twists_of_another_number_have_the_times_of_the_log(tmp_path: Path) -> None:
+def test_read_run_unpaired_plain_twists_get_log_times(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write(path, [(n * TICK, twist(n, -n)) for n in (0, 1, 3)], [0, TICK])
     run = read_run(path)
     assert stamps(run) == [0, 1, 3]
 
 
-def test_a_twist_that_nobody_takes_is_left_out(tmp_path: Path) -> None:
+def test_read_run_invalid_twist_is_skipped(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     bad = twist(1.0, 1.0)
     bad.linear[1] = np.nan
@@ -93,7 +93,7 @@ def test_a_twist_that_nobody_takes_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('prefix', ['', 'left/'])
-def test_stamped_twists_have_their_own_stamps(prefix: str, tmp_path: Path) -> None:
+def test_read_run_stamped_twists_keep_their_stamps(prefix: str, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     messages = []
     for tick in range(3):
@@ -107,7 +107,7 @@ def test_stamped_twists_have_their_own_stamps(prefix: str, tmp_path: Path) -> No
     assert run.cmd_vel.values.tolist() == [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]
 
 
-def test_another_type_is_refused(tmp_path: Path) -> None:
+def test_read_run_cmd_vel_of_other_type_raises(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write(path, [(0, ArmVelocityCdr())], [0], FLOAT_ARRAY)
     with pytest.raises(InputError, match=r'cmd_vel is .*Float64MultiArray; it takes .*Twist or '):
@@ -118,12 +118,14 @@ def test_another_type_is_refused(tmp_path: Path) -> None:
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp('rates') / 'run.mcap'
     both = [f'{node}.command_interface=velocity' for node in ('plant', 'controller')]
-    settings = [word for each in (*both, 'duration=0.5') for word in ('--set', each)]
+    settings = [word for setting in (*both, 'duration=0.5') for word in ('--set', setting)]
     assert main(['simulate', str(PAPER), '--output', str(path), *settings]) == 0
     return path
 
 
-def test_the_table_has_no_torques(simulated: Path, tmp_path: Path, capsys: Any) -> None:
+def test_report_velocity_interface_has_no_torques_in_table(
+    simulated: Path, tmp_path: Path, capsys: Any
+) -> None:
     assert main(['report', str(simulated), '--output', str(tmp_path)]) == 0
     with (tmp_path / 'metrics.csv').open(newline='', encoding='utf-8') as stream:
         (row,) = csv.DictReader(stream)
@@ -131,13 +133,13 @@ def test_the_table_has_no_torques(simulated: Path, tmp_path: Path, capsys: Any) 
     assert row['torque_rms (N·m)'] == row['torque_variation (N·m/s)'] == ''
 
 
-def test_the_page_shows_rates(simulated: Path, tmp_path: Path) -> None:
+def test_report_page_velocity_interface_plots_velocities(simulated: Path, tmp_path: Path) -> None:
     assert main(['report', str(simulated), '--output', str(tmp_path)]) == 0
     page = Page((tmp_path / 'report.html').read_text(encoding='utf-8'))
     rates, speed = page.figure('run-1-rates'), page.figure('run-1-speed')
     assert rates['layout']['yaxis']['title']['text'] == 'rate (rad/s)'
     assert speed['layout']['yaxis']['title']['text'] == 'speed (m/s)'
-    assert [each['name'] for each in rates['data']] == ['yaw rate', 'arm joint 1', 'arm joint 2']
+    assert [trace['name'] for trace in rates['data']] == ['yaw rate', 'arm joint 1', 'arm joint 2']
     run = read_run(simulated)
     for samples, values in zip(
         (*lines(speed).values(), *lines(rates).values()),
@@ -151,17 +153,19 @@ def test_the_page_shows_rates(simulated: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('file_format', ['csv', 'npz'])
-def test_the_export_has_rates(simulated: Path, tmp_path: Path, file_format: str) -> None:
+def test_export_velocity_interface_has_velocities(
+    simulated: Path, tmp_path: Path, file_format: str
+) -> None:
     run = read_run(simulated)
     export = ['export', str(simulated), '--output', str(tmp_path), '--format', file_format]
     assert main(export) == 0
     path = tmp_path / f'run.{file_format}'
     if file_format == 'npz':
-        found = np.load(path)
-        assert 'command' not in found
-        assert (found['cmd_vel'] == run.cmd_vel.values).all()
-        assert (found['arm_rate'] == run.arm_rates.values).all()
-        assert (found['cmd_vel_time_s'] == run.times).all()
+        arrays = np.load(path)
+        assert 'command' not in arrays
+        assert (arrays['cmd_vel'] == run.cmd_vel.values).all()
+        assert (arrays['arm_rate'] == run.arm_rates.values).all()
+        assert (arrays['cmd_vel_time_s'] == run.times).all()
         return
     with path.open(newline='', encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))

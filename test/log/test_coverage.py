@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a recorder says that it is: not beyond what may still be missing."""
+"""Coverage of a recording: the time up to which no message is missing."""
 
 from __future__ import annotations
 
@@ -11,53 +11,53 @@ import pytest
 
 
 def recorded(last: int, *, frames: int, decimation: int = 1) -> Coverage:
-    """Return the coverage of states and commands up to a stamp, frames up to another."""
-    found = Coverage()
+    """Return the coverage of states and commands up to `last` and frames up to `frames`."""
+    recording = Coverage()
     for stamp in range(last + 1):
-        found.add_state(stamp)
-        found.answered = stamp
+        recording.add_state(stamp)
+        recording.answered = stamp
         if stamp <= frames and stamp % decimation == 0:
-            found.add('tf', stamp)
-    return found
+            recording.add('tf', stamp)
+    return recording
 
 
-def test_the_one_furthest_behind_counts() -> None:
+def test_coverage_is_that_of_the_most_delayed_topic() -> None:
     assert recorded(50, frames=50).reached() == 50
-    assert recorded(50, frames=20).reached() == 21  # the next one may be under way
-    found = recorded(50, frames=50)
-    found.answered = 30
-    assert found.reached() == 30
+    assert recorded(50, frames=20).reached() == 21  # the next one may be in transit
+    recording = recorded(50, frames=50)
+    recording.answered = 30
+    assert recording.reached() == 30
 
 
-def test_a_topic_is_not_behind_before_its_next_message_is_due() -> None:
+def test_coverage_decimated_topic_counts_from_its_next_due_time() -> None:
     assert recorded(59, frames=50, decimation=10).reached() == 59
     assert recorded(75, frames=50, decimation=10).reached() == 60
 
 
-def test_what_never_came_or_comes_no_more_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_coverage_silent_topic_is_ignored_after_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     assert recorded(50, frames=-1).reached() == 50
-    found = recorded(50, frames=20)
-    found.forget(['tf'])
-    assert found.reached() == 50
-    now = 100.0
-    monkeypatch.setattr(coverage.time, 'monotonic', lambda: now)
-    found = recorded(50, frames=20)
-    assert found.reached() == 21
-    now += 3.5
-    assert found.reached() == 21
-    now += 1.0
-    assert found.reached() == 50
-    found.add('tf', 21)
-    found.add('tf', 22)
-    assert found.reached() == 23
+    recording = recorded(50, frames=20)
+    recording.forget(['tf'])
+    assert recording.reached() == 50
+    clock = 100.0
+    monkeypatch.setattr(coverage.time, 'monotonic', lambda: clock)
+    recording = recorded(50, frames=20)
+    assert recording.reached() == 21
+    clock += 3.5
+    assert recording.reached() == 21
+    clock += 1.0
+    assert recording.reached() == 50
+    recording.add('tf', 21)
+    recording.add('tf', 22)
+    assert recording.reached() == 23
 
 
-def test_after_a_robot_is_set_back_everything_is_expected_anew() -> None:
-    found = recorded(50, frames=50)
+def test_coverage_after_reset_starts_again() -> None:
+    recording = recorded(50, frames=50)
     for stamp in range(11):
-        found.add_state(stamp)
-        found.answered = stamp
-    assert found.reached() == 0
+        recording.add_state(stamp)
+        recording.answered = stamp
+    assert recording.reached() == 0
     for stamp in range(11):
-        found.add('tf', stamp)
-    assert found.reached() == 10
+        recording.add('tf', stamp)
+    assert recording.reached() == 10

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Damaged logs: one line from every command, and recovery keeps every complete chunk."""
+"""Damaged logs: one-line errors of all commands, and recovery of all complete chunks."""
 
 from __future__ import annotations
 
@@ -29,21 +29,24 @@ import zstandard
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES, LIMIT = 400, 80.0
-"""Damaged files, and the time in s for them."""
+"""Number of damaged files, and the time limit in s for all of them."""
 
 
 @pytest.fixture(scope='module')
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
-    """Return a computed run of several chunks, with each compression."""
+    """Return a computed run of several chunks, with every compression."""
     folder = tmp_path_factory.mktemp('whole')
     path = folder / 'run.mcap'
     arguments = ['--set', 'duration=0.6', '--output', str(path)]
     assert main(['simulate', str(ROOT / 'config' / 'paper.yaml'), *arguments]) == 0
-    return [written_again(path, folder / f'{each.name}.mcap', each) for each in CompressionType]
+    return [
+        written_again(path, folder / f'{compression.name}.mcap', compression)
+        for compression in CompressionType
+    ]
 
 
 def written_again(path: Path, other: Path, compression: CompressionType) -> bytes:
-    """Write a log again in small chunks; return its bytes."""
+    """Copy a log with small chunks and return its bytes."""
     with path.open('rb') as source, other.open('wb') as stream:
         reader = make_reader(source)
         writer = Writer(stream, chunk_size=50_000, compression=compression)
@@ -63,16 +66,18 @@ def written_again(path: Path, other: Path, compression: CompressionType) -> byte
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time
             )
-        for each in reader.iter_attachments():
-            writer.add_attachment(0, 0, each.name, each.media_type, each.data)
-        for each in reader.iter_metadata():
-            writer.add_metadata(each.name, each.metadata)
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(
+                0, 0, attachment.name, attachment.media_type, attachment.data
+            )
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
         writer.finish()
     return other.read_bytes()
 
 
-def answers(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> int:
-    """Run a command in this process; bad input must end with one line and status 2."""
+def run_command(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> int:
+    """Run a command in this process; assert that invalid input yields one line and status 2."""
     capsys.readouterr()
     status = main(arguments)
     _, err = capsys.readouterr()
@@ -86,33 +91,33 @@ def answers(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> int:
 def check(
     data: bytes, folder: Path, whole: list[bytes], capsys: pytest.CaptureFixture[str]
 ) -> str:
-    """Give a damaged log to every command; return what `recover` made of it."""
+    """Pass a damaged log to every command; return the result of `recover`."""
     path = folder / 'run.mcap'
     path.write_bytes(data)
-    answers(['export', str(path), '--output', str(folder / 'export'), '--overwrite'], capsys)
-    answers(['simulate', str(path)], capsys)
-    answers(['report', str(path), '--output', str(folder / 'report')], capsys)
+    run_command(['export', str(path), '--output', str(folder / 'export'), '--overwrite'], capsys)
+    run_command(['simulate', str(path)], capsys)
+    run_command(['report', str(path), '--output', str(folder / 'report')], capsys)
     assert path.read_bytes() == data
-    if answers(['recover', str(path)], capsys):
+    if run_command(['recover', str(path)], capsys):
         assert path.read_bytes() == data
-        return 'refused'
+        return 'rejected'
     recovered = path.read_bytes()
     messages, _ = read(path)
-    scan(path)  # our own reader too
+    scan(path)  # the project's reader
     assert recover(path) is None
     assert not list(folder.glob('*.part'))
-    for each in whole:
-        found = set(messages)
-        for chunk in chunks_in(data, each):
-            assert set(chunk) <= found
+    for original in whole:
+        recovered_messages = set(messages)
+        for chunk in chunks_in(data, original):
+            assert set(chunk) <= recovered_messages
     return 'complete' if recovered == data else 'recovered'
 
 
 def chunks_in(data: bytes, whole: bytes) -> Iterator[list[tuple[str, int, bytes]]]:
     """
-    Yield the messages of the chunks of a log that are there byte for byte.
+    Yield the messages of the chunks of a log that are contained byte for byte.
 
-    Their definitions stand in the first chunk and in the summary: without both, of no chunk.
+    The first chunk and the summary contain the definitions: without both no chunk is readable.
     """
     indexes = summaries(whole)
     first = whole[indexes[0].chunk_start_offset:][: indexes[0].chunk_length]
@@ -141,28 +146,28 @@ def _read(whole: bytes) -> tuple[list[ChunkIndex], list[list[tuple[str, int, byt
         summary = make_reader(BytesIO(whole)).get_summary()
         assert summary is not None
         topics: dict[int, str] = {}
-        found = []
+        chunk_messages = []
         for record in StreamReader(BytesIO(whole), emit_chunks=True).records:
             if not isinstance(record, Chunk):
                 continue
             parts = breakup_chunk(record, validate_crc=True)
-            topics.update({each.id: each.topic for each in parts if isinstance(each, Channel)})
-            found.append(
+            topics.update({part.id: part.topic for part in parts if isinstance(part, Channel)})
+            chunk_messages.append(
                 [
-                    (topics[each.channel_id], each.log_time, each.data)
-                    for each in parts
-                    if isinstance(each, Message)
+                    (topics[part.channel_id], part.log_time, part.data)
+                    for part in parts
+                    if isinstance(part, Message)
                 ]
             )
-        _known[whole] = (summary.chunk_indexes, found)
+        _known[whole] = (summary.chunk_indexes, chunk_messages)
     return _known[whole]
 
 
 @pytest.mark.slow
-def test_some_damaged_logs(
+def test_damaged_logs_of_every_kind_are_handled(
     logs: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One of each kind of damage."""
+    """One file of every kind of damage."""
     for number in range(12):
         data, done = damaged(number, logs)
         try:
@@ -171,20 +176,20 @@ def test_some_damaged_logs(
             raise AssertionError(f'{number}: {done}') from error
 
 
-def test_a_chunk_that_came_to_stand_in_another_is_found(
+def test_recover_chunk_inside_another_is_kept(
     logs: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of two chunks, one now stands in the middle of the other, whose length is as it was."""
+    """One of two chunks lies in the middle of the other, whose length field is unchanged."""
     for whole in logs:
         one, two = summaries(whole)[3:5]
-        begin, end = two.chunk_start_offset, two.chunk_start_offset + two.chunk_length
+        start, end = two.chunk_start_offset, two.chunk_start_offset + two.chunk_length
         middle = one.chunk_start_offset + one.chunk_length // 2
-        data = whole[:middle] + whole[begin:end] + whole[middle:begin] + whole[end:]
+        data = whole[:middle] + whole[start:end] + whole[middle:start] + whole[end:]
         assert check(data, tmp_path, logs, capsys) == 'recovered'
 
 
 @pytest.mark.slow
-def test_many_damaged_logs(
+def test_damaged_logs_at_random_are_handled(
     logs: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     results: dict[str, int] = {}
@@ -203,7 +208,7 @@ def test_many_damaged_logs(
     assert results.get('recovered', 0) > sum(results.values()) // 4
 
 
-def test_chunks_behind_a_damaged_one_are_kept_in_their_order(
+def test_recover_chunks_after_damaged_one_keep_order(
     logs: list[bytes], tmp_path: Path
 ) -> None:
     for whole in logs:
@@ -213,19 +218,19 @@ def test_chunks_behind_a_damaged_one_are_kept_in_their_order(
             data[indexes[broken].chunk_start_offset + indexes[broken].chunk_length - 30] ^= 1
             path = tmp_path / 'run.mcap'
             path.write_bytes(data)
-            found = recover(path)
-            assert found is not None
-            expected = [m for n, each in enumerate(messages) if n != broken for m in each]
+            result = recover(path)
+            assert result is not None
+            expected = [m for n, chunk in enumerate(messages) if n != broken for m in chunk]
             assert read(path)[0] == expected
-            assert found.messages == len(expected)
-            assert found.dropped >= indexes[broken].chunk_length
+            assert result.messages == len(expected)
+            assert result.dropped >= indexes[broken].chunk_length
 
 
 @pytest.mark.parametrize('step', [701, pytest.param(37, marks=pytest.mark.slow)])
-def test_a_log_without_the_right_end_is_not_complete(
+def test_recover_damaged_summary_is_rewritten(
     step: int, logs: list[bytes], tmp_path: Path
 ) -> None:
-    """Every bit of indexes, summary and footer is looked at."""
+    """Every bit of indexes, summary and footer is checked."""
     whole = logs[0]
     last = summaries(whole)[-1]
     path = tmp_path / 'run.mcap'
@@ -238,22 +243,22 @@ def test_a_log_without_the_right_end_is_not_complete(
 
 
 @cache
-def zeros(*, told: bool) -> bytes:
-    """Return a gigabyte of zeros as a frame that says so, or does not."""
+def zeros(*, has_size: bool) -> bytes:
+    """Return a compressed gigabyte of zeros; the frame contains its size if `has_size`."""
     size, block = 2**30, bytes(2**20)
-    compressor = zstandard.ZstdCompressor(write_content_size=told)
-    frame = compressor.compressobj(size=size if told else -1)
+    compressor = zstandard.ZstdCompressor(write_content_size=has_size)
+    frame = compressor.compressobj(size=size if has_size else -1)
     return b''.join([*(frame.compress(block) for _ in range(size // len(block))), frame.flush()])
 
 
 @pytest.mark.parametrize('size', [2**30, 2**62])
-@pytest.mark.parametrize('told', [True, False])
-def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int, *, told: bool
+@pytest.mark.parametrize('has_size', [True, False])
+def test_log_zstd_bomb_is_rejected_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: int, *, has_size: bool
 ) -> None:
-    """The chunk says its size, or its compressor alone does."""
-    content = zeros(told=told)
-    body = struct.pack('<QQQI', 0, 0, size if told else 1000, 0)
+    """Either the chunk or only its compressed frame contains the size."""
+    content = zeros(has_size=has_size)
+    body = struct.pack('<QQQI', 0, 0, size if has_size else 1000, 0)
     body += struct.pack('<I', 4) + b'zstd' + struct.pack('<Q', len(content)) + content
     path = tmp_path / 'bomb.mcap'
     with path.open('wb') as stream:
@@ -261,22 +266,22 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_at_once(
         writer.start()
         stream.write(RECORD_HEAD.pack(6, len(body)) + body)
         writer.finish()
-    begun = time.process_time()
+    start = time.process_time()
     for command in ('report', 'export', 'simulate'):
         capsys.readouterr()
         output = [] if command == 'simulate' else ['--output', str(tmp_path / command)]
         assert main([command, str(path), *output]) == 2
         _, err = capsys.readouterr()
         assert len(err.splitlines()) == 1
-        if told:
+        if has_size:
             assert str(size) in err
     assert main(['recover', str(path)]) == 0
-    assert time.process_time() - begun < 10.0
+    assert time.process_time() - start < 10.0
     assert read(path)[0] == []
 
 
 def lz4_bomb(path: Path, crc: int) -> bytes:
-    """Write a log whose only chunk has 2 MiB of LZ4 data that are half a gigabyte of zeros."""
+    """Write a log with one chunk of 2 MiB of LZ4 data that unpack to 512 MiB of zeros."""
     size, block = 2**29, bytes(2**20)
     with lz4.frame.LZ4FrameCompressor() as frame:
         parts = [frame.begin(source_size=size)]
@@ -293,7 +298,7 @@ def lz4_bomb(path: Path, crc: int) -> bytes:
     return path.read_bytes()
 
 
-def test_log_lz4_bomb_rejected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_log_lz4_bomb_is_rejected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / 'bomb.mcap'
     lz4_bomb(path, 0)
     for command in ('report', 'export', 'simulate'):
@@ -306,10 +311,10 @@ def test_log_lz4_bomb_rejected(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert read(path)[0] == []
 
 
-def test_recover_large_sound_chunk_left_as_it_is(
+def test_recover_large_sound_chunk_is_left_unchanged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its size is told twice and it has a checksum: a log that is not damaged loses nothing."""
+    """Two sizes and a checksum agree: recovery must not remove anything from a sound log."""
     path = tmp_path / 'large.mcap'
     content = lz4_bomb(path, 1)
     assert main(['recover', str(path)]) == 2
@@ -319,7 +324,7 @@ def test_recover_large_sound_chunk_left_as_it_is(
     assert path.read_bytes() == content
 
 
-def test_chunk_beyond_limit_written_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_indexed_chunk_beyond_limit_is_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chunks, 'LARGEST_CHUNK', 100)
     for size, compression in ((100, 'lz4'), (101, '')):
         made = chunks.indexed_chunk(bytes(size), {}, 'lz4').chunk

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is missing from a log is counted by the stamps."""
+"""Gaps of a log, counted by the stamps."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ import pytest
 MS = 10**6
 
 
-def test_a_steady_topic_has_no_gaps() -> None:
+def test_gaps_steady_topic_has_none() -> None:
     assert gaps_in(range(0, 5000 * MS, MS)).missing == 0
     assert gaps_in(range(0, 100 * 20 * MS, 20 * MS)).count == 0
 
 
-def test_every_message_left_out_is_counted() -> None:
+def test_gaps_every_missing_message_is_counted() -> None:
     rng = random.Random(3)
     stamps = list(range(0, 20_000 * MS, MS))
     holes = [(1, 13), (4000, 200), (4300, 1), (9990, 20), (19_000, 50)]
@@ -36,7 +36,7 @@ def test_every_message_left_out_is_counted() -> None:
 
 
 @pytest.mark.parametrize('pieces', [1, 7, 250, 5000])
-def test_it_is_the_same_however_it_is_looked_at(pieces: int) -> None:
+def test_gaps_result_is_independent_of_evaluation_times(pieces: int) -> None:
     stamps = [n * MS for n in range(10_000) if not 3000 <= n < 3100]
     gaps = Gaps()
     for n, stamp in enumerate(stamps):
@@ -47,7 +47,7 @@ def test_it_is_the_same_however_it_is_looked_at(pieces: int) -> None:
     assert (gaps.count, gaps.missing) == (1, 100)
 
 
-def test_drivers_in_turns_jitter_and_a_reset_are_no_gaps() -> None:
+def test_gaps_jitter_alternation_and_reset_are_none() -> None:
     in_turns = np.sort(np.concatenate([np.arange(0, 5000, 10), np.arange(1, 5000, 10)])) * MS
     assert gaps_in(in_turns).count == 0
     rng = np.random.default_rng(1)
@@ -60,10 +60,10 @@ def test_drivers_in_turns_jitter_and_a_reset_are_no_gaps() -> None:
 
 
 @given(st.sets(st.integers(1, 2900), max_size=30), st.integers(1, 4), st.booleans())
-def test_what_others_have_overtaken_is_not_missing(
+def test_gaps_overtaken_messages_are_not_missing(
     late: set[int], by: int, is_set_back: bool
 ) -> None:
-    # Apart, lest those that are late make a robot that is set back.
+    # The late stamps lie apart; otherwise they would look like a reset of the robot.
     places = {n for n in late if not any(n < other <= n + 10 for other in late)}
     key = [n + (by + 0.5) * (n in places) for n in range(3000)]
     once = [stamp * MS for stamp in sorted(range(3000), key=key.__getitem__)]
@@ -73,5 +73,5 @@ def test_what_others_have_overtaken_is_not_missing(
     assert gaps_in(without).missing == 1 + is_set_back
 
 
-def test_next_to_nothing_tells_nothing() -> None:
+def test_gaps_too_few_messages_have_none() -> None:
     assert gaps_in([]).count == gaps_in([0]).count == gaps_in([0, MS, 900 * MS]).count == 0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Paths: their bytes, and which poses they have."""
+"""Path messages: bytes and poses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def points(count: int) -> np.ndarray:
 
 
 def serialised(frame: str, stamp: int, stamps: list[int]) -> bytes:
-    """Return the message that rosbags makes of `points`."""
+    """Return the message serialised by rosbags from `points`."""
     t = STORE.types
 
     def header(stamp_ns: int) -> object:
@@ -42,19 +42,19 @@ def serialised(frame: str, stamp: int, stamps: list[int]) -> bytes:
 
     poses = [
         t['geometry_msgs/msg/PoseStamped'](
-            header=header(each),
+            header=header(pose_stamp),
             pose=t['geometry_msgs/msg/Pose'](
                 position=t['geometry_msgs/msg/Point'](*point),
                 orientation=t['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0),
             ),
         )
-        for each, point in zip(stamps, points(len(stamps)).tolist(), strict=True)
+        for pose_stamp, point in zip(stamps, points(len(stamps)).tolist(), strict=True)
     ]
     return bytes(STORE.serialize_cdr(t[TYPE](header=header(stamp), poses=poses), TYPE))
 
 
 @given(FRAMES, STAMPS, st.lists(STAMPS, max_size=5))
-def test_bytes(frame: str, stamp: int, stamps: list[int]) -> None:
+def test_path_message_equals_rosbags(frame: str, stamp: int, stamps: list[int]) -> None:
     raw = path_message(frame, stamp, np.array(stamps, dtype=np.int64), points(len(stamps)))
     assert raw == serialised(frame, stamp, stamps)
     assert stamp_reader('path/actual', TYPE)(raw) == stamp
@@ -62,7 +62,7 @@ def test_bytes(frame: str, stamp: int, stamps: list[int]) -> None:
 
 @pytest.mark.parametrize('count', [0, 1, 2, 1000])
 @pytest.mark.parametrize('frame', ['odom', 'left/odom', 'right/odom'])
-def test_rclpy_reads_the_same(frame: str, count: int) -> None:
+def test_path_message_is_read_by_rclpy(frame: str, count: int) -> None:
     serialization = pytest.importorskip('rclpy.serialization', reason='compares with ROS 2')
     from nav_msgs.msg import Path
 
@@ -72,11 +72,11 @@ def test_rclpy_reads_the_same(frame: str, count: int) -> None:
     assert len(serialization.serialize_message(message)) == len(raw)
     assert message.header.frame_id == frame
     assert message.header.stamp.nanosec == 7
-    found = [
+    headers = [
         (p.header.frame_id, p.header.stamp.sec * 10**9 + p.header.stamp.nanosec)
         for p in message.poses
     ]
-    assert found == [(frame, stamp) for stamp in stamps.tolist()]
+    assert headers == [(frame, stamp) for stamp in stamps.tolist()]
     places = [(p.pose.position.x, p.pose.position.y, p.pose.position.z) for p in message.poses]
     assert places == [tuple(point) for point in points(count).tolist()]
     assert {p.pose.orientation.w for p in message.poses} == ({1.0} if count else set())
@@ -98,19 +98,19 @@ def read(raw: bytes) -> tuple[int, np.ndarray]:
 
 
 @given(st.integers(1, 10**8), st.integers(2, 2000))
-def test_thinned_ticks(last: int, most: int) -> None:
-    ticks = thinned(last, most)
+def test_thinned_ticks_are_even_and_within_limit(last: int, limit: int) -> None:
+    ticks = thinned(last, limit)
     assert ticks[0] == 0
     assert ticks[-1] == last
-    assert 2 <= len(ticks) <= most
+    assert 2 <= len(ticks) <= limit
     steps = np.diff(ticks)
     assert (steps[:-1] == steps[0]).all()
     assert 0 < steps[-1] <= steps[0]
-    # No sparser than it must be: twice as many would be too many.
-    assert len(ticks) == last + 1 or len(ticks) > most // 2
+    # Twice as many poses would exceed the limit.
+    assert len(ticks) == last + 1 or len(ticks) > limit // 2
 
 
-def test_the_desired_path_is_the_trajectory() -> None:
+def test_desired_path_finite_run_equals_trajectory() -> None:
     timing = Timing(1e-3, 20_000)
     trajectory = Trajectory(VALUES, timing.period, ROBOT)
     raw = DesiredPath(timing, ROBOT).whole(trajectory, 5_000_000_000)
@@ -126,7 +126,7 @@ def test_the_desired_path_is_the_trajectory() -> None:
     assert set(poses[:, 3]) == {ROBOT.height}
 
 
-def test_an_endless_path_is_told_piece_by_piece() -> None:
+def test_desired_path_endless_run_is_published_piecewise() -> None:
     timing = Timing(1e-3, None)
     trajectory = Trajectory(VALUES, timing.period, ROBOT)
     path = DesiredPath(timing, ROBOT)
@@ -140,7 +140,7 @@ def test_an_endless_path_is_told_piece_by_piece() -> None:
     times = np.arange(10 * 120 - MOST_POSES, 10 * 120) * 50
     assert poses[:, 0].tolist() == (times * 10**6).tolist()
     np.testing.assert_array_equal(poses[:, 1:3], trajectory.positions(times)[:, :2])
-    # Set back, the path goes on from there.
+    # After a reset the path continues from there.
     samples = trajectory.sample(58_000, 500)
     _, poses = read(path.piece(0, 58_000_000_000, samples))
     assert poses[-1, 0] == 58_450_000_000
@@ -148,7 +148,7 @@ def test_an_endless_path_is_told_piece_by_piece() -> None:
 
 
 @pytest.mark.parametrize(('period', 'last'), [(1e-3, 60_730), (3e-3, 1001), (0.2, 7), (1.0, 3)])
-def test_the_actual_path_grows_to_its_bound(period: float, last: int) -> None:
+def test_actual_path_grows_to_its_limit(period: float, last: int) -> None:
     timing = Timing(period, last)
     path = ActualPath(timing, ROBOT)
     positions = np.random.default_rng(1).standard_normal((last + 1, 7))
@@ -174,7 +174,7 @@ def test_the_actual_path_grows_to_its_bound(period: float, last: int) -> None:
     assert set(latest[:, 3]) == {ROBOT.height}
 
 
-def test_a_robot_that_is_set_back_begins_its_path_anew() -> None:
+def test_actual_path_after_reset_restarts() -> None:
     path = ActualPath(Timing(1e-3, None), ROBOT)
     states = np.random.default_rng(2).standard_normal((2, 7))
     for tick in range(0, 1001, 50):

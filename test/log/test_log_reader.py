@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs come back out of their logs as they went in, whoever wrote them."""
+"""Runs read from logs of this project and of other recorders."""
 
 import os
 from pathlib import Path
@@ -32,9 +32,9 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 @pytest.mark.parametrize('namespace', ['/', '/left_robot/', '/hall/left_robot/'])
-def test_round_trip(tmp_path: Path, namespace: str) -> None:
+def test_read_run_round_trip_restores_run(tmp_path: Path, namespace: str) -> None:
     path = tmp_path / 'run.mcap'
-    # Long enough for labels of one, two and three digits of seconds.
+    # Stamp labels with one, two and three digits of seconds occur.
     written = numbers(1200, period_ns=100_000_000)
     write_run(path, written, namespace)
     run = read_run(path)
@@ -49,16 +49,16 @@ def test_round_trip(tmp_path: Path, namespace: str) -> None:
     assert run.reference is not None
     assert np.array_equal(run.reference, written.reference)
     for signal in TOLD:
-        told = run.telemetry[signal.name]
-        assert np.array_equal(told.values, written.telemetry[signal.label])
-        assert np.array_equal(told.times, seconds)
+        recorded = run.telemetry[signal.name]
+        assert np.array_equal(recorded.values, written.telemetry[signal.label])
+        assert np.array_equal(recorded.times, seconds)
     assert run.topics[f'{namespace}joint_states'] == 1200
     assert len(run.topics) == 3 + len(TOLD)
     assert run.metadata == {'origin': [{'law': 'smc'}]}
     assert run.attachments == {'paper.yaml': b'plant: {}'}
 
 
-def test_states_alone_are_a_run(tmp_path: Path) -> None:
+def test_read_run_states_only_is_a_run(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write_run(path, numbers(10), everything=False)
     run = read_run(path)
@@ -70,12 +70,12 @@ def test_states_alone_are_a_run(tmp_path: Path) -> None:
 
 
 def rosbags_message(type_name: str, **fields: Any) -> bytes:
-    """Return a message that rosbags serialises."""
+    """Return a message serialised by rosbags."""
     return bytes(STORE.serialize_cdr(STORE.types[type_name](**fields), type_name))
 
 
 def foreign_state(stamp_ns: int, names: list[str], values: list[float]) -> bytes:
-    """Return a joint state with joints of any order and no efforts."""
+    """Return a joint state with joints in any order and no efforts."""
     time = STORE.types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 10**9))
     return rosbags_message(
         STATE,
@@ -88,7 +88,7 @@ def foreign_state(stamp_ns: int, names: list[str], values: list[float]) -> bytes
 
 
 def foreign_array(data: list[float], labels: list[str], data_offset: int = 0) -> bytes:
-    """Return an array with these labels, sizes 0."""
+    """Return an array with these labels and sizes of 0."""
     dimension = STORE.types['std_msgs/msg/MultiArrayDimension']
     layout = STORE.types['std_msgs/msg/MultiArrayLayout'](
         dim=[dimension(label=label, size=0, stride=0) for label in labels],
@@ -97,7 +97,7 @@ def foreign_array(data: list[float], labels: list[str], data_offset: int = 0) ->
     return rosbags_message(ARRAY, layout=layout, data=np.array(data))
 
 
-def test_messages_of_other_senders_among_ours(tmp_path: Path) -> None:
+def test_read_run_messages_of_other_senders_are_merged(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     ours = JointStateCdr()
     ours.position[:] = np.arange(7)
@@ -128,7 +128,7 @@ def test_messages_of_other_senders_among_ours(tmp_path: Path) -> None:
     assert run.telemetry['error'].times.tolist() == [1.000000005]
 
 
-def test_log_of_ros2_itself(tmp_path: Path) -> None:
+def test_read_run_messages_of_rclpy_are_read(tmp_path: Path) -> None:
     pytest.importorskip('rclpy', reason='serialises with ROS 2')
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import JointState
@@ -150,7 +150,7 @@ def test_log_of_ros2_itself(tmp_path: Path) -> None:
     assert (run.applied_effort == 1.0).all()
 
 
-def test_set_point_of_another_sender(tmp_path: Path) -> None:
+def test_read_run_set_point_of_other_sender_is_reference(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     state = JointStateCdr()
     with LogWriter(path) as log:
@@ -167,7 +167,7 @@ def test_set_point_of_another_sender(tmp_path: Path) -> None:
     assert run.reference[2:].tolist() == [[1, 2, 3, 4] + [0] * 8] * 2
 
 
-def test_last_pass_after_a_reset(tmp_path: Path) -> None:
+def test_read_run_after_reset_keeps_last_pass(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     state, command = JointStateCdr(), EffortCdr()
     with LogWriter(path) as log:
@@ -191,16 +191,16 @@ def test_last_pass_after_a_reset(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
-def test_in_real_time_a_late_state_is_no_reset(tmp_path: Path, pacing: str) -> None:
+def test_read_run_real_time_late_state_is_no_reset(tmp_path: Path, pacing: str) -> None:
     path = tmp_path / 'run.mcap'
     values = {'pacing': pacing, 'state_timeout': 0.1, 'control_period': 0.01, 'k_s1': 1.0}
-    began = ParameterRecord('/controller', 0, 0, values, ())
+    start = ParameterRecord('/controller', 0, 0, values, ())
     changed = ParameterRecord('/controller', 2, 20_000_000, {**values, 'k_s1': 2.0}, ('k_s1',))
     state = JointStateCdr()
     with LogWriter(path) as log:
         states = log.channel('/joint_states', STATE)
         parameters = log.channel('/controller/parameters', 'std_msgs/msg/String')
-        log.write(parameters, 0, string_message(began.to_text()))
+        log.write(parameters, 0, string_message(start.to_text()))
         for place, tick in enumerate([0, 1, 2, 3, 6, 4, 7, 8]):
             state.set_stamp(tick * 10_000_000)
             log.write(states, place, state.to_bytes())
@@ -217,7 +217,7 @@ def test_in_real_time_a_late_state_is_no_reset(tmp_path: Path, pacing: str) -> N
         assert run.changes == ()
 
 
-def test_several_records_of_one_name(tmp_path: Path) -> None:
+def test_read_run_metadata_of_equal_name_are_listed(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with LogWriter(path) as log:
         states = log.channel('/joint_states', STATE)
@@ -227,8 +227,8 @@ def test_several_records_of_one_name(tmp_path: Path) -> None:
     assert read_run(path).metadata == {'change': [{'tick': '1'}, {'tick': '2'}]}
 
 
-def test_log_without_chunks(tmp_path: Path) -> None:
-    """As a recorder without compression or indexes may write it."""
+def test_read_run_log_without_chunks_is_read(tmp_path: Path) -> None:
+    """Recorders without compression or indexes write such logs."""
     path = tmp_path / 'run.mcap'
     with path.open('wb') as stream:
         writer = Writer(stream, use_chunking=False)
@@ -240,7 +240,7 @@ def test_log_without_chunks(tmp_path: Path) -> None:
     assert read_run(path).times.tolist() == [0.0]
 
 
-def test_refused_files(tmp_path: Path) -> None:
+def test_read_run_invalid_file_raises(tmp_path: Path) -> None:
     (tmp_path / 'text.mcap').write_text('not an MCAP file\n' * 10)
     (tmp_path / 'empty.mcap').write_text('')
     (tmp_path / 'folder').mkdir()
@@ -256,7 +256,7 @@ def test_refused_files(tmp_path: Path) -> None:
             read_run(tmp_path / name)
 
 
-def test_every_cut_is_told(tmp_path: Path) -> None:
+def test_read_run_truncated_log_suggests_recover(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write_run(path, numbers(200))
     whole = path.read_bytes()
@@ -269,7 +269,7 @@ def test_every_cut_is_told(tmp_path: Path) -> None:
         assert 'masmc recover' in str(caught.value) or size < 8
 
 
-def test_damage_is_told(tmp_path: Path) -> None:
+def test_read_run_damaged_log_raises(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write_run(path, numbers(200))
     damaged = bytearray(path.read_bytes())
@@ -281,7 +281,7 @@ def test_damage_is_told(tmp_path: Path) -> None:
             read_run(path)
 
 
-def test_refused_contents(tmp_path: Path) -> None:
+def test_read_run_unusable_topics_raise(tmp_path: Path) -> None:
     def refusal(*channels: tuple[str, str, bytes]) -> str:
         path = tmp_path / 'run.mcap'
         with LogWriter(path) as log:
@@ -314,7 +314,7 @@ def test_refused_contents(tmp_path: Path) -> None:
     assert garbage.startswith('/joint_states: a message cannot be decoded')
 
 
-def test_log_without_definitions(tmp_path: Path) -> None:
+def test_read_run_log_without_definitions_raises(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with path.open('wb') as stream:
         writer = Writer(stream)
@@ -327,7 +327,7 @@ def test_log_without_definitions(tmp_path: Path) -> None:
         read_run(path)
 
 
-def test_reading_needs_no_ros(tmp_path: Path) -> None:
+def test_read_run_without_ros_succeeds(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     write_run(path, numbers(10))
     script = (
@@ -352,8 +352,8 @@ def test_reading_needs_no_ros(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ('10 False\n', '')
 
 
-def test_reference_window_off_the_grid(tmp_path: Path) -> None:
-    """A real-time run, whose states lie between the samples."""
+def test_read_run_state_between_samples_interpolates_reference(tmp_path: Path) -> None:
+    """In a real-time run the states lie between the samples."""
     path = tmp_path / 'run.mcap'
     times = np.arange(5) * 0.1
     samples = np.zeros((5, 3, 4))

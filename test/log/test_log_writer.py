@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs are what ROS 2's tools and the usual viewers read."""
+"""Logs as read by the tools of ROS 2 and by common viewers."""
 
 from array import array
 import os
@@ -51,19 +51,19 @@ TOPICS = {
 
 @pytest.fixture(scope='module')
 def run() -> Numbers:
-    """Return a run of some seconds, so that it has several chunks."""
+    """Return a run of several seconds, which has several chunks."""
     return numbers(TICKS, period_ns=7_000_000)
 
 
 @pytest.fixture(scope='module')
 def log(run: Numbers, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return its log."""
+    """Return the log of the run."""
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
     write_run(path, run)
     return path
 
 
-def test_header_and_channels(log: Path) -> None:
+def test_log_header_and_channels_are_complete(log: Path) -> None:
     with log.open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True)
         header = reader.get_header()
@@ -71,7 +71,7 @@ def test_header_and_channels(log: Path) -> None:
     assert header.profile == 'ros2'
     assert header.library == f'masmc_ros {__version__}'
     assert summary is not None
-    assert {each.topic for each in summary.channels.values()} == set(TOPICS)
+    assert {channel.topic for channel in summary.channels.values()} == set(TOPICS)
     for channel in summary.channels.values():
         type_name = TOPICS[channel.topic]
         schema = summary.schemas[channel.schema_id]
@@ -83,7 +83,7 @@ def test_header_and_channels(log: Path) -> None:
     assert len(summary.schemas) == 2
 
 
-def test_statistics_and_indexes(log: Path) -> None:
+def test_log_statistics_and_indexes_are_complete(log: Path) -> None:
     with log.open('rb') as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
@@ -100,20 +100,20 @@ def test_statistics_and_indexes(log: Path) -> None:
         (TICKS - 1) * 7_000_000,
     )
     assert (statistics.metadata_count, statistics.attachment_count) == (1, 1)
-    chunks = [each for each in records if isinstance(each, Chunk)]
+    chunks = [record for record in records if isinstance(record, Chunk)]
     assert len(chunks) == len(summary.chunk_indexes) == statistics.chunk_count > 3
     assert {chunk.compression for chunk in chunks} == {'zstd'}
     assert all(chunk.uncompressed_size < CHUNK_SIZE + 10_000 for chunk in chunks)
-    assert any(isinstance(each, MessageIndex) for each in records)
+    assert any(isinstance(record, MessageIndex) for record in records)
     assert all(
-        isinstance(each, ChunkIndex) and each.message_index_offsets
-        for each in summary.chunk_indexes
+        isinstance(index, ChunkIndex) and index.message_index_offsets
+        for index in summary.chunk_indexes
     )
     assert len(summary.metadata_indexes) == len(summary.attachment_indexes) == 1
 
 
-def test_recording_of_many_chunks_takes_little_memory() -> None:
-    """A recording of a day has half a million chunks, of 20 topics each."""
+def test_record_stream_many_chunks_need_little_memory() -> None:
+    """A recording of one day has half a million chunks with 20 topics each."""
     indexes = {channel: array('Q', (channel, 10 * channel)) for channel in range(1, 21)}
     chunk = indexed_chunk(b'records', indexes)
     output = RecordStream(_Discarded())
@@ -122,10 +122,10 @@ def test_recording_of_many_chunks_takes_little_memory() -> None:
     try:
         for _ in range(2000):
             output.add_chunk(chunk)
-        grown, _ = tracemalloc.get_traced_memory()
+        memory, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert grown < 2000 * 500
+    assert memory < 2000 * 500
 
 
 class _Discarded:
@@ -133,7 +133,7 @@ class _Discarded:
         """Ignore bytes."""
 
 
-def test_messages_are_in_the_order_of_their_times(log: Path) -> None:
+def test_log_messages_are_ordered_by_time(log: Path) -> None:
     with log.open('rb') as stream:
         read = make_reader(stream).iter_messages(
             topics=[topic for topic in TOPICS if topic != '/reference'], log_time_order=False
@@ -142,38 +142,38 @@ def test_messages_are_in_the_order_of_their_times(log: Path) -> None:
     times = [message.log_time for _, message in messages]
     assert times == sorted(times)
     assert [message.publish_time for _, message in messages] == times
-    # Those of one tick come in the order in which the sources were given.
+    # Messages of one tick have the order of their sources.
     assert [topic for topic, _ in messages[-PER_TICK:]] == [
         topic for topic in TOPICS if topic != '/reference'
     ]
 
 
-def test_decoded_by_the_definitions_in_the_log(log: Path, run: Numbers) -> None:
+def test_log_decoded_by_mcap_equals_run(log: Path, run: Numbers) -> None:
     with log.open('rb') as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         messages = list(reader.iter_decoded_messages(topics=['/joint_states']))
         commands = list(reader.iter_decoded_messages(topics=['/effort_commands']))
         estimates = list(reader.iter_decoded_messages(topics=['/controller/parameter_estimate']))
-    assert [tuple(each.decoded_message.name) for each in messages] == [JOINTS] * TICKS
+    assert [tuple(state.decoded_message.name) for state in messages] == [JOINTS] * TICKS
     for field in ('position', 'velocity', 'effort'):
-        found = [list(getattr(each.decoded_message, field)) for each in messages]
-        assert np.array_equal(found, getattr(run, field))
-    for index, each in enumerate(commands):
+        values = [list(getattr(state.decoded_message, field)) for state in messages]
+        assert np.array_equal(values, getattr(run, field))
+    for index, command in enumerate(commands):
         stamp = int(run.stamps[index])
-        dimension = each.decoded_message.layout.dim[0]
+        dimension = command.decoded_message.layout.dim[0]
         assert dimension.label == f'effort@{stamp // 10**9}.{stamp % 10**9:09d}'
-        assert each.message.log_time == stamp
-        assert list(each.decoded_message.data) == run.torque[index].tolist()
-    assert [list(each.decoded_message.data)[2:] for each in estimates] == run.telemetry[
+        assert command.message.log_time == stamp
+        assert list(command.decoded_message.data) == run.torque[index].tolist()
+    assert [list(estimate.decoded_message.data)[2:] for estimate in estimates] == run.telemetry[
         'parameter_estimate'
     ].tolist()
 
 
-def test_opened_by_rosbags(log: Path, run: Numbers) -> None:
+def test_log_opened_by_rosbags_equals_run(log: Path, run: Numbers) -> None:
     with AnyReader([log]) as reader:
-        assert {each.topic: each.msgtype for each in reader.connections} == TOPICS
+        assert {c.topic: c.msgtype for c in reader.connections} == TOPICS
         assert reader.message_count == PER_TICK * TICKS + TICKS // 50
-        [states] = [each for each in reader.connections if each.topic == '/joint_states']
+        [states] = [c for c in reader.connections if c.topic == '/joint_states']
         [profile] = states.ext.offered_qos_profiles
         assert profile.history is QosHistory.KEEP_LAST
         assert profile.reliability is QosReliability.RELIABLE
@@ -185,7 +185,7 @@ def test_opened_by_rosbags(log: Path, run: Numbers) -> None:
     assert np.array_equal(positions, run.position)
 
 
-def test_qos_is_written_as_rosbag2_does(tmp_path: Path) -> None:
+def test_log_qos_is_written_as_in_rosbag2(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     with LogWriter(path) as log:
         log.channel('/robot_description', 'std_msgs/msg/String', LATCHED, Qos(depth=5))
@@ -210,7 +210,7 @@ def test_qos_is_written_as_rosbag2_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('compression', COMPRESSIONS)
-def test_compressions_hold_the_same(tmp_path: Path, compression: str) -> None:
+def test_log_any_compression_restores_run(tmp_path: Path, compression: str) -> None:
     path = tmp_path / 'log.mcap'
     run = numbers(300)
     with LogWriter(path, compression) as log:
@@ -218,19 +218,19 @@ def test_compressions_hold_the_same(tmp_path: Path, compression: str) -> None:
     assert np.array_equal(read_run(path).position, run.position)
 
 
-def test_unknown_compression_writes_nothing(tmp_path: Path) -> None:
+def test_log_writer_unknown_compression_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="compression 'zstdd' is unknown: did you mean zstd"):
         LogWriter(tmp_path / 'log.mcap', 'zstdd')
     assert not list(tmp_path.iterdir())
 
 
-def test_unknown_type_leaves_nothing(tmp_path: Path) -> None:
+def test_log_writer_unknown_type_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='JointStat'), LogWriter(tmp_path / 'log.mcap') as log:
         log.channel('/joint_states', 'sensor_msgs/msg/JointStat')
     assert not list(tmp_path.iterdir())
 
 
-def test_computed_run_appears_when_it_is_complete(tmp_path: Path) -> None:
+def test_log_writer_computed_run_appears_when_complete(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     path.write_bytes(b'an older one')
     with LogWriter(path) as log:
@@ -238,34 +238,34 @@ def test_computed_run_appears_when_it_is_complete(tmp_path: Path) -> None:
         log.commit()
         assert path.read_bytes() == b'an older one'
     assert len(read_run(path).times) == 10
-    assert [each.name for each in tmp_path.iterdir()] == ['log.mcap']
+    assert [entry.name for entry in tmp_path.iterdir()] == ['log.mcap']
 
 
 def write_and_fail(path: Path, *, live: bool) -> None:
-    """Start a log that an exception ends."""
+    """Write a log and raise an exception before its end."""
     with LogWriter(path, live=live) as log:
         assert path.exists()
         write_numbers(log, numbers(10), window=5, everything=True)
         raise ZeroDivisionError
 
 
-def test_computed_run_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+def test_log_writer_computed_run_fails_keeps_old_file(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     path.write_bytes(b'an older one')
     with pytest.raises(ZeroDivisionError):
         write_and_fail(path, live=False)
     assert path.read_bytes() == b'an older one'
-    assert [each.name for each in tmp_path.iterdir()] == ['log.mcap']
+    assert [entry.name for entry in tmp_path.iterdir()] == ['log.mcap']
 
 
-def test_live_recording_that_fails_keeps_what_was_recorded(tmp_path: Path) -> None:
+def test_log_writer_live_recording_fails_keeps_messages(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     with pytest.raises(ZeroDivisionError):
         write_and_fail(path, live=True)
     assert len(read_run(path).times) == 10
 
 
-def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
+def test_log_writer_closed_twice_is_unchanged(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     log = LogWriter(path)
     write_numbers(log, numbers(10), window=5, everything=True)
@@ -276,7 +276,7 @@ def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
 
 
 def written_by_the_library(path: Path, compression: str, sources: list[ChannelRows]) -> None:
-    """Write a log message by message with the format's own library."""
+    """Write a log message by message with the library of the format."""
     kinds = {'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4}
     text, type_hash = definition(STATE)
     with path.open('wb') as stream:
@@ -309,10 +309,10 @@ def written_by_the_library(path: Path, compression: str, sources: list[ChannelRo
 @pytest.mark.parametrize('compression', COMPRESSIONS)
 @given(data=st.data())
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
-def test_the_bytes_are_those_of_the_library(
+def test_log_writer_bytes_equal_mcap_library(
     tmp_path: Path, compression: str, data: st.DataObject
 ) -> None:
-    """One by one or in bulk, whatever the sizes: also messages larger than a chunk."""
+    """The messages are written singly or in bulk; some are larger than a chunk."""
     random = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     sizes = data.draw(st.lists(st.sampled_from([0, 1, 60, 5_000, 300_000]), max_size=5))
     sources = []
@@ -336,7 +336,7 @@ def test_the_bytes_are_those_of_the_library(
 
 @given(sizes=st.lists(st.sampled_from([0, 1, 60, 5_000, 300_000]), min_size=1, max_size=20))
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
-def test_messages_of_all_sizes_at_once_are_those_one_by_one(
+def test_log_writer_bulk_records_equal_single_writes(
     tmp_path: Path, sizes: list[int]
 ) -> None:
     messages = [(1 + place % 2, 5 - place % 3, bytes(size)) for place, size in enumerate(sizes)]
@@ -355,7 +355,7 @@ def test_messages_of_all_sizes_at_once_are_those_one_by_one(
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_nothing_to_write_in_bulk(tmp_path: Path) -> None:
+def test_log_writer_no_rows_writes_empty_log(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     with LogWriter(path) as log:
         log.write_rows([])
@@ -366,7 +366,7 @@ def test_nothing_to_write_in_bulk(tmp_path: Path) -> None:
     assert summary.statistics.message_count == 0
 
 
-def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
+def test_log_writer_killed_keeps_flushed_messages(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     script = (
         'import sys, time\n'
@@ -406,7 +406,7 @@ def test_flushed_messages_survive_a_kill(tmp_path: Path) -> None:
         read_run(path)
 
 
-def test_refused_places(tmp_path: Path) -> None:
+def test_log_writer_invalid_path_raises(tmp_path: Path) -> None:
     (tmp_path / 'file').write_text('')
     os.mkfifo(tmp_path / 'pipe')
     for path, expected in [
@@ -419,11 +419,11 @@ def test_refused_places(tmp_path: Path) -> None:
         for live in (False, True):
             with pytest.raises(InputError, match=expected):
                 LogWriter(path, live=live)
-    assert sorted(each.name for each in tmp_path.iterdir()) == ['file', 'pipe']
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ['file', 'pipe']
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
-def test_folder_that_is_not_ours(tmp_path: Path) -> None:
+def test_log_writer_folder_without_permission_raises(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     try:
         with pytest.raises(InputError, match='cannot be written; name a file'):
@@ -432,7 +432,7 @@ def test_folder_that_is_not_ours(tmp_path: Path) -> None:
         tmp_path.chmod(0o700)
 
 
-def test_twenty_seconds_at_a_kilohertz_are_written_fast(tmp_path: Path) -> None:
+def test_log_writer_20_s_at_1_khz_take_less_than_2_s(tmp_path: Path) -> None:
     run = numbers(20_001)
     start = time.process_time()
     write_run(tmp_path / 'log.mcap', run)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs of robots whose platform is no joint: its pose is that of their odometry."""
+"""Logs of robots without platform joints: the pose follows from odometry."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ODOMETRY = 'nav_msgs/msg/Odometry'
 
 @pytest.fixture(scope='module')
 def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Log two seconds with odometry at 100 Hz."""
+    """Write a log of two seconds with odometry at 100 Hz."""
     log = tmp_path_factory.mktemp('computed') / 'run.mcap'
     arguments = ['--set', 'duration=2.0', '--set', 'plant.odom_decimation=10']
     assert main(['simulate', PAPER, *arguments, '--output', str(log)]) == 0
@@ -38,9 +38,9 @@ def without_base_joints(
     log: Path, folder: Path, change: Callable[[Any], bool] = lambda _: True
 ) -> Path:
     """
-    Return a log of the same run by a robot that publishes its driven joints alone.
+    Return a log of the same run by a robot that publishes only its driven joints.
 
-    `change` is given each odometry message and tells whether it is kept.
+    `change` modifies every odometry message and returns True if it is kept.
     """
     path = folder / 'driven.mcap'
     with LogWriter(path) as writer:
@@ -61,20 +61,20 @@ def without_base_joints(
     return path
 
 
-def test_the_pose_is_that_of_odometry(computed: Path, tmp_path: Path) -> None:
+def test_read_run_without_base_joints_uses_odometry(computed: Path, tmp_path: Path) -> None:
     run, known = read_run(without_base_joints(computed, tmp_path)), read_run(computed)
     assert np.array_equal(run.times, known.times)
     assert np.array_equal(run.position[:, 3:], known.position[:, 3:])
     assert np.array_equal(run.velocity[:, 3:], known.velocity[:, 3:])
     assert np.array_equal(run.applied_effort, known.applied_effort)
-    # Carried on for up to 10 ms along the circle of the twist.
+    # Extrapolated for up to 10 ms along the circle of the twist.
     assert np.abs(run.position[:, :3] - known.position[:, :3]).max() < 2e-3
     measured = slice(0, None, 10)
     assert np.abs(run.position[measured, :3] - known.position[measured, :3]).max() < 1e-12
     assert np.abs(run.velocity[measured, :3] - known.velocity[measured, :3]).max() < 1e-12
 
 
-def test_what_a_controller_refuses_is_left_out(computed: Path, tmp_path: Path) -> None:
+def test_read_run_invalid_odometry_is_skipped(computed: Path, tmp_path: Path) -> None:
     def spoil(message: Any) -> bool:
         if message.header.stamp.nanosec == 500_000_000:
             message.pose.pose.position.x = float('nan')
@@ -85,7 +85,9 @@ def test_what_a_controller_refuses_is_left_out(computed: Path, tmp_path: Path) -
     assert np.abs(run.position - known.position).max() < 5e-3
 
 
-def test_states_without_odometry_near_them_are_none(computed: Path, tmp_path: Path) -> None:
+def test_read_run_states_without_recent_odometry_are_dropped(
+    computed: Path, tmp_path: Path
+) -> None:
     def ends(message: Any) -> bool:
         return bool(message.header.stamp.sec == 0)
 
@@ -103,12 +105,14 @@ def test_states_without_odometry_near_them_are_none(computed: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_such_logs_are_reported(computed: Path, tmp_path: Path) -> None:
+def test_report_log_without_base_joints_equals_complete_one(
+    computed: Path, tmp_path: Path
+) -> None:
     folder, log = tmp_path / 'report', without_base_joints(computed, tmp_path)
     assert main(['report', str(computed), str(log), '--output', str(folder)]) == 0
     with (folder / 'metrics.csv').open(encoding='utf-8') as file:
-        known, found = csv.DictReader(file)
+        known, row = csv.DictReader(file)
     names = [name for name in known if 'end_effector_rms' in name or 'platform_rms' in name]
     assert len(names) == 2
     for name in names:
-        assert float(found[name]) == pytest.approx(float(known[name]), rel=0.01)
+        assert float(row[name]) == pytest.approx(float(known[name]), rel=0.01)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Resets and activations change the torque: a run's log tells them, so that it can be redone."""
+"""Resets and activations in a log, with which a run can be repeated."""
 
 from __future__ import annotations
 
@@ -27,39 +27,39 @@ import numpy as np
 import pytest
 
 PAPER = str(Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml')
-LEARNING = (
+FAST_ADAPTATION = (
     'duration=0.4',
     'controller.gamma=0.01',
     'controller.switching=implicit',
     'controller.observer_gain=0.5',
     'controller.torque_rate_limit=300',
 )
-"""theta_hat and disturbance estimate move fast; what was commanded matters."""
+"""Settings with fast changes of theta_hat and disturbance estimate, and with a rate limit."""
 
 
 def run_with(*changes: Change, settings: tuple[str, ...] = ()) -> Stretch:
-    values = load_scenario(PAPER, ('controller.fault_action=void', *LEARNING, *settings))
+    values = load_scenario(PAPER, ('controller.fault_action=void', *FAST_ADAPTATION, *settings))
     (run,) = Simulation(values, changes).run()
     return run
 
 
-def test_a_deactivated_controller_commands_nothing_and_begins_anew() -> None:
+def test_controller_deactivated_is_void_then_restarts() -> None:
     run = run_with(Change(100, {}, DEACTIVATED), Change(180, {}, ACTIVATED))
-    through = run_with()
-    rest = slice(100, 180)
-    assert (run.torque[:100] == through.torque[:100]).all()
-    assert not run.torque[rest].any()
+    uninterrupted = run_with()
+    inactive = slice(100, 180)
+    assert (run.torque[:100] == uninterrupted.torque[:100]).all()
+    assert not run.torque[inactive].any()
     assert not run.applied[101:181].any()
     assert (run.active == ((np.arange(401) < 100) | (np.arange(401) >= 180))).all()
-    assert np.isnan(run.error[rest]).all()
+    assert np.isnan(run.error[inactive]).all()
     nominal = run.estimate[0]
     assert (run.estimate[99] != nominal).any()
     assert (run.estimate[180] == nominal).all()
-    # The limit of the rate counts from what was commanded: nothing.
+    # The rate limit counts from the last command, which was void.
     assert (np.abs(run.torque[180]) <= 0.3 + 1e-12).all()
 
 
-def test_a_resumed_controller_knows_what_it_had_learned() -> None:
+def test_controller_resumed_keeps_estimate() -> None:
     run = run_with(Change(100, {}, DEACTIVATED), Change(180, {}, RESUMED))
     assert (run.estimate[180] == run.estimate[100]).all()
     assert (run.estimate[100] != run.estimate[0]).any()
@@ -67,27 +67,27 @@ def test_a_resumed_controller_knows_what_it_had_learned() -> None:
 
 
 @pytest.mark.parametrize('source', ['measured', 'estimated'])
-def test_a_reset_of_the_adaptation_forgets_what_was_learned_alone(source: str) -> None:
+def test_adaptation_reset_restores_nominal_estimate_only(source: str) -> None:
     settings = (
         f'controller.velocity_source={source}',
         'controller.torque_rate_limit=1000',
         'controller.gamma=1',
     )
     run = run_with(Change(200, {}, ADAPTATION_RESET), settings=settings)
-    through = run_with(settings=settings)
-    assert (run.torque[:200] == through.torque[:200]).all()
+    uninterrupted = run_with(settings=settings)
+    assert (run.torque[:200] == uninterrupted.torque[:200]).all()
     assert (run.estimate[200] == run.estimate[0]).all()
     assert run.active.all()
-    # Neither the rate limit nor the velocities begin anew: the torque does not step.
+    # Rate limit and velocities are not reset: the torque does not step.
     assert (np.abs(run.torque[200] - run.torque[199]) <= 1.0 + 1e-12).all()
-    assert run.surface[200] == pytest.approx(through.surface[200], abs=1e-12)
+    assert run.surface[200] == pytest.approx(uninterrupted.surface[200], abs=1e-12)
 
 
 def logged(tmp_path: Path, *settings: str, changes: tuple[Change, ...] = ()) -> Path:
-    """Simulate to a log what the nodes would record."""
+    """Simulate to a log with the contents that the nodes would record."""
     from masmc_ros.log.write.simulated import SimulationLog
 
-    values = load_scenario(PAPER, (*LEARNING, *settings))
+    values = load_scenario(PAPER, (*FAST_ADAPTATION, *settings))
     simulation = Simulation(values, changes)
     path = tmp_path / 'run.mcap'
     with SimulationLog(path, simulation, values, {}) as log:
@@ -96,7 +96,7 @@ def logged(tmp_path: Path, *settings: str, changes: tuple[Change, ...] = ()) -> 
     return path
 
 
-def test_the_log_of_a_simulation_tells_events_too(
+def test_simulation_log_contains_events(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     changes = (
@@ -108,7 +108,7 @@ def test_the_log_of_a_simulation_tells_events_too(
     )
     path = logged(tmp_path, changes=changes)
     run = read_run(path)
-    assert [(each.tick, each.event) for each in run.changes] == [
+    assert [(record.tick, record.event) for record in run.changes] == [
         (change.tick, change.event) for change in changes
     ]
     error = run.telemetry['error'].values
@@ -120,18 +120,18 @@ def test_the_log_of_a_simulation_tells_events_too(
 
 
 def from_metadata(run: Run) -> list[ParameterRecord]:
-    """Return what the metadata say changed, as for a log without the topics."""
+    """Return the changes in the metadata, as for a log without the topics."""
     from masmc_ros.log.read.parameter_history import _from_metadata
     from masmc_ros.log.read.scan import scan
 
     history = _from_metadata(scan(run.path))
     return [
-        each._replace(parameters=mine.parameters)
-        for each, mine in zip(history.changes, run.changes, strict=True)
+        record._replace(parameters=mine.parameters)
+        for record, mine in zip(history.changes, run.changes, strict=True)
     ]
 
 
-def test_a_file_whose_controller_waits_is_simulated_as_if_enabled_at_once(
+def test_simulate_inactive_controller_is_activated_at_start(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
@@ -139,19 +139,19 @@ def test_a_file_whose_controller_waits_is_simulated_as_if_enabled_at_once(
     assert main(['simulate', PAPER, *settings, '--output', str(log)]) == 0
     run = read_run(log)
     assert run.torque.values.any(axis=1).all()
-    assert [(each.tick, each.event) for each in run.changes] == [(0, ACTIVATED)]
+    assert [(record.tick, record.event) for record in run.changes] == [(0, ACTIVATED)]
     assert main(['simulate', str(log)]) == 0
     assert 'all 101 states and 101 commands' in capsys.readouterr().out
 
 
-def test_events_of_another_version_are_not_passed_over(tmp_path: Path) -> None:
+def test_logged_scenario_unknown_event_raises(tmp_path: Path) -> None:
     run = read_run(logged(tmp_path, changes=(Change(5, {}, ADAPTATION_RESET),)))
     strange = replace(run, changes=(run.changes[0]._replace(event='dreamt'),))
     with pytest.raises(InputError, match=r"event 'dreamt' of the controller at tick 5; expected"):
         logged_scenario(strange)
 
 
-def test_a_path_that_begins_later_than_the_robot_is_no_simulation(tmp_path: Path) -> None:
+def test_scenario_path_starts_after_robot_raises(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'start_time = 5\.0: a simulated path starts with'):
         load_scenario(PAPER, ['trajectory.start_time=5.0'])
     load_scenario(PAPER, ['trajectory.start_time=-1.0'])
@@ -165,14 +165,14 @@ def test_a_path_that_begins_later_than_the_robot_is_no_simulation(tmp_path: Path
 
 
 @pytest.mark.parametrize('event', EVENTS)
-def test_records_tell_events(event: str) -> None:
+def test_parameter_record_with_event_is_restored(event: str) -> None:
     record = ParameterRecord('/controller', 5, 5_000_000, {'k_s1': 1.0}, (), event)
     assert read_record(record.to_text()) == record
     assert not record.is_start
     assert record.changes == {}
 
 
-def test_records_without_events_are_read() -> None:
+def test_parameter_record_without_event_is_read() -> None:
     text = '{"node": "/a", "tick": 0, "stamp": 0, "parameters": {}, "changed": []}'
     record: Any = read_record(text)
     assert record.event == ''

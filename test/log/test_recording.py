@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings in parts, on disks that are full, and queues that are."""
+"""Recordings in parts, on full disks and with full queues."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ TICKS = 3000
 
 
 def states() -> list[bytes]:
-    """Return joint states, a millisecond apart."""
-    state, found = JointStateCdr(), []
+    """Return joint states at intervals of 1 ms."""
+    state, messages = JointStateCdr(), []
     for tick in range(TICKS):
         state.set_stamp(tick * 10**6)
         state.position[:] = tick
-        found.append(state.to_bytes())
-    return found
+        messages.append(state.to_bytes())
+    return messages
 
 
 def record(path: Path, options: Options) -> Recording:
-    """Record the states, and parameters that hold from the start on."""
+    """Record the states, and parameters that apply from the start."""
     recording = Recording(path, options)
     parameters = recording.channel(
         '/controller/parameters', 'std_msgs/msg/String', Qos(), holds=True
     )
     channel = recording.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
-    told = ParameterRecord('/controller', 0, 0, {'law': 'smc'}, ())
-    assert recording.write(parameters, 0, string_message(told.to_text()))
+    parameter_record = ParameterRecord('/controller', 0, 0, {'law': 'smc'}, ())
+    assert recording.write(parameters, 0, string_message(parameter_record.to_text()))
     for tick, state in enumerate(states()):
         assert recording.write(channel, tick * 10**6, state)
     recording.close()
@@ -52,7 +52,7 @@ def record(path: Path, options: Options) -> Recording:
 
 
 def counts(path: Path) -> dict[str, int]:
-    """Return the number of messages of every topic by a file's own statistics."""
+    """Return the number of messages of every topic from the statistics of a file."""
     with path.open('rb') as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -68,14 +68,14 @@ def counts(path: Path) -> dict[str, int]:
     [Options(max_duration=10**9), Options(max_size=40_000, compression='none')],
     ids=['duration', 'size'],
 )
-def test_parts_are_one_recording_and_each_is_whole(options: Options, tmp_path: Path) -> None:
+def test_recording_parts_are_complete_and_form_one_run(options: Options, tmp_path: Path) -> None:
     recording = record(tmp_path / 'run.mcap', options)
     assert recording.path == tmp_path / 'run'
     parts = sorted(recording.path.glob('*.mcap'), key=lambda part: int(part.stem[4:]))
     assert len(parts) > 2
     assert [part.name for part in parts] == [f'run_{n}.mcap' for n in range(len(parts))]
     for part in parts:
-        # What still holds is in every part.
+        # Every part contains the current parameters.
         assert counts(part)['/controller/parameters'] == 1
         assert read_run(part).parameters == {'controller': {'law': 'smc'}}
     assert sum(counts(part)['/joint_states'] for part in parts) == TICKS
@@ -84,7 +84,7 @@ def test_parts_are_one_recording_and_each_is_whole(options: Options, tmp_path: P
     assert run.position[:, 0].tolist() == list(range(TICKS))
     assert run.parameters == {'controller': {'law': 'smc'}}
     assert run.topics == {'/joint_states': TICKS, '/controller/parameters': 1}
-    # By metadata.yaml, as ROS 2 reads it.
+    # ROS 2 reads the parts listed in metadata.yaml.
     with AnyReader([recording.path]) as bag:
         assert bag.message_count == TICKS + len(parts)
         stamps = [time for c, time, _ in bag.messages() if c.topic == '/joint_states']
@@ -100,45 +100,46 @@ def test_parts_are_one_recording_and_each_is_whole(options: Options, tmp_path: P
     ],
     ids=['duration', 'size', 'one message'],
 )
-def test_messages_at_once_go_into_the_same_parts(options: Options, tmp_path: Path) -> None:
+def test_recording_bulk_messages_go_into_same_parts(options: Options, tmp_path: Path) -> None:
     stamps = [3, 50, 1, 60, 150, 2, 72, 70] * 6
     messages = [(1 + (n == 4), 10**6 * ms, bytes([n]) * 30_000) for n, ms in enumerate(stamps)]
-    found = []
-    for each in (1, 7, len(messages)):
-        (tmp_path / f'{each}').mkdir()
-        recording = Recording(tmp_path / f'{each}' / 'run.mcap', options)
+    contents = []
+    for batch in (1, 7, len(messages)):
+        (tmp_path / f'{batch}').mkdir()
+        recording = Recording(tmp_path / f'{batch}' / 'run.mcap', options)
         recording.channel('/state', 'sensor_msgs/msg/JointState', Qos())
         recording.channel('/holds', 'sensor_msgs/msg/JointState', Qos(), holds=True)
-        for first in range(0, len(messages), each):
-            recording.write_all(messages[first:first + each])
+        for first in range(0, len(messages), batch):
+            recording.write_all(messages[first:first + batch])
         recording.close()
-        found.append({p.name: p.read_bytes() for p in recording.path.iterdir()})
-    assert len(found[0]) > 2
-    assert found[0] == found[1] == found[2]
+        contents.append({p.name: p.read_bytes() for p in recording.path.iterdir()})
+    assert len(contents[0]) > 2
+    assert contents[0] == contents[1] == contents[2]
 
 
-def test_one_file_where_nothing_is_said(tmp_path: Path) -> None:
+def test_recording_without_limits_is_one_file(tmp_path: Path) -> None:
     recording = record(tmp_path / 'run.mcap', Options())
     assert list(tmp_path.iterdir()) == [recording.path]
     assert counts(recording.path) == {'/joint_states': TICKS, '/controller/parameters': 1}
 
 
-def test_what_finds_no_place_is_counted_and_told(tmp_path: Path) -> None:
+def test_recording_queue_full_counts_lost_messages(tmp_path: Path) -> None:
     state = states()[0]
     recording = Recording(tmp_path / 'run.mcap', Options(queue_size=20 * len(state)))
     channel = recording.channel('/joint_states', 'sensor_msgs/msg/JointState', Qos())
-    taken = sum(recording.write(channel, 0, state) for _ in range(5000))
+    accepted = sum(recording.write(channel, 0, state) for _ in range(5000))
     recording.close()
-    lost = 5000 - taken
+    lost = 5000 - accepted
     assert lost > 0
     assert recording.lost == {'/joint_states': lost}
-    assert counts(recording.path) == {'/joint_states': taken}
+    assert counts(recording.path) == {'/joint_states': accepted}
     with recording.path.open('rb') as stream:
-        (told,) = [m.metadata for m in make_reader(stream).iter_metadata() if m.name == LOST]
-    assert told == {'/joint_states': str(lost)}
+        records = list(make_reader(stream).iter_metadata())
+    (lost_record,) = [record.metadata for record in records if record.name == LOST]
+    assert lost_record == {'/joint_states': str(lost)}
 
 
-def test_no_recording_where_there_can_be_none(tmp_path: Path) -> None:
+def test_recording_invalid_path_raises(tmp_path: Path) -> None:
     for path, options in (
         (tmp_path / 'none' / 'run.mcap', Options()),
         (tmp_path / 'none' / 'run.mcap', Options(max_size=1)),
@@ -183,11 +184,11 @@ FULL = """
         said = str(error)
     print(json.dumps([trouble, size, written, said, recording.lost]))
 """
-"""A process whose files cannot grow beyond 100 kB, then as it likes or not."""
+"""A process whose files are limited to 100 kB, and later unlimited if requested."""
 
 
 @pytest.mark.parametrize('then', ['again', 'never'])
-def test_a_disk_that_takes_no_more(then: str, tmp_path: Path) -> None:
+def test_recording_disk_full_keeps_whole_records(then: str, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     done = subprocess.run(
         [sys.executable, '-c', textwrap.dedent(FULL), str(log), then],
@@ -196,20 +197,21 @@ def test_a_disk_that_takes_no_more(then: str, tmp_path: Path) -> None:
         timeout=120,
         check=True,
     )
-    trouble, size, written, said, lost = json.loads(done.stdout)
+    trouble, size, written, error_text, lost = json.loads(done.stdout)
     assert trouble == 'File too large'
     assert 0 < size <= 100_000
     assert lost == {}
     if then == 'again':
-        assert said is None
+        assert error_text is None
     else:
-        assert 'File too large' in said
-        assert f'masmc recover {log}' in said
+        assert 'File too large' in error_text
+        assert f'masmc recover {log}' in error_text
         recovered = recover(log)
         assert recovered is not None
-        # The file ended on a whole record.
+        # The file ended with a complete record.
         assert recovered.dropped == 0
     with log.open('rb') as stream:
-        found = [m.data[:4] for _, _, m in make_reader(stream, validate_crcs=True).iter_messages()]
-    assert found == [n.to_bytes(4, 'little') for n in range(len(found))]
-    assert len(found) == written if then == 'again' else 0 < len(found) < written
+        messages = make_reader(stream, validate_crcs=True).iter_messages()
+        payloads = [message.data[:4] for _, _, message in messages]
+    assert payloads == [n.to_bytes(4, 'little') for n in range(len(payloads))]
+    assert len(payloads) == written if then == 'again' else 0 < len(payloads) < written

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs that were truncated anywhere are completed, with all their complete chunks."""
+"""Recovery of truncated logs, with all their complete chunks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from whole_log import Messages, read
 
 TICKS = 160
 COMMIT = 20
-"""Ticks that a recorder commits together, one chunk each."""
+"""Number of ticks that a recorder commits together, one chunk each."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class Whole:
     messages: Messages
     chunks: list[ChunkIndex]
     counts: list[int]
-    """Messages of each chunk."""
+    """Numbers of messages per chunk."""
 
     def whole_chunks(self, size: int) -> int:
-        """Return how many chunks are whole in the first `size` bytes."""
+        """Return the number of complete chunks in the first `size` bytes."""
         return sum(c.chunk_start_offset + c.chunk_length <= size for c in self.chunks)
 
 
 def record(path: Path, compression: str) -> None:
-    """Record a short run as a recorder does: an opening, a chunk for each commit, an end."""
+    """Record a short run as a recorder does: a start, one chunk per commit, an end."""
     run = numbers(TICKS)
     with LogWriter(path, compression, live=True) as log:
         log.metadata('origin', {'law': 'smc'})
@@ -72,7 +72,7 @@ def record(path: Path, compression: str) -> None:
 
 
 def whole(path: Path) -> Whole:
-    """Return what is in a complete log."""
+    """Return the contents of a complete log."""
     messages, chunks = read(path)
     with path.open('rb') as stream:
         reader = make_reader(stream)
@@ -90,38 +90,38 @@ def whole(path: Path) -> Whole:
 def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Whole:
     path = tmp_path_factory.mktemp('whole') / 'run.mcap'
     record(path, request.param)
-    found = whole(path)
-    assert len(found.chunks) == TICKS // COMMIT
-    assert found.counts == [2 * COMMIT] * len(found.chunks)
-    return found
+    contents = whole(path)
+    assert len(contents.chunks) == TICKS // COMMIT
+    assert contents.counts == [2 * COMMIT] * len(contents.chunks)
+    return contents
 
 
 def cuts(size: int) -> Iterator[int]:
-    """Return places: every one near the ends and 200 others."""
+    """Yield positions: all near the ends and 200 others."""
     yield from range(64)
     yield from range(size - 64, size)
     draw = random.Random(size)
     yield from (draw.randrange(size) for _ in range(200))
 
 
-def test_a_log_that_is_cut_off_anywhere(log: Whole, tmp_path: Path) -> None:
+def test_recover_log_truncated_anywhere_is_completed(log: Whole, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     for size in cuts(len(log.data)):
         path.write_bytes(log.data[:size])
-        found = recover(path)
-        assert found is not None, size
+        summary = recover(path)
+        assert summary is not None, size
         completed = path.read_bytes()
         messages, _ = read(path)
         assert messages == log.messages[: len(messages)], size
         assert len(messages) == sum(log.counts[: log.whole_chunks(size)]), size
         times = [time for _, time, _ in messages] or [0]
-        assert found[:3] == (len(messages), min(times), max(times)), size
+        assert summary[:3] == (len(messages), min(times), max(times)), size
         assert is_complete(path), size
         assert recover(path) is None, size
         assert path.read_bytes() == completed, size
 
 
-def test_other_readers_open_what_was_recovered(log: Whole, tmp_path: Path) -> None:
+def test_recover_result_is_read_by_other_readers(log: Whole, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     size = len(log.data)
     for cut in (size // 3, size // 2, 4 * size // 5, size - 1):
@@ -131,11 +131,11 @@ def test_other_readers_open_what_was_recovered(log: Whole, tmp_path: Path) -> No
         with path.open('rb') as stream:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
             decoded = list(reader.iter_decoded_messages(log_time_order=False))
-        assert [each.message.data for each in decoded] == [data for _, _, data in messages]
+        assert [m.message.data for m in decoded] == [data for _, _, data in messages]
         stamps = [
-            each.decoded_message.header.stamp.nanosec
-            for each in decoded
-            if each.channel.topic == '/joint_states'
+            m.decoded_message.header.stamp.nanosec
+            for m in decoded
+            if m.channel.topic == '/joint_states'
         ]
         assert stamps == [time for topic, time, _ in messages if topic == '/joint_states']
         with AnyReader([path]) as bag:
@@ -145,29 +145,29 @@ def test_other_readers_open_what_was_recovered(log: Whole, tmp_path: Path) -> No
         assert len(read_run(path).times) == len(stamps)
 
 
-def test_seeking_by_time_works_in_what_was_recovered(log: Whole, tmp_path: Path) -> None:
+def test_recover_result_is_searchable_by_time(log: Whole, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     path.write_bytes(log.data[: 3 * len(log.data) // 4])
     recover(path)
     messages, _ = read(path)
     last = max(time for _, time, _ in messages)
-    begin, end = last // 3, 2 * last // 3
+    start, end = last // 3, 2 * last // 3
     with path.open('rb') as stream:
         reader = make_reader(stream)
         part = [
             (channel.topic, message.log_time, message.data)
-            for _, channel, message in reader.iter_messages(start_time=begin, end_time=end)
+            for _, channel, message in reader.iter_messages(start_time=start, end_time=end)
         ]
         (topic,) = {
             channel.topic
-            for _, channel, _ in reader.iter_messages(topics='/joint_states', start_time=begin)
+            for _, channel, _ in reader.iter_messages(topics='/joint_states', start_time=start)
         }
     assert part
-    assert sorted(part) == sorted(m for m in messages if begin <= m[1] < end)
+    assert sorted(part) == sorted(m for m in messages if start <= m[1] < end)
     assert topic == '/joint_states'
 
 
-def test_attachments_and_metadata_survive(log: Whole, tmp_path: Path) -> None:
+def test_recover_keeps_attachments_and_metadata(log: Whole, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     path.write_bytes(log.data[: log.chunks[2].chunk_start_offset])
     recover(path)
@@ -178,16 +178,16 @@ def test_attachments_and_metadata_survive(log: Whole, tmp_path: Path) -> None:
     assert (attachment.name, attachment.media_type) == ('paper.yaml', 'application/yaml')
     assert attachment.data == b'plant: {}'
     assert (metadata.name, metadata.metadata) == ('origin', {'law': 'smc'})
-    # With everything but the end there, the closing record is too.
+    # If only the end is missing, the closing record is kept.
     path.write_bytes(log.data[:-1])
     recover(path)
     with path.open('rb') as stream:
-        names = [each.name for each in make_reader(stream).iter_metadata()]
+        names = [record.name for record in make_reader(stream).iter_metadata()]
     assert names == ['origin', 'parameters']
 
 
 @pytest.mark.slow
-def test_damaged_bytes_keep_what_is_before_and_bring_nothing_wrong(
+def test_recover_damaged_bytes_keep_earlier_messages(
     log: Whole, tmp_path: Path
 ) -> None:
     path = tmp_path / 'run.mcap'
@@ -208,10 +208,10 @@ def test_damaged_bytes_keep_what_is_before_and_bring_nothing_wrong(
 
 
 @pytest.mark.parametrize('broken', [0, 4, TICKS // COMMIT - 1])
-def test_recover_damaged_chunk_skipped_and_reported(
+def test_recover_damaged_chunk_is_skipped_and_reported(
     log: Whole, broken: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Messages of a chunk with a wrong checksum must not appear to be right."""
+    """Messages of a chunk with a wrong checksum must not appear valid."""
     path = tmp_path / 'run.mcap'
     chunk = log.chunks[broken]
     data = bytearray(log.data)
@@ -242,7 +242,7 @@ def test_recover_wrong_chunk_length_keeps_all_others(
     first, last = sum(log.counts[:3]), sum(log.counts[:4])
     assert read(path)[0] == log.messages[:first] + log.messages[last:]
     with path.open('rb') as stream:
-        names = [each.name for each in make_reader(stream).iter_metadata()]
+        names = [record.name for record in make_reader(stream).iter_metadata()]
     assert names == ['origin', 'parameters']
 
 
@@ -328,11 +328,11 @@ def test_recover_on_full_disk_leaves_log_unchanged(
     with pytest.raises(InputError, match='cannot be recovered: No space left on device'):
         recover(torn)
     assert torn.read_bytes() == data
-    assert [each.name for each in torn.parent.iterdir()] == [torn.name]
+    assert [entry.name for entry in torn.parent.iterdir()] == [torn.name]
 
 
-def test_chunks_of_a_long_run(tmp_path: Path) -> None:
-    """Chunks of the usual size, and windows of the reference among the messages."""
+def test_recover_truncated_long_run_keeps_chunks(tmp_path: Path) -> None:
+    """Chunks have the usual size, with reference windows among the messages."""
     path = tmp_path / 'run.mcap'
     write_run(path, numbers(1500))
     log = whole_by_offset(path)
@@ -348,7 +348,7 @@ def test_chunks_of_a_long_run(tmp_path: Path) -> None:
 
 
 def whole_by_offset(path: Path) -> Whole:
-    """Return what is in a log whose chunks share times."""
+    """Return the contents of a log whose chunks share times."""
     messages, chunks = read(path)
     data = path.read_bytes()
     counts = []
@@ -361,7 +361,7 @@ def whole_by_offset(path: Path) -> Whole:
     return Whole(data, messages, chunks, counts)
 
 
-def test_a_complete_log_is_left_as_it_is(log: Whole, tmp_path: Path) -> None:
+def test_recover_complete_log_is_unchanged(log: Whole, tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     path.write_bytes(log.data)
     before = path.stat()
@@ -372,7 +372,7 @@ def test_a_complete_log_is_left_as_it_is(log: Whole, tmp_path: Path) -> None:
 
 @pytest.fixture
 def torn(tmp_path: Path) -> Path:
-    """Return a log that was cut off."""
+    """Return a truncated log."""
     path = tmp_path / 'run.mcap'
     record(path, 'zstd')
     path.write_bytes(path.read_bytes()[:-1000])
@@ -400,7 +400,9 @@ def foreign(path: Path) -> Path:
         (foreign, 'is not an MCAP file'),
     ],
 )
-def test_refused(torn: Path, make: Callable[[Path], Path], expected: str) -> None:
+def test_recover_invalid_path_raises(
+    torn: Path, make: Callable[[Path], Path], expected: str
+) -> None:
     path = make(torn)
     before = path.read_bytes() if path.is_file() else None
     with pytest.raises(InputError) as error:
@@ -410,7 +412,7 @@ def test_refused(torn: Path, make: Callable[[Path], Path], expected: str) -> Non
     assert (path.read_bytes() if path.is_file() else None) == before
 
 
-def test_a_log_that_is_being_recorded_is_refused(tmp_path: Path) -> None:
+def test_recover_log_being_recorded_raises(tmp_path: Path) -> None:
     path = tmp_path / 'run.mcap'
     with LogWriter(path, live=True) as writer:
         channel = writer.channel('/text', 'std_msgs/msg/String')
@@ -424,8 +426,8 @@ def test_a_log_that_is_being_recorded_is_refused(tmp_path: Path) -> None:
     assert recover(path) is None
 
 
-def test_all_logs_of_a_folder(torn: Path) -> None:
-    """Those in recordings below it as well; those of others are not touched."""
+def test_recover_all_completes_own_logs_of_folder(torn: Path) -> None:
+    """Logs of recordings below the folder are included; foreign logs are not modified."""
     data = torn.read_bytes()
     below = torn.parent / 'run'
     below.mkdir()
@@ -437,14 +439,14 @@ def test_all_logs_of_a_folder(torn: Path) -> None:
     held.write_bytes(data)
     with held.open('r+b') as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
-        found = {path.name for path, _ in recover_all(torn.parent)}
-    assert found == {'run.mcap', 'run_1.mcap'}
+        names = {path.name for path, _ in recover_all(torn.parent)}
+    assert names == {'run.mcap', 'run_1.mcap'}
     assert held.read_bytes() == data
     assert foreign_log.read_bytes() == data.replace(b'masmc_ros', b'other_ros', 1)
     assert list(recover_all(below)) == []
 
 
-def test_on_the_command_line(torn: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recover_command_prints_one_line(torn: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['recover', str(torn)]) == 0
     out, err = capsys.readouterr()
     messages = len(read(torn)[0])
@@ -454,7 +456,7 @@ def test_on_the_command_line(torn: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == f'{torn}: is complete\n'
 
 
-def test_one_that_cannot_be_recovered_does_not_hold_up_the_others(
+def test_recover_command_one_log_fails_others_are_recovered(
     torn: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['recover', str(missing(torn)), str(torn)]) == 2

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The viewers' own libraries decode every message of a log to what it says.
+Messages of a log decoded by the libraries of the viewers.
 
-They parse the definitions in the log, and read the messages by them: a definition that does
-not fit its messages, an index or a chunk that is not right would show here.
+The libraries parse the definitions in the log and read the messages with them. They detect
+definitions that do not match, and wrong indexes or chunks.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ LAYOUT = ROOT / 'config' / 'foxglove.json'
 
 
 def digests(log: Path) -> dict[str, str]:
-    """Return a digest of everything in the messages of every topic."""
+    """Return a digest of the messages of every topic."""
     hashes: dict[str, Any] = {}
     for topic, message in decoded(log):
         _add(hashes.setdefault(topic, hashlib.sha256()), message)
-    return {topic: found.hexdigest() for topic, found in hashes.items()}
+    return {topic: digest.hexdigest() for topic, digest in hashes.items()}
 
 
 def _add(digest: Any, value: Any) -> None:
@@ -45,38 +45,38 @@ def _add(digest: Any, value: Any) -> None:
         digest.update(struct.pack('<d', value))
     else:
         entries = value if isinstance(value, list | tuple) else _fields(value)
-        for each in entries:
-            _add(digest, each)
+        for entry in entries:
+            _add(digest, entry)
 
 
 def _fields(message: Any) -> list[Any]:
     return [getattr(message, name) for name in message.__slots__]
 
 
-def check(log: Path, told: Any) -> None:
-    """Hold what Node.js tells of a log against what Python reads in it."""
+def check(log: Path, contents: Any) -> None:
+    """Compare the contents of a log in Node.js with those in Python."""
     run = read_run(log)
-    assert told['profile'] == 'ros2'
-    assert {name: topic['count'] for name, topic in told['topics'].items()} == run.topics
-    assert told['statistics'] == sum(run.topics.values()) > 1000
-    read = {name: topic['digest'] for name, topic in told['topics'].items() if topic['count']}
+    assert contents['profile'] == 'ros2'
+    assert {name: topic['count'] for name, topic in contents['topics'].items()} == run.topics
+    assert contents['statistics'] == sum(run.topics.values()) > 1000
+    read = {name: topic['digest'] for name, topic in contents['topics'].items() if topic['count']}
     assert read == digests(log)
-    state = told['topics']['/joint_states']['last']
+    state = contents['topics']['/joint_states']['last']
     assert state['position'] == run.position[-1].tolist()
     assert state['velocity'] == run.velocity[-1].tolist()
     assert state['effort'][3:] == run.applied_effort[-1].tolist()
-    assert told['topics']['/effort_commands']['last']['data'] == run.torque.values[-1].tolist()
-    error = told['topics']['/controller/tracking_error']['last']
+    assert contents['topics']['/effort_commands']['last']['data'] == run.torque.values[-1].tolist()
+    error = contents['topics']['/controller/tracking_error']['last']
     last = run.telemetry['error'].values[-1].tolist()
     assert error['data'][error['layout']['data_offset']:] == last
 
 
-def test_every_message_of_a_computed_run(tmp_path: Path) -> None:
+def test_viewer_library_computed_run_equals_python(tmp_path: Path) -> None:
     log = computed_run(tmp_path)
     check(log, read_log(log))
 
 
-def test_every_message_of_a_recorded_run(tmp_path: Path) -> None:
+def test_viewer_library_recorded_run_equals_python(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     from processes import processes, ros_arguments, shortened
 
@@ -86,20 +86,20 @@ def test_every_message_of_a_recorded_run(tmp_path: Path) -> None:
         wait_for = '[controller,trajectory,recorder]'
         started.start_all(*ros_arguments(file, plant__wait_for=wait_for, recorder__output=log))
         assert set(started.wait().values()) == {0}, started.output()
-    told = read_log(log)
-    check(log, told)
-    assert told['topics']['/rosout']['count'] > 0
+    contents = read_log(log)
+    check(log, contents)
+    assert contents['topics']['/rosout']['count'] > 0
 
 
 @pytest.fixture(scope='module')
-def run_and_made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
-    """Return a run of a second, and what the layout's scripts make of it."""
+def run_and_script_output(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """Return a run of one second, and the output of the layout's scripts."""
     log = computed_run(tmp_path_factory.mktemp('scripts'))
     return log, read_log(log, LAYOUT)['scripts']
 
 
-def test_the_layouts_script_draws_the_paths_of_e_and_f(run_and_made: tuple[Path, Any]) -> None:
-    log, made = run_and_made
+def test_layout_script_paths_equal_paths_of_run(run_and_script_output: tuple[Path, Any]) -> None:
+    log, made = run_and_script_output
     run = read_run(log)
     robot = robot_of(load_scenario(str(ROOT / 'config' / 'paper.yaml'))['plant'])
     assert run.reference is not None
@@ -112,38 +112,40 @@ def test_the_layouts_script_draws_the_paths_of_e_and_f(run_and_made: tuple[Path,
         for kind, values in wanted.items():
             whole = values[:, first:first + 2]
             name = f'{point}_{kind}'
-            assert all(len(each[name]) == len(each['x']) for each in messages)
+            assert all(len(message[name]) == len(message['x']) for message in messages)
             drawn = np.array(
                 [
                     (x, y)
-                    for each in messages
-                    for x, y in zip(each['x'], each[name], strict=True)
+                    for message in messages
+                    for x, y in zip(message['x'], message[name], strict=True)
                     if y is not None  # NaN in JSON
                 ]
             )
-            # All of it are points of the path, in order, and none of the path is far from them.
+            # All drawn points belong to the path, in order, and the whole path is close to them.
             distance = np.linalg.norm(drawn[:, None] - whole[None], axis=2)
             assert distance.min(axis=1).max() < 1e-9
             assert (np.diff(distance.argmin(axis=1)) >= 0).all()
             assert distance.min(axis=0).max() < 0.006
-            # Where the line goes on after a gap, it begins where it ended.
-            for each in messages:
-                rows = [i for i, y in enumerate(each[name]) if y is not None]
+            # After a gap in another line, this line continues at its last point.
+            for message in messages:
+                rows = [i for i, y in enumerate(message[name]) if y is not None]
                 assert rows == list(range(rows[0], rows[0] + len(rows))) if rows else True
     assert len(messages) > len(run.times)
 
 
-def test_the_layouts_script_tells_the_values_in_force(run_and_made: tuple[Path, Any]) -> None:
-    told, *again = run_and_made[1]['/masmc/controller']
-    # With the clock it is told again, so that lines in a plot go on at their height.
+def test_layout_script_controller_values_equal_scenario(
+    run_and_script_output: tuple[Path, Any]
+) -> None:
+    values, *again = run_and_script_output[1]['/masmc/controller']
+    # The script repeats the values with the clock; lines in a plot continue at their height.
     assert len(again) > 1
-    assert all(each == told for each in again)
+    assert all(repeated == values for repeated in again)
     expected = load_scenario(str(ROOT / 'config' / 'paper.yaml'))['controller']
     for name in ('k_s1', 'k_s2', 'sigma', 'gamma'):
-        assert told[name] == list(expected[name])
-    rows = {row['parameter']: row['value'] for row in told['parameters']}
+        assert values[name] == list(expected[name])
+    rows = {row['parameter']: row['value'] for row in values['parameters']}
     assert rows['law'] == expected['law']
-    assert [float(each) for each in rows['k_s1'].split(', ')] == list(expected['k_s1'])
+    assert [float(gain) for gain in rows['k_s1'].split(', ')] == list(expected['k_s1'])
     assert not any(name.startswith('robot.') for name in rows)
 
 
@@ -158,8 +160,13 @@ def test_the_layouts_script_tells_the_values_in_force(run_and_made: tuple[Path, 
         ('export const inputs = ["/', 'export const inputs = ["/elsewhere", "/', '/elsewhere'),
     ],
 )
-def test_scripts_that_the_viewer_refuses_are_found(
-    run_and_made: tuple[Path, Any], tmp_path: Path, script: str, old: str, new: str, fault: str
+def test_layout_script_invalid_is_rejected(
+    run_and_script_output: tuple[Path, Any],
+    tmp_path: Path,
+    script: str,
+    old: str,
+    new: str,
+    fault: str,
 ) -> None:
     layout = json.loads(LAYOUT.read_text(encoding='utf-8'))
     source = layout['userNodes'][script]['sourceCode']
@@ -167,12 +174,12 @@ def test_scripts_that_the_viewer_refuses_are_found(
     layout['userNodes'][script]['sourceCode'] = source.replace(old, new, 1)
     wrong = tmp_path / 'layout.json'
     wrong.write_text(json.dumps(layout), encoding='utf-8')
-    result = run_read_log(run_and_made[0], wrong)
+    result = run_read_log(run_and_script_output[0], wrong)
     assert result.returncode != 0
     assert fault in result.stderr
 
 
-def test_nothing_is_installed_into_the_sources() -> None:
+def test_viewer_sources_contain_no_installed_packages() -> None:
     assert {path.name for path in SOURCES.iterdir()} == {
         'package.json',
         'read_log.mjs',

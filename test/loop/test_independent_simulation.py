@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The compiled closed loop against an independent one, and against measured accuracies."""
+"""Compiled closed loop against an independent simulation and measured accuracies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DURATION = 0.3
 
 
 def random_robot(rng: np.random.Generator) -> Machine:
-    """Vary every parameter of the default robot, and move the centre of mass off the axle."""
+    """Return the default robot with varied parameters and a centre of mass off the axle."""
     p = {name: value * rng.uniform(0.6, 1.6) for name, value in DEFAULT.items()}
     p['com_offset'] = rng.uniform(-0.06, 0.12)
     p['arm_offset'] = rng.uniform(0.1, 0.3) - p['com_offset']
@@ -36,7 +36,7 @@ def random_robot(rng: np.random.Generator) -> Machine:
 
 
 def random_scenario(law: str, switching: str, observer_gain: float, seed: int) -> Scenario:
-    """Draw a run that starts near its reference, with gains that its period is short for."""
+    """Draw a run that starts near its reference, with gains suited to its period."""
     rng = np.random.default_rng([seed, PAPER_LAWS.index(law), SWITCHING.index(switching)])
     robot = random_robot(rng)
     pose = rng.uniform(-2.0, 2.0, 3)
@@ -76,8 +76,8 @@ def random_scenario(law: str, switching: str, observer_gain: float, seed: int) -
     )
 
 
-def lasting(scenario: Scenario, seed: int) -> Scenario:
-    """Add limits and what lets adaptation last, each in about half of the runs."""
+def with_robust_settings(scenario: Scenario, seed: int) -> Scenario:
+    """Return the scenario with limits and robust adaptation, each in about half of the runs."""
     rng = np.random.default_rng([seed, 1])
     wide = whole(replace(scenario, ticks=scenario.ticks // 4))
     largest = np.abs(wide.raw_torque).max(axis=0)
@@ -93,42 +93,46 @@ def lasting(scenario: Scenario, seed: int) -> Scenario:
     return replace(scenario, extra=tuple(extra.items()))
 
 
-# A robot and a path for each seed; the others take long.
+# One robot and path per seed; further seeds are slow.
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
 
 
 @pytest.mark.parametrize('seed', SEEDS[:3])
 @pytest.mark.parametrize(('law', 'switching', 'observer_gain'), KINDS)
-def test_every_tick_agrees(law: str, switching: str, observer_gain: float, seed: int) -> None:
+def test_closed_loop_every_law_matches_independent_simulation(
+    law: str, switching: str, observer_gain: float, seed: int
+) -> None:
     assert_agree(random_scenario(law, switching, observer_gain, seed))
 
 
 @pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('switching', ['tanh', 'implicit'])
-def test_every_tick_agrees_under_limits_and_leakage(switching: str, seed: int) -> None:
-    assert_agree(lasting(random_scenario('rasmc', switching, 0.5, seed), seed))
+def test_closed_loop_limits_and_leakage_match_independent_one(switching: str, seed: int) -> None:
+    assert_agree(with_robust_settings(random_scenario('rasmc', switching, 0.5, seed), seed))
 
 
 def assert_agree(scenario: Scenario) -> None:
-    """Hold every tick of a run against the independent simulation."""
-    found, n = whole(scenario), scenario.ticks
+    """Assert that every tick of a run agrees with the independent simulation."""
+    run, n = whole(scenario), scenario.ticks
     expected = Simulator(scenario).run()
-    assert found.singular == 0
-    assert_close(found.position[:n], expected.position, 1e-7, 'rad and m')
-    assert_close(found.velocity[:n], expected.velocity, 1e-6, 'rad/s and m/s')
-    assert_close(found.torque, expected.torque, 1e-4, 'N m')
-    assert_close(found.estimate, expected.estimate, 1e-6, 'theta')
+    assert run.singular == 0
+    assert_close(run.position[:n], expected.position, 1e-7, 'rad and m')
+    assert_close(run.velocity[:n], expected.velocity, 1e-6, 'rad/s and m/s')
+    assert_close(run.torque, expected.torque, 1e-4, 'N m')
+    assert_close(run.estimate, expected.estimate, 1e-6, 'theta')
 
 
-def assert_close(found: Array, expected: Array, limit: float, what: str) -> None:
-    """Hold whole trajectories against each other and tell at which tick they part."""
-    apart = np.abs(found - expected).max(axis=1)
+def assert_close(actual: Array, expected: Array, limit: float, unit: str) -> None:
+    """Assert that trajectories agree, and report the first tick that differs."""
+    difference = np.abs(actual - expected).max(axis=1)
     assert np.isfinite(expected).all()
-    assert (apart <= limit).all(), f'tick {np.argmax(apart > limit)}: {apart.max():.1e} {what}'
+    assert (difference <= limit).all(), (
+        f'tick {np.argmax(difference > limit)}: {difference.max():.1e} {unit}'
+    )
 
 
-def test_the_scenarios_exercise_what_they_are_drawn_for() -> None:
-    """Limits clip, sides differ, estimates move and disturbances matter in these runs."""
+def test_random_scenarios_exercise_limits_and_surfaces() -> None:
+    """Across the drawn runs, torques are limited, surfaces are reached and estimates move."""
     clipped = moved = slid = 0
     for kind in KINDS:
         scenario = random_scenario(*kind, 0)
@@ -142,16 +146,16 @@ def test_the_scenarios_exercise_what_they_are_drawn_for() -> None:
     assert slid >= 4
 
 
-def test_limits_cut_in_the_runs_drawn_for_them() -> None:
-    cut = 0
+def test_random_scenarios_with_limits_limit_the_torque() -> None:
+    limited_runs = 0
     for seed in range(4):
-        run = whole(lasting(random_scenario('rasmc', 'implicit', 0.5, seed), seed))
+        run = whole(with_robust_settings(random_scenario('rasmc', 'implicit', 0.5, seed), seed))
         share = (run.raw_torque != run.torque).any(axis=1).mean()
-        cut += 0.001 < share < 0.9
-    assert cut >= 2
+        limited_runs += 0.001 < share < 0.9
+    assert limited_runs >= 2
 
 
-def test_base_parameters_agree() -> None:
+def test_base_parameters_random_robots_match_independent_ones() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
         robot = random_robot(rng)
@@ -174,7 +178,9 @@ HALF_A_DIGIT = {
 
 
 @pytest.mark.parametrize(('law', 'switching', 'observer_gain'), ACCURACY)
-def test_accuracy_in_the_papers_scenario(law: str, switching: str, observer_gain: float) -> None:
+def test_accuracy_paper_scenario_equals_measured_values(
+    law: str, switching: str, observer_gain: float
+) -> None:
     run = whole(Scenario(law, switching, observer_gain))
     half = slice(10_000, 20_000)
     error = 1e3 * run.error[half]
@@ -182,6 +188,6 @@ def test_accuracy_in_the_papers_scenario(law: str, switching: str, observer_gain
     variation = np.abs(np.diff(run.torque[half], axis=0)).sum() / 10.0
     key = law, switching, observer_gain
     digits = HALF_A_DIGIT.get(key, (5e-4, 5e-4, 0.05))
-    for found, expected, tolerance in zip((*rms, variation), ACCURACY[key], digits, strict=True):
-        assert found == pytest.approx(expected, abs=1.001 * tolerance)
+    for actual, expected, tolerance in zip((*rms, variation), ACCURACY[key], digits, strict=True):
+        assert actual == pytest.approx(expected, abs=1.001 * tolerance)
     assert run.singular == 0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs side by side in lanes: each has the bits of the run alone."""
+"""Runs in parallel lanes: every lane is bitwise identical to a single run."""
 
 from __future__ import annotations
 
@@ -30,44 +30,44 @@ LANES = 16
 TICKS = 60
 
 
-def side_by_side(scenarios: Sequence[Scenario]) -> Any:
-    """Return the signals of runs of one law, one in each lane."""
+def parallel_runs(scenarios: Sequence[Scenario]) -> Any:
+    """Return the signals of runs of one law, one run per lane."""
     first, lanes = scenarios[0], len(scenarios)
     law = LAWS[first.law]
     gains = records.law_settings(TWO_LINK, law, first.switching, lanes)
-    learned = records.law_memory(TWO_LINK, law, lanes)
+    memory = records.law_memory(TWO_LINK, law, lanes)
     plant, state = (
         records.plant_settings(TWO_LINK, lanes),
         records.plant_memory(TWO_LINK, lanes),
     )
     for lane, scenario in enumerate(scenarios):
-        write_law(gains, learned, scenario, lane)
+        write_law(gains, memory, scenario, lane)
         write_plant(plant, state, scenario, lane)
     delayed = delay_line(plant, TWO_LINK)
-    now = records.signals(TWO_LINK, lanes)
-    plant_start(plant, state, delayed, now)
-    signals = np.zeros(first.ticks, now.dtype)
+    signals = records.signals(TWO_LINK, lanes)
+    plant_start(plant, state, delayed, signals)
+    history = np.zeros(first.ticks, signals.dtype)
     closed_loop(
-        plant, state, delayed, gains, learned, now, 0, True, first.reference, signals
+        plant, state, delayed, gains, memory, signals, 0, True, first.reference, history
     )
-    return signals
+    return history
 
 
-def assert_as_alone(scenarios: Sequence[Scenario]) -> None:
-    """Hold every signal of every lane against the run alone."""
-    signals = side_by_side(scenarios)
+def assert_equal_single_runs(scenarios: Sequence[Scenario]) -> None:
+    """Assert that all signals of every lane equal those of a single run."""
+    signals = parallel_runs(scenarios)
     for lane, scenario in enumerate(scenarios):
         alone = whole(scenario)
         for name in ('position', 'velocity', 'true_position', 'applied', 'raw_torque', 'torque',
                      'error', 'surface', 'estimate'):
-            found = signals[name][:, :, lane]
+            values = signals[name][:, :, lane]
             np.testing.assert_array_equal(
-                found, getattr(alone, name)[: len(found)], err_msg=f'{name}, lane {lane}'
+                values, getattr(alone, name)[: len(values)], err_msg=f'{name}, lane {lane}'
             )
 
 
 def varied(seed: int, robot: Machine, law: str, switching: str, lane: int) -> Scenario:
-    """Return a scenario that differs from lane to lane in whatever a lane has of its own."""
+    """Return a scenario in which every value that a lane can have depends on the lane."""
     rng = np.random.default_rng([seed, lane])
     angle = rng.uniform(0.3, 2.8) * rng.choice([-1.0, 1.0])
     scenario = Scenario(
@@ -121,10 +121,10 @@ def varied(seed: int, robot: Machine, law: str, switching: str, lane: int) -> Sc
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 @given(st.integers(0, 2**32 - 1), st.lists(machines(), min_size=LANES, max_size=LANES))
-def test_every_lane_is_the_run_alone(
+def test_lanes_rasmc_equal_single_runs(
     switching: str, seed: int, robots: list[Machine]
 ) -> None:
-    assert_as_alone(
+    assert_equal_single_runs(
         [varied(seed, robot, 'rasmc', switching, lane) for lane, robot in enumerate(robots)]
     )
 
@@ -136,33 +136,33 @@ def test_every_lane_is_the_run_alone(
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 @given(st.integers(0, 2**32 - 1), st.lists(machines(), min_size=LANES, max_size=LANES))
-def test_so_it_is_without_adaptation(
+def test_lanes_smc_equal_single_runs(
     law: str, switching: str, seed: int, robots: list[Machine]
 ) -> None:
-    assert_as_alone(
+    assert_equal_single_runs(
         [varied(seed, robot, law, switching, lane) for lane, robot in enumerate(robots)]
     )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('other', [None, ('frequency', 4.0), ('phase', 1.0)])
-def test_so_it_is_where_disturbances_have_the_same_waves(
-    other: tuple[str, float] | None
+@pytest.mark.parametrize('difference', [None, ('frequency', 4.0), ('phase', 1.0)])
+def test_lanes_equal_disturbance_waves_equal_single_runs(
+    difference: tuple[str, float] | None
 ) -> None:
     robot, frequency, phase = Machine(DEFAULT), np.array([3.0, 0.0, -1.5, 9.0]), np.zeros(4)
     scenarios = [
         replace(varied(3, robot, 'rasmc', 'tanh', lane), frequency=frequency, phase=phase)
         for lane in range(LANES)
     ]
-    if other is not None:
-        name, value = other
+    if difference is not None:
+        name, value = difference
         changed = np.array(getattr(scenarios[-1], name))
         changed[-1] = value
         scenarios[-1] = replace(scenarios[-1], **{name: changed})
-    assert_as_alone(scenarios)
+    assert_equal_single_runs(scenarios)
 
 
-def test_every_law_in_lanes_is_the_run_alone_interpreted() -> None:
+def test_lanes_every_law_interpreted_equal_single_runs() -> None:
     done = subprocess.run(
         [sys.executable, Path(__file__).parents[1] / 'helpers' / 'laws_in_lanes.py'],
         env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a busy machine does to a run by the wall clock: the bounds of docs/real_time.md."""
+"""Real-time run on a busy machine: the bounds of docs/real_time.md."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ END_EFFECTOR, PLATFORM = [0, 1], [2, 3]
 
 
 def defaults() -> dict[str, Values]:
-    """Return what nodes have that are started without a file."""
+    """Return the parameters of nodes started without a file."""
     return {node: check_all(declared(node), {}) for node in NODES}
 
 
 def up_to(seconds: float, seed: int, *, share: float = 1.0) -> Delay:
-    """Return delays of up to so many s at random, of a share of the ticks."""
+    """Return random delays of up to `seconds` for a share of the ticks."""
     random = np.random.default_rng(seed)
     return lambda: random.uniform(0.0, seconds) if random.random() < share else 0.0
 
 
-def late(values: dict[str, Values], seconds: float, most: float, seed: int) -> DelayedRun:
-    """Run while every tick of the plant and every answer is late by up to `most` s."""
-    return delayed_run(values, seconds, up_to(most, seed), up_to(most, seed + 1000))
+def late(values: dict[str, Values], seconds: float, longest: float, seed: int) -> DelayedRun:
+    """Run with delays of up to `longest` s of every plant tick and controller response."""
+    return delayed_run(values, seconds, up_to(longest, seed), up_to(longest, seed + 1000))
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_the_defaults_bear_ticks_that_are_10_ms_late(seed: int) -> None:
-    """For 60 s, with the errors of punctual ticks."""
+def test_defaults_ticks_10_ms_late_keep_accuracy(seed: int) -> None:
+    """The errors over 60 s equal those of punctual ticks."""
     run = late(defaults(), 60.0, 0.010, seed)
     assert run.late > 500
     assert (run.largest_torque <= TORQUE_LIMIT).all()
@@ -52,10 +52,10 @@ def test_the_defaults_bear_ticks_that_are_10_ms_late(seed: int) -> None:
     assert run.most(PLATFORM, 1000) < 1.5
 
 
-@pytest.mark.parametrize('most', [0.03, 0.1])
-def test_and_stay_bounded_where_they_are_100_ms_late(most: float) -> None:
-    """The plant's time falls behind the wall clock then."""
-    run = late(defaults(), 60.0, most, seed=1)
+@pytest.mark.parametrize('longest', [0.03, 0.1])
+def test_defaults_ticks_100_ms_late_stay_bounded(longest: float) -> None:
+    """The plant's time falls behind real time."""
+    run = late(defaults(), 60.0, longest, seed=1)
     assert run.late > 1000
     assert (run.largest_torque <= TORQUE_LIMIT).all()
     assert run.most(END_EFFECTOR, 1000) < 40.0
@@ -63,15 +63,15 @@ def test_and_stay_bounded_where_they_are_100_ms_late(most: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ('share', 'most', 'overdue', 'error'),
+    ('share', 'longest', 'overdue', 'error'),
     [(0.01, 0.05, 0.02, 5.0), (0.10, 0.02, 0.05, 5.0), (0.05, 0.10, 0.18, 20.0)],
 )
-def test_late_ticks_cost_what_the_documentation_says(
-    share: float, most: float, overdue: float, error: float
+def test_late_ticks_errors_stay_within_documented_bounds(
+    share: float, longest: float, overdue: float, error: float
 ) -> None:
-    """The plant warns from the first of these shares on; the largest errors grow with them."""
+    """The plant warns from the first of these shares; the largest errors grow with the share."""
     for seed in range(3):
-        delays = (up_to(most, seed + begin, share=share) for begin in (0, 1000))
+        delays = (up_to(longest, seed + offset, share=share) for offset in (0, 1000))
         run = delayed_run(defaults(), 60.0, *delays)
         due = len(run.error) + run.behind / 0.01
         assert run.overdue / due == pytest.approx(overdue, rel=0.35)
@@ -79,15 +79,15 @@ def test_late_ticks_cost_what_the_documentation_says(
 
 
 def busy(values: dict[str, Values], seed: int) -> DelayedRun:
-    """Run 20 s at 1 kHz while three answers in ten are late by up to 20 ms."""
+    """Run 20 s at 1 kHz while three responses in ten are late by up to 20 ms."""
     return delayed_run(values, 20.0, up_to(0.0003, seed), up_to(0.02, seed + 1000, share=0.3))
 
 
-def test_the_papers_law_does_not_and_lasts_with_limits() -> None:
+def test_late_ticks_paper_law_diverges_unless_limited() -> None:
     paper = load_scenario(str(CONFIG / 'paper.yaml'))
     with pytest.raises(InputError, match='diverged'):
         busy(paper, seed=0)
-    on_top = load_scenario(str(CONFIG / 'realtime.yaml'))
+    robust_settings = load_scenario(str(CONFIG / 'realtime.yaml'))
     for node, names in (
         ('plant', ['torque_limit']),
         (
@@ -101,15 +101,15 @@ def test_the_papers_law_does_not_and_lasts_with_limits() -> None:
             ],
         ),
     ):
-        paper[node].update({name: on_top[node][name] for name in names})
+        paper[node].update({name: robust_settings[node][name] for name in names})
     run = busy(paper, seed=0)
     assert (run.largest_torque <= TORQUE_LIMIT).all()
     assert run.most(END_EFFECTOR, 10_000) < 300.0
 
 
-def test_how_long_a_torque_may_be_held_under_a_layer() -> None:
-    """The bound that the controller warns of is where the law begins to chatter."""
-    inertia = 0.655  # least along the path, kg
+def test_longest_hold_boundary_layer_is_onset_of_chatter() -> None:
+    """The warning threshold of the controller is the period at which the law chatters."""
+    inertia = 0.655  # minimum along the path, kg
     hold = longest_hold(inertia, 100.0, 100.0, 0.2)
     assert hold == pytest.approx(0.00218, rel=1e-2)
     assert thinnest_layer(inertia, 100.0, 100.0, hold) == pytest.approx(0.2)
@@ -127,9 +127,9 @@ def test_how_long_a_torque_may_be_held_under_a_layer() -> None:
     assert not variation(held(0.0025)) < CHATTERING
 
 
-def test_the_least_inertia_is_that_of_the_default_robot() -> None:
+def test_minimum_task_inertia_default_robot_is_in_range() -> None:
     machine: Any = Machine(DEFAULT)
     position = np.array([0.0, 0.0, np.pi / 2, 0.0, 0.0, np.pi / 4, -np.pi / 2])
     theta, geometry = np.array(machine.theta), np.array(machine.geometry)
-    found = least_task_inertia(TWO_LINK, theta, geometry, position)
-    assert 0.6 < found < 1.0
+    smallest_inertia = least_task_inertia(TWO_LINK, theta, geometry, position)
+    assert 0.6 < smallest_inertia < 1.0

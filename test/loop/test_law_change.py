@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Changes of the law whose code must be made first, step by step, without compiling any."""
+"""Changes of the law that require compilation, step by step and without a compiler."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
 START = ('rasmc', 'tanh')
 
 
-class Making:
-    """Code that is made as fast as a test wants it."""
+class FakeCompilation:
+    """Compilation that a test completes on request."""
 
-    made: list[Making]
+    made: list[FakeCompilation]
 
     def __init__(self, mechanism: Any, code: Code, values: dict[str, Any]) -> None:
         self.code, self.values = code, values
@@ -43,19 +43,19 @@ class Making:
 
 
 class Bench:
-    """A controller and its changes; the code of `loaded` is loaded."""
+    """A controller and its pending change; the code of laws in `loaded` is available."""
 
     def __init__(self) -> None:
         values = load_scenario(str(PAPER))['controller']
         self.controller = Controller(robot_of(values), 1e-3, values)
         self.loaded = {START}
-        self.made: list[Making] = []
+        self.made: list[FakeCompilation] = []
 
     def make_ready(self, failure: str | None = None) -> None:
-        making = self.made[-1]
-        making.is_ready, making.failure = True, failure
+        compilation = self.made[-1]
+        compilation.is_ready, compilation.failure = True, failure
         if failure is None:
-            self.loaded.add(making.code.name)
+            self.loaded.add(compilation.code.name)
 
     def values(self, *names: str) -> tuple[Any, ...]:
         return tuple(self.controller.values[name] for name in names)
@@ -63,15 +63,16 @@ class Bench:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
-    made = Bench()
-    monkeypatch.setattr(preparation, '_Making', type('_', (Making,), {'made': made.made}))
-    monkeypatch.setattr(Code, 'is_loaded', property(lambda code: code.name in made.loaded))
+    harness = Bench()
+    fake = type('_', (FakeCompilation,), {'made': harness.made})
+    monkeypatch.setattr(preparation, '_Making', fake)
+    monkeypatch.setattr(Code, 'is_loaded', property(lambda code: code.name in harness.loaded))
     monkeypatch.setattr(Code, 'is_on_disk', property(lambda code: False))
     monkeypatch.setattr(Code, 'load', lambda code: None)
-    return made
+    return harness
 
 
-def test_change_of_loaded_code_applies_at_once(bench: Bench) -> None:
+def test_law_change_code_loaded_applies_at_once(bench: Bench) -> None:
     bench.loaded.add(('smc', 'tanh'))
     change = LawChange(bench.controller)
     assert change.request({'law': 'smc'}) == Effect({'law': 'smc'})
@@ -80,7 +81,7 @@ def test_change_of_loaded_code_applies_at_once(bench: Bench) -> None:
     assert change.poll() is None
 
 
-def test_change_of_missing_code_waits_until_it_is_ready(bench: Bench) -> None:
+def test_law_change_code_missing_waits_for_compilation(bench: Bench) -> None:
     change = LawChange(bench.controller)
     effect = change.request({'law': 'pid'})
     text = 'law = pid: compiling; rasmc continues until the code is ready'
@@ -92,35 +93,35 @@ def test_change_of_missing_code_waits_until_it_is_ready(bench: Bench) -> None:
         assert bench.values('law') == ('rasmc',)
     assert change.awaited == 'the compiled code of law = pid'
     bench.make_ready()
-    found = change.poll()
-    assert found is not None
-    assert found.values == {'law': 'pid'}
-    assert found.text == 'law = pid: ready after 2.0 s; now in force'
+    applied = change.poll()
+    assert applied is not None
+    assert applied.values == {'law': 'pid'}
+    assert applied.text == 'law = pid: ready after 2.0 s; now in force'
     assert bench.values('law') == ('pid',)
     assert change.awaited == ''
     assert change.poll() is None
 
 
-def test_change_with_switching_names_what_continues(bench: Bench) -> None:
+def test_law_change_switching_message_names_continuing_term(bench: Bench) -> None:
     change = LawChange(bench.controller)
     effect = change.request({'switching': 'sign'}, waits=True)
     assert effect.text == 'switching = sign: compiling; the run waits until the code is ready'
     assert 'tanh continues' in change.request({'switching': 'sigmoid'}).text
 
 
-def test_change_while_one_is_pending_replaces_it(bench: Bench) -> None:
+def test_law_change_while_pending_replaces_earlier_one(bench: Bench) -> None:
     change = LawChange(bench.controller)
     change.request({'law': 'pid'})
     change.request({'law': 'smc', 'switching': 'sign'})
-    assert [making.is_stopped for making in bench.made] == [True, False]
+    assert [compilation.is_stopped for compilation in bench.made] == [True, False]
     bench.make_ready()
-    found = change.poll()
-    assert found is not None
-    assert found.values == {'law': 'smc', 'switching': 'sign'}
+    applied = change.poll()
+    assert applied is not None
+    assert applied.values == {'law': 'smc', 'switching': 'sign'}
     assert bench.values('law', 'switching') == ('smc', 'sign')
 
 
-def test_change_back_to_law_in_force_ends_pending_one(bench: Bench) -> None:
+def test_law_change_back_to_active_law_cancels_pending_one(bench: Bench) -> None:
     change = LawChange(bench.controller)
     change.request({'law': 'pid'})
     assert change.request({'law': 'rasmc'}) == Effect({})
@@ -131,22 +132,22 @@ def test_change_back_to_law_in_force_ends_pending_one(bench: Bench) -> None:
     assert bench.values('law') == ('rasmc',)
 
 
-def test_other_parameter_while_pending_applies_at_once(bench: Bench) -> None:
+def test_law_change_pending_other_parameter_applies_at_once(bench: Bench) -> None:
     change = LawChange(bench.controller)
     change.request({'law': 'pid', 'sigma': (1.0,) * 4})
     new = {'observer_gain': 0.5}
     assert change.request(new) == Effect(new)
     assert bench.values('law', 'observer_gain', 'sigma') == ('rasmc', 0.5, (2.0,) * 4)
-    # One that was requested with the law, and alone since, counts at once.
+    # A parameter requested with the law and then alone applies at once.
     assert change.request({'sigma': (3.0,) * 4}) == Effect({'sigma': (3.0,) * 4})
     bench.make_ready()
-    found = change.poll()
-    assert found is not None
-    assert found.values == {'law': 'pid'}
+    applied = change.poll()
+    assert applied is not None
+    assert applied.values == {'law': 'pid'}
     assert bench.values('law', 'observer_gain', 'sigma') == ('pid', 0.5, (3.0,) * 4)
 
 
-def test_values_requested_together_apply_together(bench: Bench) -> None:
+def test_law_change_values_requested_together_apply_together(bench: Bench) -> None:
     change = LawChange(bench.controller)
     change.request({'law': 'pid', 'observer_gain': 0.5})
     assert bench.values('law', 'observer_gain') == ('rasmc', 0.0)
@@ -155,21 +156,21 @@ def test_values_requested_together_apply_together(bench: Bench) -> None:
     assert bench.values('law', 'observer_gain') == ('pid', 0.5)
 
 
-def test_failure_to_compile_keeps_law_in_force(bench: Bench) -> None:
+def test_law_change_compilation_fails_keeps_active_law(bench: Bench) -> None:
     change = LawChange(bench.controller)
     for _ in range(2):
         change.request({'law': 'pid', 'observer_gain': 0.5})
         bench.make_ready(failure='NameError: no such name')
-        found = change.poll()
-        assert found is not None
-        assert (found.values, found.withdrawn) == ({}, ('law', 'observer_gain'))
-        assert 'failed: NameError: no such name; rasmc continues' in found.text
+        applied = change.poll()
+        assert applied is not None
+        assert (applied.values, applied.withdrawn) == ({}, ('law', 'observer_gain'))
+        assert 'failed: NameError: no such name; rasmc continues' in applied.text
         assert bench.values('law', 'observer_gain') == ('rasmc', 0.0)
         assert not change.is_pending
     assert len(bench.made) == 2
 
 
-def test_failure_to_make_law_keeps_law_in_force(
+def test_law_change_law_raises_keeps_active_law(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Failing:
@@ -180,14 +181,14 @@ def test_failure_to_make_law_keeps_law_in_force(
     change = LawChange(bench.controller)
     memory = bench.controller.memory
     monkeypatch.setattr(registry, 'load_for', lambda name, mechanism: Failing)
-    found = change.request({'law': 'pid'})
-    assert found.withdrawn == ('law',)
-    assert 'ValueError: no such file; rasmc continues' in found.text
+    effect = change.request({'law': 'pid'})
+    assert effect.withdrawn == ('law',)
+    assert 'ValueError: no such file; rasmc continues' in effect.text
     assert bench.values('law') == ('rasmc',)
     assert bench.controller.memory is memory
 
 
-def test_close_ends_pending_change(bench: Bench) -> None:
+def test_law_change_closed_cancels_pending_one(bench: Bench) -> None:
     change = LawChange(bench.controller)
     change.close()
     change.request({'law': 'pid'})

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the controller makes of ticks that were cut, left out, or answered by somebody else."""
+"""Controller behaviour for ticks that were limited, skipped or answered by another node."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GENTLE = ('controller.k_s1=20', 'controller.k_s2=20', 'controller.law=smc')
 
 
 class Loop:
-    """A controller on its robot, tick by tick."""
+    """A controller and its robot, tick by tick."""
 
     def __init__(self, *settings: str) -> None:
         values = load_scenario(str(PAPER), (*GENTLE, *settings))
@@ -33,16 +33,16 @@ class Loop:
         self.reference = trajectory.sample(0, 3000)
 
     def disturbance(self) -> Any:
-        """Return the disturbance that the controller has estimated."""
+        """Return the estimated disturbance of the controller."""
         return self.controller.memory['disturbance'][0, :, 0].copy()
 
     def tick(self) -> None:
-        """Answer the robot's state."""
+        """Compute the controller's response to the robot state."""
         robot = self.robot
         self.controller.tick(robot.position, robot.velocity, self.reference[robot.tick])
 
     def move(self, torque: Any) -> None:
-        """Let the robot move on for a period."""
+        """Advance the robot by one period."""
         self.robot.advance(np.asarray(torque, dtype=np.float64))
 
     def rate_error(self) -> float:
@@ -51,13 +51,13 @@ class Loop:
         return float(np.abs(estimated - self.robot.velocity[3:]).max())
 
 
-def rate_error(every: int, *, says_so: bool = True) -> float:
-    """Return the largest error of estimated rates where only every so many states are answered."""
+def rate_error(every: int, *, is_reported: bool = True) -> float:
+    """Return the largest error of estimated joint velocities with n - 1 of n states skipped."""
     loop = Loop('controller.velocity_source=estimated')
     largest = 0.0
     for tick in range(1500):
         if tick % every == 0:
-            if says_so and tick:
+            if is_reported and tick:
                 loop.controller.skip(every - 1)
             loop.tick()
             if tick > 300:
@@ -66,18 +66,18 @@ def rate_error(every: int, *, says_so: bool = True) -> float:
     return largest
 
 
-def test_rates_are_estimated_through_ticks_that_are_left_out() -> None:
+def test_velocity_estimate_skipped_ticks_reported_stays_accurate() -> None:
     assert rate_error(3) < 0.15
-    assert rate_error(3) < 0.2 * rate_error(3, says_so=False)
+    assert rate_error(3) < 0.2 * rate_error(3, is_reported=False)
 
 
 @pytest.mark.parametrize('every', [10, 12, 20])
-def test_rates_are_estimated_where_most_ticks_are_left_out(every: int) -> None:
-    """With the gains of one period the observer is unstable from ten on."""
+def test_velocity_estimate_most_ticks_skipped_is_bounded(every: int) -> None:
+    """With the gains of a single period the observer is unstable if it gets one tick in ten."""
     assert rate_error(every) < 4.0
 
 
-def test_rates_do_not_jump_where_many_ticks_are_left_out_at_once() -> None:
+def test_velocity_estimate_50_skipped_ticks_does_not_jump() -> None:
     loop = Loop('controller.velocity_source=estimated')
     for _ in range(1500):
         loop.tick()
@@ -91,7 +91,7 @@ def test_rates_do_not_jump_where_many_ticks_are_left_out_at_once() -> None:
         loop.move(loop.controller.torque)
 
 
-def test_ticks_that_are_left_out_are_no_disturbance() -> None:
+def test_disturbance_estimate_skipped_ticks_is_unchanged() -> None:
     loop = Loop(
         'controller.switching=implicit', 'controller.observer_gain=0.5',
         'controller.model_scale=1.0', 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
@@ -110,28 +110,28 @@ def test_ticks_that_are_left_out_are_no_disturbance() -> None:
     loop.controller.skip(19)
     loop.tick()
     assert (loop.disturbance() == before).all()
-    # The same without a word would be taken for a push.
+    # Without the call of `skip` the same ticks look like a disturbance.
     for _ in range(20):
         loop.move(np.zeros(4))
     loop.tick()
     assert (loop.disturbance() != before).any()
 
 
-def test_saturation_is_told_by_joint_and_from_report_to_report() -> None:
+def test_saturation_report_names_joints_since_last_report() -> None:
     loop = Loop('controller.torque_limit=[0.0, 0.0, 0.5, 0.0]')
     saturation = Saturation(DRIVEN_JOINTS)
     assert saturation.report() == {
         'ticks with limited torque': '0.0%', 'joints with limited torque': 'none',
     }  # fmt: skip
-    cut = 0
+    limited = 0
     for _ in range(100):
         loop.tick()
         saturation.add(loop.controller)
-        cut += bool(abs(loop.controller.raw_torque[2]) > 0.5)
+        limited += bool(abs(loop.controller.raw_torque[2]) > 0.5)
         loop.move(loop.controller.torque)
-    assert cut > 0
+    assert limited > 0
     assert saturation.report() == {
-        'ticks with limited torque': f'{cut}.0%',
-        'joints with limited torque': f'arm_joint_1 {cut}%',
+        'ticks with limited torque': f'{limited}.0%',
+        'joints with limited torque': f'arm_joint_1 {limited}%',
     }
     assert saturation.report()['ticks with limited torque'] == '0.0%'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mechanism from another package goes through everything that the paper's robot does."""
+"""Simulation, log, report and live run of a mechanism from another package."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_its_regressor_is_that_of_the_lagrangian() -> None:
+def test_cart_arm_regressor_equals_lagrangian() -> None:
     t = sp.Symbol('t')
     x, a = sp.Function('x')(t), sp.Function('a')(t)
-    p = {each.name.removeprefix('robot.'): each.default for each in CART_ARM.parameters}
+    p = {q.name.removeprefix('robot.'): q.default for q in CART_ARM.parameters}
     r, half = p['pulley_radius'], p['arm_length'] / 2
     centre = sp.Matrix([x + half * sp.cos(a), half * sp.sin(a)]).diff(t)
     energy = (
@@ -72,16 +72,16 @@ def test_its_regressor_is_that_of_the_lagrangian() -> None:
         bend = Posture(np.cos(angle), np.sin(angle))
         y = regressor(None, bend, tuple(v), tuple(v), tuple(v_dot))
         assert regressor_times(None, y, theta) == pytest.approx(right, abs=1e-12)
-        # V, of which Hdot - 2 V has to be skew-symmetric: with v it holds no power.
+        # V with Hdot - 2 V skew-symmetric: multiplied by v it adds no power.
         ahead = 1e-6 * v[1]
         later = Posture(np.cos(angle + ahead), np.sin(angle + ahead))
         still = (0.0, 0.0)
         h, h_later = (
             np.array([
-                regressor_times(None, regressor(None, each, still, still, unit), theta)
+                regressor_times(None, regressor(None, posture, still, still, unit), theta)
                 for unit in ((1.0, 0.0), (0.0, 1.0))
             ])
-            for each in (bend, later)
+            for posture in (bend, later)
         )
         h_dot = (h_later - h) / 1e-6
         columns = [
@@ -92,7 +92,7 @@ def test_its_regressor_is_that_of_the_lagrangian() -> None:
         assert skew + skew.T == pytest.approx(np.zeros((2, 2)), abs=1e-4)
 
 
-def test_it_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path) -> None:
+def test_cart_arm_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     assert main(['simulate', str(file), '--output', str(log)]) == 0
     run = read_run(log)
@@ -103,7 +103,7 @@ def test_it_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path
     assert run.reference is not None
     assert run.reference.shape == (501, 6)
     assert run.telemetry['estimate'].values.shape == (501, 3)
-    # The pulley pulls the cart, and the arm follows its path.
+    # The pulley drives the cart, and the arm follows its path.
     assert run.position[:, 0] == pytest.approx(0.05 * run.position[:, 1], abs=1e-9)
     error = np.abs(run.telemetry['error'].values)
     assert error[-1].max() < 0.2 * error[0].max()
@@ -120,7 +120,7 @@ def test_it_is_simulated_logged_reported_and_exported(file: Path, tmp_path: Path
     assert 'estimate_inertia_kg_m2' in heads
 
 
-def test_commanded_rates(file: Path, tmp_path: Path) -> None:
+def test_cart_arm_velocity_interface_is_logged_and_reported(file: Path, tmp_path: Path) -> None:
     log = tmp_path / 'rates.mcap'
     rates = 'command_interface=velocity'
     options = ['--set', f'plant.{rates}', '--set', f'controller.{rates}']
@@ -130,7 +130,7 @@ def test_commanded_rates(file: Path, tmp_path: Path) -> None:
     assert main(['report', str(log), '--output', str(tmp_path / 'report')]) == 0
 
 
-def test_its_parameters_are_checked_like_the_others(
+def test_cart_arm_parameters_are_validated(
     file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario = load_scenario(str(file), ['robot.arm_mass=2.0'])
@@ -143,7 +143,7 @@ def test_its_parameters_are_checked_like_the_others(
 
 
 @pytest.mark.slow
-def test_live_in_lockstep_it_has_the_bits_of_the_simulation(file: Path, tmp_path: Path) -> None:
+def test_cart_arm_live_lockstep_equals_simulation(file: Path, tmp_path: Path) -> None:
     log, computed = tmp_path / 'live.mcap', tmp_path / 'computed.mcap'
     with processes(tmp_path) as started:
         started.start_all(*ros_arguments(file, recorder__output=log))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The kernels of all laws are at hand before a live change asks for one."""
+"""Preparation of the compiled code of all laws before a live change."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ import numpy as np
 import pytest
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
-PATIENCE = 60.0
+TIMEOUT = 60.0
 
 
-def test_a_live_change_compiles_nothing() -> None:
+def test_preparation_loaded_live_change_compiles_nothing() -> None:
     preparation.load(TWO_LINK, preparation.laws_at_hand())
     compiled = len(control_tick.signatures), len(settle.signatures)
     values = load_scenario(str(PAPER), ('controller.projection.lower=0.5',))['controller']
@@ -37,7 +37,7 @@ def test_a_live_change_compiles_nothing() -> None:
     assert (len(control_tick.signatures), len(settle.signatures)) == compiled
 
 
-def test_laws_of_other_formulas_are_prepared_anew(
+def test_preparation_law_source_changed_is_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     marks = set()
@@ -52,7 +52,7 @@ def test_laws_of_other_formulas_are_prepared_anew(
     assert len(marks) == 2
 
 
-def test_the_process_beside_a_node_ends_with_it(
+def test_preparation_process_node_exits_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(preparation, 'mark', lambda mechanism: tmp_path / 'not there')
@@ -61,7 +61,7 @@ def test_the_process_beside_a_node_ends_with_it(
     try:
         assert process.stdin is not None
         process.stdin.close()
-        assert process.wait(PATIENCE) == 0
+        assert process.wait(TIMEOUT) == 0
     finally:
         process.kill()
         process.wait()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run gives the same bits however it is cut up, and on every kind of machine."""
+"""Bitwise identical results for split runs, other CPUs and the interpreter."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ RECORDED = {
     'everything on': '53eac9bff7414c27a801bfee2db1ab140f863e46f1522c2e856737a18b3b5685',
     'imperfect': '61d7d0d117a14824069094ae06f98c1e426f96d14f7ccd0f02654f42423ac0b5',
 }
-"""Digests as every machine must give them; after a change of the formulas, see same_bits.md."""
+"""Digests that every machine must produce; after a change of formulas, see same_bits.md."""
 
 
 COMPILED = (
@@ -53,15 +53,15 @@ COMPILED = (
     'everything on',
     'imperfect',
 )
-"""What is compiled for other CPUs, and by `make test`: each switching term, both laws."""
+"""Scenarios compiled for other CPUs and by `make test`: each switching term, both laws."""
 
-EACH = [
+SCENARIO_NAMES = [
     pytest.param(name, marks=() if name in COMPILED else pytest.mark.slow) for name in RECORDED
 ]
 
 
 def start(ticks: int, names: Sequence[str], cache: Path, **settings: str) -> subprocess.Popen[str]:
-    """Start a process that computes the digests with code of its own."""
+    """Start a process that computes the digests with its own code cache."""
     path = os.pathsep.join([str(ROOT), str(SCRIPT.parent), *filter(None, sys.path)])
     environment = {**os.environ, 'PYTHONPATH': path, 'XDG_CACHE_HOME': str(cache), **settings}
     return subprocess.Popen(
@@ -74,7 +74,7 @@ def start(ticks: int, names: Sequence[str], cache: Path, **settings: str) -> sub
 
 @pytest.fixture(scope='module')
 def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, Any]]]:
-    """Yield reports of processes compiled for other CPUs, and of one not compiled at all."""
+    """Yield reports of processes compiled for other CPUs, and of an interpreted one."""
     cache = tmp_path_factory.mktemp
     running = {
         name: start(TICKS, COMPILED, cache(cpu), NUMBA_CPU_NAME=cpu, NUMBA_CPU_FEATURES='')
@@ -95,18 +95,18 @@ def children(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dic
 
 @pytest.fixture(scope='module')
 def digest_of() -> Callable[[str], str]:
-    """Return digests of this process by name."""
+    """Return a function that computes digests of this process by scenario name."""
     known = scenarios(TICKS)
     return cache(lambda name: digest(whole(known[name])))
 
 
-def test_every_scenario_is_recorded() -> None:
+def test_digests_every_scenario_is_recorded() -> None:
     assert list(scenarios(TICKS)) == list(RECORDED)
     assert len(set(RECORDED.values())) == len(RECORDED)
 
 
-@pytest.mark.parametrize('name', EACH)
-def test_this_machine_gives_the_recorded_bits(
+@pytest.mark.parametrize('name', SCENARIO_NAMES)
+def test_closed_loop_on_this_machine_equals_recorded_digest(
     name: str, digest_of: Callable[[str], str]
 ) -> None:
     assert digest_of(name) == RECORDED[name]
@@ -114,17 +114,19 @@ def test_this_machine_gives_the_recorded_bits(
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', OTHERS)
-def test_another_cpu_gives_the_same_bits(
+def test_closed_loop_on_other_cpu_equals_this_machine(
     name: str, children: dict[str, dict[str, Any]], digest_of: Callable[[str], str]
 ) -> None:
     if name not in children:
         pytest.skip(f'this machine cannot run code for {OTHERS[name]}')
-    assert children[name]['digests'] == {each: digest_of(each) for each in COMPILED}
+    assert children[name]['digests'] == {scenario: digest_of(scenario) for scenario in COMPILED}
 
 
 @pytest.mark.slow
-def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -> None:
-    """The machine codes differ in what they multiply with, and none contracts into an FMA."""
+def test_compiled_code_for_other_cpus_uses_other_instructions(
+    children: dict[str, dict[str, Any]]
+) -> None:
+    """The compiled codes use different multiplications, and none contracts into an FMA."""
     if 'AVX2 and FMA' not in children:
         pytest.skip('needs an x86-64 machine with AVX2')
     plain, vector = (children[name]['machine code'] for name in OTHERS)
@@ -136,8 +138,8 @@ def test_the_other_cpus_are_really_others(children: dict[str, dict[str, Any]]) -
 
 
 @pytest.mark.slow
-def test_the_interpreter_gives_the_same_bits(children: dict[str, dict[str, Any]]) -> None:
-    """Plain Python, which neither reorders nor contracts, computes what LLVM's code does."""
+def test_closed_loop_interpreted_equals_compiled(children: dict[str, dict[str, Any]]) -> None:
+    """Plain Python neither reorders nor contracts; its results equal those of LLVM's code."""
     expected = {n: digest(whole(s)) for n, s in scenarios(INTERPRETED_TICKS).items()}
     assert children['interpreted']['digests'] == expected
 
@@ -146,25 +148,25 @@ SHORT = scenarios(401)
 
 
 def assert_same(one: Run, other: Run) -> None:
-    """Compare every bit of two runs, and say first where they part."""
+    """Compare two runs bitwise, and report the first difference."""
     for name, values in vars(one).items():
         np.testing.assert_array_equal(values, getattr(other, name), err_msg=name)
     assert digest(one) == digest(other)
 
 
-@pytest.mark.parametrize('name', EACH)
-def test_a_run_tick_by_tick_is_the_whole_run(name: str) -> None:
+@pytest.mark.parametrize('name', SCENARIO_NAMES)
+def test_closed_loop_tick_by_tick_equals_whole_run(name: str) -> None:
     assert_same(tick_by_tick(SHORT[name]), whole(SHORT[name]))
 
 
-@pytest.mark.parametrize('name', EACH)
+@pytest.mark.parametrize('name', SCENARIO_NAMES)
 @pytest.mark.parametrize('cut', [1, 200, 400])
-def test_a_run_in_two_pieces_is_the_whole_run(name: str, cut: int) -> None:
+def test_closed_loop_in_two_pieces_equals_whole_run(name: str, cut: int) -> None:
     assert_same(in_pieces(SHORT[name], cut), whole(SHORT[name]))
 
 
-def test_runs_do_differ() -> None:
-    """The digests tell runs apart: one bit of one number is enough."""
+def test_digest_one_bit_changed_differs() -> None:
+    """One bit of one number changes the digest."""
     run = whole(next(iter(SHORT.values())))
     before = digest(run)
     run.torque[200, 2] = np.nextafter(run.torque[200, 2], np.inf)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bounds of docs/control_law.md: where sampled laws begin to chatter."""
+"""Bounds of docs/control_law.md at which sampled laws chatter."""
 
 from __future__ import annotations
 
@@ -38,24 +38,26 @@ def least_inertia(run: Run) -> float:
     return float(least)
 
 
-def test_the_disturbance_in_task_space_is_what_the_document_says() -> None:
-    """Along the path itself, which this law keeps within 0.02 mm."""
+def test_task_disturbance_equals_documented_value() -> None:
+    """The disturbance is computed along the path, which this law keeps within 0.02 mm."""
     run = whole(Scenario('smc', 'implicit', 0.5))
     with PAPER.open(encoding='utf-8') as file:
-        told = yaml.safe_load(file)['/**/plant']['ros__parameters']['disturbance']
-    amplitude, frequency, phase = (np.array(told[n]) for n in ('amplitude', 'frequency', 'phase'))
+        settings = yaml.safe_load(file)['/**/plant']['ros__parameters']['disturbance']
+    amplitude, frequency, phase = (
+        np.array(settings[name]) for name in ('amplitude', 'frequency', 'phase')
+    )
     largest = np.zeros(4)
     for tick in range(0, len(run.torque), 10):
         disturbance = amplitude * np.sin(frequency * tick * 0.001 + phase)
         m = matrices(DEFAULT, run.position[tick], run.velocity[tick, 3:])
         largest = np.maximum(largest, np.abs(np.linalg.solve(m.jacobian.T, disturbance)))
-    stated = ', '.join(f'{each:.1f}' for each in largest)
+    stated = ', '.join(f'{force:.1f}' for force in largest)
     assert f'reaches ({stated})' in (ROOT / 'docs' / 'control_law.md').read_text(encoding='utf-8')
     assert np.all(largest < 100.0)
 
 
 @pytest.mark.parametrize(('period', 'below', 'above'), [(1e-3, 0.080, 0.083), (2e-3, 0.17, 0.185)])
-def test_a_layer_thinner_than_its_bound_chatters(
+def test_boundary_layer_thinner_than_bound_chatters(
     period: float, below: float, above: float
 ) -> None:
     def thin(layer: float) -> Scenario:
@@ -75,17 +77,17 @@ def test_a_layer_thinner_than_its_bound_chatters(
 
 
 @pytest.mark.parametrize('gain', [0.25, 0.5, 1.0])
-def test_a_model_heavier_than_its_bound_chatters(gain: float) -> None:
+def test_implicit_law_model_heavier_than_bound_chatters(gain: float) -> None:
     bound = 4.0 / (2.0 + gain)
     light, heavy = (
         Scenario('smc', 'implicit', gain, model_scale=factor * bound) for factor in (0.97, 1.03)
     )
     assert variation(light) < SMOOTH
-    # Beyond the bound it chatters, or diverges and ends in not-a-number.
+    # Beyond the bound the law chatters, or it diverges and ends in NaN.
     assert not variation(heavy) < CHATTERING
 
 
-def test_at_100_hz_the_implicit_law_needs_no_layer() -> None:
+def test_implicit_law_100_hz_without_layer_is_smooth() -> None:
     """Half of the true masses assumed; RMS over 10 <= t < 20 s."""
     slow = Scenario('smc', 'implicit', 0.5, period=0.01, steps=20, ticks=2001)
     assert slow.model_scale == 0.5

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot whose joints rub learns how much."""
+"""Adaptation of the friction of a robot's joints."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FRICTION = (
     'controller.switching=implicit',
     'controller.observer_gain=0',
 )
-"""Twice what the controller believes in."""
+"""Twice the friction that the controller assumes."""
 
 
 @pytest.mark.slow
-def test_friction_is_learned(tmp_path: Path) -> None:
+def test_tree_friction_rasmc_adapts_to_friction(tmp_path: Path) -> None:
     path = write_scenario(tmp_path, hand_at_start(), 12.0)
     reached = {}
     for law in ('smc', 'rasmc'):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of a tree side by side in lanes: each has the bits of the run alone."""
+"""Runs of a tree in parallel lanes: every lane is bitwise identical to a single run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HELPER = ROOT / 'test' / 'helpers' / 'tree_in_lanes.py'
 
 
-def test_lanes_of_small_tree_have_bits_of_single_runs() -> None:
+def test_tree_lanes_small_robot_equal_single_runs() -> None:
     done = subprocess.run(
         [sys.executable, HELPER], env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},
         stdout=subprocess.PIPE, text=True, timeout=300.0, check=True,
@@ -27,7 +27,7 @@ def test_lanes_of_small_tree_have_bits_of_single_runs() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
-def test_four_lanes_of_tiago_have_bits_of_single_runs() -> None:
+def test_tree_lanes_tiago_equal_single_runs() -> None:
     done = subprocess.run(
         [sys.executable, HELPER, ROOT / 'config' / 'tiago.yaml', '0.2'], env=surroundings(),
         stdout=subprocess.PIPE, text=True, timeout=2400.0, check=True,

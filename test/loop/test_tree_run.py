@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots of URDFs through everything: simulation, log, reader, report; TIAGo on its path."""
+"""Simulation, log, reader and report of URDF robots; TIAGo on its path."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TIAGO = Path(__file__).resolve().parents[2] / 'config' / 'tiago.yaml'
 TICKS = 40
 
 
-def test_frames_are_where_the_task_is() -> None:
+def test_tree_frames_hand_equals_task_position() -> None:
     values = parameters()
     mechanism = tree_mechanism(values)
     robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
@@ -40,8 +40,8 @@ def test_frames_are_where_the_task_is() -> None:
 
 
 @pytest.mark.slow
-def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> None:
-    """Interpreted, and so without waiting for a compiler; the URDF is gone when it is read."""
+def test_tree_run_urdf_deleted_is_reported_and_exported(tmp_path: Path) -> None:
+    """The processes are interpreted; the URDF is deleted before the log is read."""
     path = write_scenario(tmp_path, hand_at_start(), 1e-3 * TICKS)
     environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
     run = [sys.executable, '-m', 'masmc_ros.cli.main']
@@ -64,7 +64,7 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
     )  # fmt: skip
     page = (tmp_path / 'report' / 'report.html').read_text(encoding='utf-8')
     assert 'hand_joint' in page
-    # So it is drawn in its path.
+    # The robot is drawn in its path.
     assert 'No parameters of the robot' not in page
     subprocess.run(
         [*run, 'export', log, '--output', tmp_path / 'export'],
@@ -77,7 +77,7 @@ def test_any_robot_goes_through_simulation_log_and_report(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize('task', ['position', 'planar', 'base'])
-def test_a_part_of_a_pose_can_be_the_task(task: str, tmp_path: Path) -> None:
+def test_tree_run_partial_pose_task_is_tracked(task: str, tmp_path: Path) -> None:
     path = write_scenario(tmp_path, hand_at_start(), 1e-3 * TICKS, task)
     log = tmp_path / 'run.mcap'
     subprocess.run(
@@ -91,20 +91,20 @@ def test_a_part_of_a_pose_can_be_the_task(task: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
-def test_tiago_follows_its_path_with_half_of_its_masses() -> None:
+def test_tiago_half_of_true_masses_tracks_path() -> None:
     simulation = Simulation(load_scenario(str(TIAGO), ('duration=20',)))
     parts = list(simulation.run(block=5000))
     error = np.concatenate([part.error for part in parts])[10_000:]
-    position, turned = (
+    position, orientation = (
         1e3 * np.sqrt((part**2).sum(axis=1).mean()) for part in (error[:, :3], error[:, 3:])
     )
     assert position < 0.01
-    assert turned < 0.03
+    assert orientation < 0.03
     assert not any(part.singular.any() for part in parts)
     theta = np.concatenate([part.estimate[::50] for part in parts])
     bodies = theta.reshape(-1, 10)
     bodies = bodies[np.abs(bodies).sum(axis=1) > 0.0]
     least = [np.linalg.eigvalsh(pseudo_inertia(body))[0] for body in bodies]
     assert min(least) > 0.0
-    # It has learned: the estimates are no longer those of the nominal model.
+    # The estimates have left the nominal model.
     assert np.abs(theta[-1] - theta[0]).max() > 0.1

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Redundant robots keep the limits of speeds and positions, whatever pushes them."""
+"""Speed and position limits of redundant robots under disturbances."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HELPER = ROOT / 'test' / 'helpers' / 'run_limits.py'
 
 TIAGO, PRO, PANDA = 'tiago', 'tiago_pro', 'franka_on_omni'
 ACCURACY = {TIAGO: 1.6e-6, PRO: 3.0e-6, PANDA: 2.7e-6}
-"""RMS of the first hand's distance in m that the runs stay below."""
+"""Upper bounds of the RMS distance of the first hand from its path in m."""
 
 needs_robots = pytest.mark.skipif(
     find_spec('pinocchio') is None, reason='their URDFs come with the extra robots'
@@ -31,8 +31,8 @@ needs_robots = pytest.mark.skipif(
 def moved_path(name: str, *distance: float) -> str:
     """Return the setting that moves the path of the first hand of a shipped file, in m."""
     offset = list(load_scenario(path_of(name), ())['trajectory']['line_sine.offset'])
-    for axis, way in enumerate(distance):
-        offset[axis] += way
+    for axis, shift in enumerate(distance):
+        offset[axis] += shift
     return f'trajectory.line_sine.offset={offset}'
 
 
@@ -41,8 +41,8 @@ def path_of(name: str) -> str:
     return str(ROOT / 'config' / f'{name}.yaml')
 
 
-def test_disturbed_small_tree_keeps_speed_limits(tmp_path: Path) -> None:
-    """Wheels and turret are turned against each other, which the hand does not see."""
+def test_speed_limits_disturbed_small_tree_are_kept(tmp_path: Path) -> None:
+    """The disturbance turns wheels and turret against each other, without motion of the hand."""
     path = write_scenario(tmp_path, hand_at_start(), 0.08)
     settings = (
         'robot.speed_limits=[turret_joint 1.0]',
@@ -64,7 +64,7 @@ def test_disturbed_small_tree_keeps_speed_limits(tmp_path: Path) -> None:
 @pytest.mark.slow
 @needs_robots
 @pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
-def test_shipped_run_keeps_speed_and_position_limits(name: str) -> None:
+def test_speed_and_position_limits_shipped_run_are_kept(name: str) -> None:
     run = limits_of(path_of(name), ())
     assert run.speed <= 1.0
     assert run.beyond <= 0.0
@@ -75,7 +75,7 @@ def test_shipped_run_keeps_speed_and_position_limits(name: str) -> None:
 @pytest.mark.slow
 @needs_robots
 @pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
-def test_approach_from_a_distance_keeps_limits(name: str) -> None:
+def test_speed_limits_distant_approach_are_kept(name: str) -> None:
     run = limits_of(path_of(name), (moved_path(name, 0.2, 0.2, -0.1),), approaches=True)
     assert run.speed <= 1.0
     assert run.beyond <= 0.0
@@ -85,7 +85,7 @@ def test_approach_from_a_distance_keeps_limits(name: str) -> None:
 @pytest.mark.slow
 @needs_robots
 @pytest.mark.parametrize('name', [TIAGO, PRO, PANDA])
-def test_path_out_of_reach_leaves_speeds_bounded(name: str) -> None:
+def test_speed_limits_path_out_of_reach_bounds_speeds(name: str) -> None:
     run = limits_of(path_of(name), (moved_path(name, 0.0, 0.0, 1.0),), approaches=True)
     assert run.speed <= 1.2
     assert run.torque <= 1.0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tasks of several outputs in the loop: the paper's robot as a tree, joints, a hand and a base."""
+"""Tasks of several outputs: the paper's robot as a tree, joints, a hand and a base."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ WHEELS = ['wheel_right_joint', 'wheel_left_joint']
 
 
 def signals(file: Path, *settings: str) -> dict[str, NDArray[Any]]:
-    """Return what happened in a computed run, by name."""
+    """Return the signals of a computed run, by name."""
     parts = list(Simulation(load_scenario(str(file), settings)).run())
     names = ('position', 'error', 'surface', 'raw_torque', 'torque')
     return {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
 
 
 @pytest.mark.parametrize('switching', ['tanh', 'implicit'])
-def test_the_papers_robot_as_a_tree_does_what_its_closed_form_does(
+def test_tree_run_paper_robot_equals_closed_form(
     switching: str, tmp_path: Path
 ) -> None:
     """
-    Its task is that of two points, E and F.
+    The task is that of two points, E and F.
 
-    The model is the true one, as wheels' spin is no parameter of a tree, and the wheels have the
-    inertia about their diameters that any body has: the closed form knows neither need.
+    The model is the true one: the spin of wheels is no parameter of a tree. The wheels have the
+    smallest diametral inertia of a body; the closed form requires neither.
     """
     settings = (
         'duration=2.0', 'controller.law=smc', f'controller.switching={switching}',
@@ -70,26 +70,26 @@ def test_the_papers_robot_as_a_tree_does_what_its_closed_form_does(
     }
     tree = tmp_path / 'tree.yaml'
     tree.write_text(yaml.safe_dump(file))
-    expected, found = signals(PAPER, *closed), signals(tree, *settings)
-    # It is on its way: the test is not one of a robot that stands.
+    expected, actual = signals(PAPER, *closed), signals(tree, *settings)
+    # The robot moves; a test of a robot at rest would prove nothing.
     assert np.ptp(expected['position'], axis=0).min() > 0.01
     for name, values in expected.items():
-        assert found[name] == pytest.approx(values, abs=1e-8 * np.abs(values).max()), name
+        assert actual[name] == pytest.approx(values, abs=1e-8 * np.abs(values).max()), name
 
 
 def scenario(folder: Path, task: list[str], offset: list[float], away: float = 0.0) -> Path:
     """
     Write a scenario of the small robot into a folder.
 
-    Its joints begin so far from their posture, and the controller does not wait until they are
-    where they should be.
+    The joints start `away` from their posture. The controller does not wait until they have
+    reached it.
     """
     (folder / 'small.urdf').write_text(URDF, encoding='utf-8')
-    goes_anywhere = 'base' in task
+    is_omnidirectional = 'base' in task
     base: dict[str, Any] = {'base': 'differential', 'wheels': WHEELS}
-    if goes_anywhere:
+    if is_omnidirectional:
         base = {'base': 'omnidirectional', 'held_joints': WHEELS}
-    drives = [0.0] * (3 if goes_anywhere else 2)
+    drives = [0.0] * (3 if is_omnidirectional else 2)
     robot = {'urdf': str(folder / 'small.urdf'), 'task': task, 'posture': list(START[2:]), **base}
     nodes = {
         '/**': {'robot': robot, 'control_period': 0.001, 'duration': 1e-3 * TICKS},
@@ -116,7 +116,9 @@ def scenario(folder: Path, task: list[str], offset: list[float], away: float = 0
         (['base', 'joints'], [0.05, 0.05, 0.1, *START[2:]]),
     ],
 )
-def test_errors_decay_with_sigma(task: list[str], offset: list[float], tmp_path: Path) -> None:
+def test_tree_task_errors_decay_with_sigma(
+    task: list[str], offset: list[float], tmp_path: Path
+) -> None:
     log = tmp_path / 'run.mcap'
     file = scenario(tmp_path, task, offset, away=0.1)
     subprocess.run(
@@ -125,24 +127,24 @@ def test_errors_decay_with_sigma(task: list[str], offset: list[float], tmp_path:
     error = read_run(log).telemetry['error'].values
     first = np.linalg.norm(error[0])
     assert first > 0.1
-    # All are on the surface after so long, on which they decay with sigma.
+    # After this time all joints are on the surface, where errors decay with sigma.
     reached = np.linalg.norm(error[TICKS - LAST])
     decay = np.exp(-SIGMA * 1e-3 * LAST)
     assert np.linalg.norm(error[-1]) == pytest.approx(decay * reached, rel=0.05)
 
 
-def test_a_task_of_joints_is_logged_reported_and_exported(tmp_path: Path) -> None:
-    """Without a path of its own it holds still, where the posture is."""
+def test_joint_task_run_is_logged_reported_and_exported(tmp_path: Path) -> None:
+    """Without a configured path the reference is the posture."""
     log = tmp_path / 'run.mcap'
     file = scenario(tmp_path, ['joints'], [])
-    told = subprocess.run(
+    output = subprocess.run(
         [*CLI, 'simulate', file, '--output', log],
         env=INTERPRETED, check=True, timeout=300.0, capture_output=True, text=True,
     ).stdout  # fmt: skip
-    assert '(mrad)' in told
+    assert '(mrad)' in output
     run = read_run(log)
     assert np.abs(run.telemetry['error'].values).max() < 1e-4
-    # What has no place has no path.
+    # A task of joints has no position and therefore no path.
     messages = read_log(log).messages
     assert not messages[ACTUAL_PATH_TOPIC]
     assert not messages[DESIRED_PATH_TOPIC]

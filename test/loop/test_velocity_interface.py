@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commanded rates: the kinematic law, the drives' velocity loops, and both along the path."""
+"""Commanded velocities: the kinematic law, the drives' velocity loops, and both on the path."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ RATES = 'plant.command_interface=velocity', 'controller.command_interface=veloci
 
 
 def simulation(*settings: str) -> Simulation:
-    """Make the paper's scenario with commanded rates."""
+    """Return the paper's scenario with commanded velocities."""
     return Simulation(load_scenario(PAPER, (*RATES, *settings)))
 
 
 def rms(run: Stretch) -> list[float]:
-    """Return RMS of the distance of E and of F from their paths over the second half, mm."""
+    """Return the RMS distances of E and F from their paths over the second half, in mm."""
     half = len(run.error) // 2
     error = 1e3 * run.error[half:-1]
     return [float(np.sqrt((error[:, a] ** 2).sum(axis=1).mean())) for a in ([0, 1], [2, 3])]
@@ -38,8 +38,8 @@ def rms(run: Stretch) -> list[float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('period', [0.001, 0.01])
-def test_the_papers_path_is_followed(period: float) -> None:
-    """Disturbed as always; the drives' loops of 100 rad/s are what holds against it."""
+def test_velocity_interface_paper_path_is_tracked(period: float) -> None:
+    """The usual disturbance acts; the drives' loops of 100 rad/s reject it."""
     (run,) = simulation(f'control_period={period}').run(block=30_000)
     end_effector, platform = rms(run)
     assert end_effector < 0.7
@@ -49,7 +49,7 @@ def test_the_papers_path_is_followed(period: float) -> None:
     assert (run.estimate == run.estimate[0]).all()
 
 
-def test_a_faster_drive_follows_more_closely() -> None:
+def test_velocity_loop_faster_drive_tracks_more_closely() -> None:
     errors = []
     for bandwidth in (50.0, 100.0, 200.0):
         (run,) = simulation(f'plant.velocity_loop.bandwidth={bandwidth}').run(block=30_000)
@@ -57,7 +57,7 @@ def test_a_faster_drive_follows_more_closely() -> None:
     assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
 
 
-def test_tick_by_tick_it_is_the_whole_run() -> None:
+def test_velocity_interface_tick_by_tick_equals_whole_run() -> None:
     whole = simulation('duration=0.5', 'plant.torque_limit=[8.0, 8.0, 20.0, 10.0]')
     (run,) = whole.run()
     single = simulation('duration=0.5', 'plant.torque_limit=[8.0, 8.0, 20.0, 10.0]')
@@ -72,14 +72,14 @@ def test_tick_by_tick_it_is_the_whole_run() -> None:
     assert (np.abs(run.applied) <= [8.0, 8.0, 20.0, 10.0]).all()
 
 
-def test_a_reset_repeats_the_run_to_the_bit() -> None:
+def test_velocity_interface_reset_repeats_run_exactly() -> None:
     again = simulation('duration=0.3')
     one, other = (next(iter(again.run())) for _ in range(2))
     assert (one.position == other.position).all()
     assert (one.applied == other.applied).all()
 
 
-def test_a_base_moves_as_it_is_told_on_wheels_of_its_own() -> None:
+def test_velocity_command_other_wheels_base_moves_as_commanded() -> None:
     robot = {'wheel_radius': 0.08, 'half_track': 0.25}
     one = simulation(
         'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
@@ -95,15 +95,15 @@ def test_a_base_moves_as_it_is_told_on_wheels_of_its_own() -> None:
     assert velocity[3:].tolist() == pytest.approx([*wheels, *arm], rel=1e-3)
 
 
-def test_the_controller_need_not_know_the_wheels() -> None:
-    """A base that is told its speed and yaw rate knows how far apart and how large they are."""
+def test_velocity_interface_wrong_wheels_keep_accuracy() -> None:
+    """The base receives speed and yaw rate and uses its true wheel distance and radius."""
     wrong = 'controller.robot.wheel_radius=0.07', 'controller.robot.half_track=0.15'
     (known,), (unknown,) = simulation().run(block=30_000), simulation(*wrong).run(block=30_000)
     assert rms(unknown) == pytest.approx(rms(known), rel=0.1)
 
 
-def test_drives_that_follow_let_the_error_decay_with_sigma() -> None:
-    """Without disturbance and with very fast drives edot = -sigma e, at a coarse period too."""
+def test_velocity_interface_fast_drives_errors_decay_with_sigma() -> None:
+    """Without disturbance and with fast drives edot = -sigma e, also with a coarse period."""
     settings = (
         'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
         'plant.velocity_loop.bandwidth=1000.0',
@@ -115,7 +115,7 @@ def test_drives_that_follow_let_the_error_decay_with_sigma() -> None:
     assert norm[60] / norm[10] == pytest.approx(np.exp(-2.0 * 50 * 0.02), rel=0.03)
 
 
-def test_a_drive_by_itself_has_both_poles_at_its_bandwidth() -> None:
+def test_drive_step_response_has_double_pole_at_bandwidth() -> None:
     bandwidth, felt, h = 20.0, 0.3, 1e-4
     rate, integral = 0.0, 0.0
     for k in range(1, 5001):
@@ -126,18 +126,18 @@ def test_a_drive_by_itself_has_both_poles_at_its_bandwidth() -> None:
         assert rate == pytest.approx(1.0 - (1.0 - t) * np.exp(-t), abs=5e-3)
 
 
-def test_at_its_limit_a_drive_does_not_wind_up() -> None:
+def test_drive_at_torque_limit_does_not_wind_up() -> None:
     integral = 0.0
     for _ in range(10_000):
         torque, integral = drive(5.0, integral, 1.0, 10.0, 2.0, 1e-3)
         assert torque == 2.0
     assert integral == 0.0
-    # And the integral can still leave the limit.
+    # The integral can still leave the limit.
     _, unwound = drive(-0.1, 4.0, 1.0, 10.0, 2.0, 1e-3)
     assert unwound < 4.0
 
 
-def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
+def test_drive_tuning_joint_inertia_equals_simulated_one() -> None:
     robot = robot_of(load_scenario(PAPER)['plant'])
     settings = records.plant_settings(TWO_LINK)
     fill(settings, 'geometry', robot.geometry)
@@ -159,6 +159,6 @@ def test_drives_are_tuned_for_the_inertia_their_joints_feel() -> None:
 
 @pytest.mark.parametrize('node', ['plant', 'controller'])
 @pytest.mark.parametrize('setting', ['command_interface=velocity', 'enable_stamped_cmd_vel=true'])
-def test_both_must_agree(node: str, setting: str) -> None:
+def test_velocity_interface_plant_controller_differ_raises(node: str, setting: str) -> None:
     with pytest.raises(InputError, match=setting.partition('=')[0]):
         Simulation(load_scenario(PAPER, (f'{node}.{setting}',)))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages filled into fixed layouts are those that ROS 2's own serialiser makes."""
+"""Messages in fixed layouts against the serialiser of ROS 2."""
 
 from collections.abc import Callable
 from typing import Any
@@ -64,21 +64,21 @@ def array(
     return message
 
 
-def aligning(layout: Layout) -> np.ndarray:
-    """Return which bytes of a layout only align."""
+def padding_mask(layout: Layout) -> np.ndarray:
+    """Return a mask of the padding bytes of a layout."""
     return ~layout.forms[1:].any(axis=0)
 
 
 def assert_same(ours: bytes, message: Any, layout: Layout) -> None:
     """
-    Compare our bytes with two other serialisers'.
+    Compare our bytes with those of two other serialisers.
 
-    ROS 2's leaves in the bytes that align what the memory held before, rosbags zeroes them.
+    The serialiser of ROS 2 leaves earlier memory in padding bytes; rosbags zeroes them.
     """
     theirs = serialize_message(message)
     assert len(ours) == len(theirs) == layout.size
     differing = np.frombuffer(ours, np.uint8) != np.frombuffer(theirs, np.uint8)
-    assert not differing[~aligning(layout)].any()
+    assert not differing[~padding_mask(layout)].any()
     assert deserialize_message(ours, type(message)) == message
     name = f'{type(message).__module__.split(".")[0]}/msg/{type(message).__name__}'
     again = STORE.serialize_cdr(STORE.deserialize_cdr(ours, name), name)
@@ -86,7 +86,7 @@ def assert_same(ours: bytes, message: Any, layout: Layout) -> None:
 
 
 @given(STAMPS, vectors(7), vectors(7), vectors(7))
-def test_joint_state(
+def test_joint_state_serialised_equals_rclpy(
     stamp: int, position: list[float], velocity: list[float], effort: list[float]
 ) -> None:
     ours = JointStateCdr()
@@ -100,7 +100,7 @@ def test_joint_state(
 
 
 @given(STAMPS, vectors(4))
-def test_effort(stamp: int, torques: list[float]) -> None:
+def test_effort_command_serialised_equals_rclpy(stamp: int, torques: list[float]) -> None:
     ours = EffortCdr()
     ours.set_stamp(stamp)
     ours.data[:] = torques
@@ -111,7 +111,7 @@ def test_effort(stamp: int, torques: list[float]) -> None:
 
 
 @given(STAMPS, vectors(2))
-def test_arm_velocity(stamp: int, rates: list[float]) -> None:
+def test_arm_velocity_command_serialised_equals_rclpy(stamp: int, rates: list[float]) -> None:
     ours = ArmVelocityCdr()
     ours.set_stamp(stamp)
     ours.data[:] = rates
@@ -122,7 +122,9 @@ def test_arm_velocity(stamp: int, rates: list[float]) -> None:
 
 @pytest.mark.parametrize(('label', 'count'), TELEMETRY.items())
 @given(st.data(), STAMPS)
-def test_telemetry(label: str, count: int, data: st.DataObject, stamp: int) -> None:
+def test_telemetry_serialised_equals_rclpy(
+    label: str, count: int, data: st.DataObject, stamp: int
+) -> None:
     values = data.draw(vectors(count))
     ours = TelemetryCdr(label, count)
     ours.set_stamp(stamp)
@@ -134,7 +136,9 @@ def test_telemetry(label: str, count: int, data: st.DataObject, stamp: int) -> N
 
 
 @given(st.data(), STAMPS, st.integers(1, 20))
-def test_reference_window(data: st.DataObject, stamp: int, count: int) -> None:
+def test_reference_window_serialised_equals_rclpy(
+    data: st.DataObject, stamp: int, count: int
+) -> None:
     samples = data.draw(vectors(12 * count))
     ours = ReferenceWindow(stamp, 0.001, np.reshape(samples, (count, 3, 4))).to_bytes()
     head = [float(stamp // 10**9), float(stamp % 10**9), 0.001]
@@ -143,13 +147,13 @@ def test_reference_window(data: st.DataObject, stamp: int, count: int) -> None:
 
 
 @given(vectors(12))
-def test_set_point(numbers: list[float]) -> None:
+def test_set_point_serialised_equals_rclpy(numbers: list[float]) -> None:
     ours = ReferenceWindow(None, 0.0, np.reshape(numbers, (1, 3, 4))).to_bytes()
     assert_same(ours, array([('', 12, 12)], 0, numbers), multi_array_layout([('', 12)], 0))
 
 
 @given(vectors(6))
-def test_twist(numbers: list[float]) -> None:
+def test_twist_serialised_equals_rclpy(numbers: list[float]) -> None:
     ours = TwistCdr()
     ours.linear[:] = numbers[:3]
     ours.angular[:] = numbers[3:]
@@ -161,7 +165,9 @@ def test_twist(numbers: list[float]) -> None:
 
 @pytest.mark.parametrize('prefix', ['', 'left/'])
 @given(STAMPS, vectors(6))
-def test_stamped_twist(prefix: str, stamp: int, numbers: list[float]) -> None:
+def test_stamped_twist_serialised_equals_rclpy(
+    prefix: str, stamp: int, numbers: list[float]
+) -> None:
     ours = TwistStampedCdr(prefix)
     ours.set_stamp(stamp)
     ours.linear[:] = numbers[:3]
@@ -176,7 +182,9 @@ def test_stamped_twist(prefix: str, stamp: int, numbers: list[float]) -> None:
 
 
 @given(STAMPS, vectors(13), vectors(72))
-def test_odometry(stamp: int, numbers: list[float], covariances: list[float]) -> None:
+def test_odometry_serialised_equals_rclpy(
+    stamp: int, numbers: list[float], covariances: list[float]
+) -> None:
     ours = OdometryCdr()
     ours.set_stamp(stamp)
     ours.position[:] = numbers[:3]
@@ -199,12 +207,12 @@ def test_odometry(stamp: int, numbers: list[float], covariances: list[float]) ->
     assert_same(ours.to_bytes(), message, odometry_layout())
 
 
-def test_odometry_starts_without_rotation() -> None:
+def test_odometry_new_message_has_identity_orientation() -> None:
     assert OdometryCdr().orientation.tolist() == [0.0, 0.0, 0.0, 1.0]
 
 
 @given(STAMPS)
-def test_time_and_clock(stamp: int) -> None:
+def test_time_and_clock_serialised_equal_rclpy(stamp: int) -> None:
     ours = TimeCdr()
     ours.set_stamp(stamp)
     assert_same(ours.to_bytes(), time(stamp), time_layout())
@@ -224,7 +232,7 @@ def test_time_and_clock(stamp: int) -> None:
         lambda: TelemetryCdr('tracking_error', 4),
     ],
 )
-def test_takes_over_what_rclpy_sends(make: Callable[[], Any]) -> None:
+def test_layout_load_of_rclpy_message_succeeds(make: Callable[[], Any]) -> None:
     types = {
         JointStateCdr: JointState,
         EffortCdr: Float64MultiArray,
@@ -238,13 +246,13 @@ def test_takes_over_what_rclpy_sends(make: Callable[[], Any]) -> None:
     ours = make()
     raw = ours.to_bytes()
     for _ in range(20):
-        # A serialiser that leaves old memory between the fields does so on each try.
+        # A serialiser that leaves old memory between the fields does so in every attempt.
         sent = serialize_message(deserialize_message(raw, types[type(ours)]))
         assert ours.load(sent)
         assert ours.to_bytes() == raw
 
 
-def test_joint_state_by_name_from_rclpy() -> None:
+def test_joint_state_of_rclpy_is_read_by_joint_name() -> None:
     message = JointState(
         name=['gripper', *reversed(JOINTS)],
         position=[9.0, *map(float, range(7))],
@@ -261,8 +269,8 @@ def test_joint_state_by_name_from_rclpy() -> None:
     assert state.stamp_ns == 1_500_000_000
 
 
-def test_a_command_of_nothing_says_so_by_its_offset() -> None:
-    """Four zeros to whoever looks at nothing else; read in place, or by rclpy."""
+def test_effort_command_void_is_marked_by_offset() -> None:
+    """Other readers see four zeros. Both the compiled reader and rclpy detect the offset."""
     ours = EffortCdr()
     ours.set_stamp(1_500_000_000)
     plain = ours.to_bytes()
@@ -280,7 +288,7 @@ def test_a_command_of_nothing_says_so_by_its_offset() -> None:
         assert quick.is_void == slow.is_void == is_void
         assert quick.stamp_ns == slow.stamp_ns == 1_500_000_000
         assert quick.to_bytes() == sent
-    # Of any other offset a command is a command, as it always was.
+    # A command with any other offset is a normal command.
     message.layout.data_offset = 7
     other = EffortCdr()
     assert not other.load(serialize_message(message))
@@ -288,8 +296,8 @@ def test_a_command_of_nothing_says_so_by_its_offset() -> None:
     assert not other.is_void
 
 
-def test_unlabelled_command_from_rclpy() -> None:
-    """What a sender for ros2_control's effort controllers publishes."""
+def test_effort_command_unlabelled_is_read() -> None:
+    """Senders for ros2_control's effort controllers publish such messages."""
     raw = serialize_message(Float64MultiArray(data=[1.0, 2.0, 3.0, 4.0]))
     command = EffortCdr()
     assert not command.load(raw)
@@ -300,7 +308,7 @@ def test_unlabelled_command_from_rclpy() -> None:
 
 
 @pytest.mark.parametrize('count', [4, 8, 12])
-def test_bare_set_point_from_rclpy(count: int) -> None:
+def test_set_point_without_layout_is_read(count: int) -> None:
     raw = serialize_message(Float64MultiArray(data=[float(n) for n in range(count)]))
     assert ReferenceWindow.from_bytes(raw) is None
     window = ReferenceWindow.from_message(deserialize_message(raw, Float64MultiArray))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Received messages: those of our layout are taken over, all others are told apart."""
+"""Received messages: the project's layout is loaded, any other one is rejected."""
 
 from functools import partial
 from types import SimpleNamespace
@@ -21,7 +21,7 @@ import pytest
 
 
 def state() -> JointStateCdr:
-    """Return a state with different numbers everywhere."""
+    """Return a state with different numbers in all fields."""
     message = JointStateCdr()
     message.position[:] = np.arange(1, 8)
     message.velocity[:] = np.arange(11, 18)
@@ -31,7 +31,7 @@ def state() -> JointStateCdr:
 
 
 def command() -> EffortCdr:
-    """Return a command with different numbers everywhere."""
+    """Return a command with different numbers in all fields."""
     message = EffortCdr()
     message.data[:] = [1.0, 2.0, 3.0, 4.0]
     message.set_stamp(12_000_000_034)
@@ -39,7 +39,7 @@ def command() -> EffortCdr:
 
 
 def arm_command() -> ArmVelocityCdr:
-    """Return a command for the arm with different numbers."""
+    """Return an arm command with different numbers."""
     message = ArmVelocityCdr()
     message.data[:] = [1.0, 2.0]
     message.set_stamp(12_000_000_034)
@@ -47,7 +47,7 @@ def arm_command() -> ArmVelocityCdr:
 
 
 def twist() -> TwistStampedCdr:
-    """Return a stamped twist with different numbers everywhere."""
+    """Return a stamped twist with different numbers in all fields."""
     message = TwistStampedCdr('left/')
     message.linear[:], message.angular[:] = [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]
     message.set_stamp(12_000_000_034)
@@ -55,7 +55,7 @@ def twist() -> TwistStampedCdr:
 
 
 def telemetry() -> TelemetryCdr:
-    """Return telemetry with different numbers everywhere."""
+    """Return telemetry with different numbers in all fields."""
     message = TelemetryCdr('tracking_error', 4)
     message.values[:] = [1.0, 2.0, 3.0, 4.0]
     message.set_stamp(12_000_000_034)
@@ -80,7 +80,7 @@ MESSAGES = [
 
 
 @pytest.mark.parametrize(('make', 'layout'), MESSAGES)
-def test_round_trip(make: Any, layout: Any) -> None:
+def test_layout_round_trip_restores_message(make: Any, layout: Any) -> None:
     raw = make().to_bytes()
     message = EMPTY[make]()
     assert message.to_bytes() != raw
@@ -90,7 +90,7 @@ def test_round_trip(make: Any, layout: Any) -> None:
 
 
 @pytest.mark.parametrize(('make', 'layout'), MESSAGES)
-def test_any_other_constant_byte_is_another_layout(make: Any, layout: Any) -> None:
+def test_layout_constant_byte_changed_is_not_loaded(make: Any, layout: Any) -> None:
     message = make()
     raw = message.to_bytes()
     for index in np.flatnonzero(layout.forms[1]):
@@ -102,7 +102,7 @@ def test_any_other_constant_byte_is_another_layout(make: Any, layout: Any) -> No
 
 @pytest.mark.parametrize(('make', 'layout'), MESSAGES)
 @given(garbage=st.binary(min_size=1, max_size=1))
-def test_bytes_that_align_are_not_looked_at_nor_sent_on(
+def test_layout_padding_bytes_are_ignored_and_not_copied(
     make: Any, layout: Any, garbage: bytes
 ) -> None:
     message = make()
@@ -117,7 +117,7 @@ def test_bytes_that_align_are_not_looked_at_nor_sent_on(
 
 @pytest.mark.parametrize(('make', 'layout'), MESSAGES)
 @given(raw=st.binary(max_size=400))
-def test_anything_else_is_another_layout(make: Any, layout: Any, raw: bytes) -> None:
+def test_layout_random_bytes_are_not_loaded(make: Any, layout: Any, raw: bytes) -> None:
     message = make()
     before = message.to_bytes()
     assert not message.load(raw)
@@ -126,7 +126,7 @@ def test_anything_else_is_another_layout(make: Any, layout: Any, raw: bytes) -> 
     assert message.to_bytes() == before
 
 
-def test_numbers_are_views_on_multiples_of_eight() -> None:
+def test_layout_number_fields_are_aligned_views() -> None:
     message = state()
     for view in (message.position, message.velocity, message.effort, telemetry().values):
         assert view.ctypes.data % 8 == 0
@@ -153,7 +153,7 @@ def test_command_label_without_padding_gives_stamp(seconds: int, nanoseconds: in
 @pytest.mark.parametrize(
     'label', ['12', '1.2.3', '-1.5', '1.-5', '.5', '5.', ' 1.5', '1_0.5', '1.0123456789', 'now']
 )
-def test_label_without_a_stamp(label: str) -> None:
+def test_label_without_stamp_raises(label: str) -> None:
     layout = EFFORT.layout(len(label))
     raw = bytearray(layout.template)
     raw[layout.places['characters']] = label.encode()
@@ -168,13 +168,13 @@ def test_label_without_a_stamp(label: str) -> None:
 def array(
     data: list[float], dimensions: list[tuple[str, int]] | None = None, data_offset: int = 0
 ) -> Any:
-    """Return what a deserialiser makes of a Float64MultiArray."""
+    """Return a deserialised Float64MultiArray."""
     dim = [SimpleNamespace(label=label, size=size) for label, size in dimensions or []]
     return SimpleNamespace(layout=SimpleNamespace(dim=dim, data_offset=data_offset), data=data)
 
 
 def joint_state(**fields: Any) -> Any:
-    """Return what a deserialiser makes of a JointState, ours but for `fields`."""
+    """Return a deserialised JointState of the project, with changes of `fields`."""
     numbers = [float(n) for n in range(7)]
     ours = {'name': list(JOINTS), 'position': numbers, 'velocity': numbers, 'effort': numbers}
     ours['header'] = header(1, 5)
@@ -186,7 +186,7 @@ def header(seconds: int, nanoseconds: int) -> Any:
 
 
 @given(st.permutations(range(9)))
-def test_joints_in_any_order(order: list[int]) -> None:
+def test_joint_state_joints_in_any_order_are_read_by_name(order: list[int]) -> None:
     names = [*JOINTS, 'gripper', 'camera']
     message = joint_state(
         name=[names[n] for n in order],
@@ -202,7 +202,7 @@ def test_joints_in_any_order(order: list[int]) -> None:
     assert received.stamp_ns == 1_000_000_005
 
 
-def test_efforts_that_are_unknown_are_zero() -> None:
+def test_joint_state_nan_effort_is_read_as_zero() -> None:
     received = JointStateCdr()
     received.load_message(joint_state(effort=[float('nan')] * 6 + [3.0]))
     assert received.effort.tolist() == [0.0] * 6 + [3.0]
@@ -224,7 +224,9 @@ def test_efforts_that_are_unknown_are_zero() -> None:
         ({'header': header(2**31 - 1, 2**32 - 1)}, r'ns is beyond 2\*\*31 s'),
     ],
 )
-def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:
+def test_joint_state_invalid_raises_and_keeps_content(
+    fields: dict[str, Any], expected: str
+) -> None:
     received = state()
     before = received.to_bytes()
     with pytest.raises(InputError, match=expected):
@@ -241,7 +243,7 @@ def test_refused_joint_state(fields: dict[str, Any], expected: str) -> None:
         ([1.0, np.nan], "rate of 'arm_joint_2' is not a finite"),
     ],
 )
-def test_refused_command_for_the_arm(data: list[float], expected: str) -> None:
+def test_arm_velocity_command_invalid_raises(data: list[float], expected: str) -> None:
     received = arm_command()
     before = received.to_bytes()
     with pytest.raises(InputError, match=expected):
@@ -249,7 +251,7 @@ def test_refused_command_for_the_arm(data: list[float], expected: str) -> None:
     assert received.to_bytes() == before
 
 
-def test_a_command_of_another_kind_is_another_layout() -> None:
+def test_command_of_other_kind_is_not_loaded() -> None:
     assert not arm_command().load(command().to_bytes())
     assert not command().load(arm_command().to_bytes())
 
@@ -262,7 +264,7 @@ def test_a_command_of_another_kind_is_another_layout() -> None:
         ([1.0, np.nan, 1.0, 1.0], "torque of 'wheel_left_joint' is not a finite"),
     ],
 )
-def test_refused_command(data: list[float], expected: str) -> None:
+def test_effort_command_invalid_raises(data: list[float], expected: str) -> None:
     received = command()
     before = received.to_bytes()
     with pytest.raises(InputError, match=expected):
@@ -282,14 +284,14 @@ def assert_same_window(first: ReferenceWindow | None, second: ReferenceWindow) -
     assert np.array_equal(first.samples, second.samples)
 
 
-def test_window() -> None:
+def test_reference_window_round_trip_restores_content() -> None:
     assert_same_window(ReferenceWindow.from_bytes(WINDOW.to_bytes()), WINDOW)
     message = array(HEAD + list(range(24)), DIMENSIONS, 3)
     assert_same_window(ReferenceWindow.from_message(message), WINDOW)
     assert WINDOW.stamps().tolist() == [3_000_000_007, 3_250_000_007]
 
 
-def test_window_with_another_label_is_another_layout() -> None:
+def test_reference_window_other_label_or_length_is_not_read() -> None:
     raw = WINDOW.to_bytes()
     assert ReferenceWindow.from_bytes(raw.replace(b'samples', b'Samples')) is None
     for size in range(len(raw)):
@@ -310,19 +312,19 @@ def test_window_with_another_label_is_another_layout() -> None:
         (array([3.0, 7.0, 0.25, *[0.0] * 23, np.inf], DIMENSIONS, 3), 'number 26 is not finite'),
     ],
 )
-def test_refused_reference(message: Any, expected: str) -> None:
+def test_reference_window_invalid_raises(message: Any, expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         ReferenceWindow.from_message(message)
 
 
-def test_our_window_with_a_number_that_is_not_finite_is_refused() -> None:
+def test_reference_window_nan_in_own_layout_raises() -> None:
     layout = reference_layout(1)
     raw = layout.template[: layout.places['head'].start] + np.full(15, np.nan).tobytes()
     with pytest.raises(InputError, match='number 0 is not finite'):
         ReferenceWindow.from_bytes(raw)
 
 
-def test_telemetry_of_another_label() -> None:
+def test_telemetry_other_label_is_read_by_size() -> None:
     received = telemetry()
     received.load_message(array([1.0, 5.0, 6.0, 7.0, 8.0, 9.0], [('s', 4)], 2))
     assert received.values.tolist() == [6.0, 7.0, 8.0, 9.0]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions are those of ROS 2 Jazzy."""
+"""Message definitions against those of ROS 2 Jazzy."""
 
 from importlib import import_module
 import json
@@ -23,21 +23,21 @@ TYPES = (
 )
 
 
-def test_types_of_our_topics_lie_with_the_package_as_they_are_in_jazzy() -> None:
-    kept = json.loads(KEPT.read_text('utf-8'))
-    assert kept.keys() == {topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)}
-    for name, found in kept.items():
-        assert tuple(found) == definition_of_jazzy(name), 'run: python tools/definitions.py'
+def test_definitions_of_package_equal_jazzy() -> None:
+    stored = json.loads(KEPT.read_text('utf-8'))
+    assert stored.keys() == {topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)}
+    for name, entry in stored.items():
+        assert tuple(entry) == definition_of_jazzy(name), 'run: python tools/definitions.py'
 
 
-def test_text_holds_the_types_within() -> None:
+def test_definition_text_contains_nested_types() -> None:
     text = definition('sensor_msgs/msg/JointState').text
     assert 'float64[] effort' in text
     assert 'MSG: std_msgs/Header' in text
     assert 'MSG: builtin_interfaces/Time' in text
 
 
-def test_hashes_are_those_of_running_publishers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_definition_hash_equals_running_publisher(monkeypatch: pytest.MonkeyPatch) -> None:
     rclpy = pytest.importorskip('rclpy', reason='compares with ROS 2')
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
@@ -60,6 +60,6 @@ def test_hashes_are_those_of_running_publishers(monkeypatch: pytest.MonkeyPatch)
         context.shutdown()
 
 
-def test_unknown_type() -> None:
+def test_definition_unknown_type_suggests_similar_one() -> None:
     with pytest.raises(InputError, match=r'did you mean .*sensor_msgs/msg/JointState'):
         definition('sensor_msgs/msg/JointStates')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages filled in bulk are those filled one by one."""
+"""Messages written in bulk against messages written one by one."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,7 +30,7 @@ def numbers(count: int, width: int) -> np.ndarray:
 
 
 @given(STAMPS)
-def test_joint_states(stamps: np.ndarray) -> None:
+def test_joint_states_in_bulk_equal_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 21)
     position, velocity, effort = np.split(values, 3, axis=1)
     rows = joint_state_layout().messages(
@@ -45,7 +45,7 @@ def test_joint_states(stamps: np.ndarray) -> None:
 
 
 @given(STAMPS)
-def test_commands(stamps: np.ndarray) -> None:
+def test_effort_commands_in_bulk_equal_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 4)
     message = EffortCdr()
     seen = []
@@ -61,7 +61,7 @@ def test_commands(stamps: np.ndarray) -> None:
 
 
 @given(STAMPS)
-def test_rates(stamps: np.ndarray) -> None:
+def test_arm_velocities_and_twists_in_bulk_equal_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 8)
     arm, twist = ArmVelocityCdr(), TwistStampedCdr('left/')
     twists = twist_stamped_layout('left/').messages(
@@ -78,7 +78,7 @@ def test_rates(stamps: np.ndarray) -> None:
 
 
 @given(STAMPS)
-def test_telemetry(stamps: np.ndarray) -> None:
+def test_telemetry_in_bulk_equals_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 7)
     rows = telemetry_messages('parameter_estimate', stamps, values)
     message = TelemetryCdr('parameter_estimate', 7)
@@ -89,7 +89,7 @@ def test_telemetry(stamps: np.ndarray) -> None:
 
 
 @given(STAMPS)
-def test_platform_motion(stamps: np.ndarray) -> None:
+def test_odometry_twist_and_clock_in_bulk_equal_single_messages(stamps: np.ndarray) -> None:
     values = numbers(len(stamps), 13)
     odometry, twist, clock = OdometryCdr(), TwistCdr(), TimeCdr()
     all_rows = zip(

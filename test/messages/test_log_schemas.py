@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The definitions in a log say what readers' type stores and ROS 2's own classes say."""
+"""Definitions in a log against the type stores of readers and the classes of ROS 2."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 TYPES = sorted({topic.type_name for topic in (*TOPICS, *SYSTEM_TOPICS)})
 _CLASS_NAMES = {'float64': 'double', 'float32': 'float', 'byte': 'octet', 'bool': 'boolean'}
-"""What message classes call the basic types that they have another name for."""
+"""Names of basic types in message classes, where they differ from those of definitions."""
 
 
 @pytest.fixture(scope='module')
 def schemas(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return what a log holds of every type of our topics."""
+    """Return the schemas of a log with every type of the project's topics."""
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
     with LogWriter(path) as log:
         for type_name in TYPES:
@@ -31,11 +31,11 @@ def schemas(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     with path.open('rb') as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
-    return {each.name: each.data.decode() for each in summary.schemas.values()}
+    return {schema.name: schema.data.decode() for schema in summary.schemas.values()}
 
 
 def parts(type_name: str, text: str) -> Iterator[tuple[str, list[Field]]]:
-    """Yield a type and those within it, and the fields that the text gives each of them."""
+    """Yield the type and its nested types with the fields of their texts."""
     first, *others = re.split(r'^=+\n', text, flags=re.MULTILINE)
     texts = {type_name: first}
     for other in others:
@@ -48,7 +48,7 @@ def parts(type_name: str, text: str) -> Iterator[tuple[str, list[Field]]]:
 
 
 def class_type(field: Field) -> str:
-    """Return a field's type in the words of message classes."""
+    """Return the type of a field as message classes name it."""
     kind = field.type
     base = _CLASS_NAMES.get(kind.type, kind.type)
     if kind.pkg_name:
@@ -58,7 +58,7 @@ def class_type(field: Field) -> str:
     return f'{base}[{kind.array_size}]' if kind.array_size else f'sequence<{base}>'
 
 
-def test_the_types_are_those_that_matter() -> None:
+def test_schemas_contain_the_main_message_types() -> None:
     assert {
         'sensor_msgs/msg/JointState',
         'nav_msgs/msg/Odometry',
@@ -71,7 +71,9 @@ def test_the_types_are_those_that_matter() -> None:
 
 
 @pytest.mark.parametrize('type_name', TYPES)
-def test_rosbags_reads_the_types_of_its_store(type_name: str, schemas: dict[str, str]) -> None:
+def test_schema_read_by_rosbags_equals_its_type_store(
+    type_name: str, schemas: dict[str, str]
+) -> None:
     known = get_typestore(Stores.ROS2_JAZZY).fielddefs
     read = get_types_from_msg(schemas[type_name], type_name)
     assert type_name in read
@@ -81,7 +83,7 @@ def test_rosbags_reads_the_types_of_its_store(type_name: str, schemas: dict[str,
 
 
 @pytest.mark.parametrize('type_name', TYPES)
-def test_mcap_reads_the_fields_of_the_message_classes(
+def test_schema_fields_equal_message_classes(
     type_name: str, schemas: dict[str, str]
 ) -> None:
     pytest.importorskip('rclpy', reason='compares with ROS 2')
@@ -91,9 +93,9 @@ def test_mcap_reads_the_fields_of_the_message_classes(
         try:
             module = import_module(f'{package}.msg')
         except ImportError:
-            continue  # tf2_msgs is no wheel
-        told = getattr(module, name).get_fields_and_field_types()
-        assert {field.name: class_type(field) for field in fields} == told, full
-        assert [field.name for field in fields] == list(told), full
+            continue  # tf2_msgs is not available as a wheel
+        expected = getattr(module, name).get_fields_and_field_types()
+        assert {field.name: class_type(field) for field in fields} == expected, full
+        assert [field.name for field in fields] == list(expected), full
         compared += 1
     assert compared > 0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which samples and states hold at a time."""
+"""Reference samples and states that apply at a time."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,7 +21,7 @@ def window(first: int, count: int, value: float, period: int = 1) -> ReferenceWi
 
 
 def set_point(value: float) -> ReferenceWindow:
-    """Return a set-point that moves."""
+    """Return a moving set-point."""
     samples = np.full((1, 3, 4), 7.0)
     samples[:, 0] = value
     return ReferenceWindow(None, 0.0, samples)
@@ -33,18 +33,18 @@ def positions(windows: list[tuple[int, ReferenceWindow]], times: list[float]) ->
     return sample_reference(windows, stamps)[:, 0].tolist()
 
 
-def test_newer_windows_replace_overlaps() -> None:
+def test_sample_reference_newer_windows_replace_overlaps() -> None:
     windows = [(0, window(0, 10, 1.0)), (0, window(4, 3, 2.0)), (0, window(6, 2, 3.0))]
     assert positions(windows, list(range(10))) == [1, 1, 1, 1, 2, 2, 3, 3, 1, 1]
 
 
-def test_newer_window_before_older_ones() -> None:
+def test_sample_reference_newer_window_replaces_earlier_part() -> None:
     windows = [(0, window(5, 3, 1.0)), (0, window(8, 3, 2.0)), (0, window(3, 6, 3.0))]
     assert positions(windows, list(range(3, 11))) == [3, 3, 3, 3, 3, 3, 2, 2]
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 12)), max_size=12))
-def test_the_last_window_that_covers_a_sample_holds(spans: list[tuple[int, int]]) -> None:
+def test_sample_reference_last_covering_window_applies(spans: list[tuple[int, int]]) -> None:
     windows = [
         (0, window(first, count, float(number))) for number, (first, count) in enumerate(spans)
     ]
@@ -54,39 +54,39 @@ def test_the_last_window_that_covers_a_sample_holds(spans: list[tuple[int, int]]
             assert positions(windows, [time]) == [covering[-1]]
 
 
-def test_before_the_first_sample_nothing_is_known() -> None:
+def test_sample_reference_before_first_sample_is_nan() -> None:
     assert np.isnan(sample_reference([], np.array([0]))).all()
-    found = sample_reference([(0, window(5, 2, 1.0))], np.array([0, 4 * MS, 5 * MS]))
-    assert np.isnan(found[:2]).all()
-    assert not np.isnan(found[2]).any()
+    reference = sample_reference([(0, window(5, 2, 1.0))], np.array([0, 4 * MS, 5 * MS]))
+    assert np.isnan(reference[:2]).all()
+    assert not np.isnan(reference[2]).any()
 
 
-def test_past_the_end_the_position_holds() -> None:
+def test_sample_reference_past_the_end_holds_position() -> None:
     samples = np.full((3, 3, 4), 5.0)
-    found = sample_reference(
+    reference = sample_reference(
         [(0, ReferenceWindow(0, 0.001, samples))], np.array([2 * MS, 2 * MS + 1, 2 * MS + 2])
     )
-    assert (found[:2] == 5.0).all()
-    assert (found[2, :4] == 5.0).all()
-    assert not found[2, 4:].any()
+    assert (reference[:2] == 5.0).all()
+    assert (reference[2, :4] == 5.0).all()
+    assert not reference[2, 4:].any()
 
 
-def test_a_gap_between_windows_is_an_end() -> None:
+def test_sample_reference_gap_between_windows_holds_position() -> None:
     windows = [(0, window(0, 3, 1.0)), (0, window(10, 3, 2.0))]
     assert positions(windows, [2, 5, 9.9, 10]) == [1, 1, 1, 2]
 
 
-def test_set_point_holds_from_its_arrival_until_a_window_begins() -> None:
+def test_sample_reference_set_point_holds_until_next_window() -> None:
     windows = [(0, window(0, 3, 1.0)), (5 * MS, set_point(2.0))]
     assert positions(windows, [2, 4, 5, 6, 100]) == [1, 1, 2, 2, 2]
-    found = sample_reference(windows, np.array([100 * MS]))
-    assert (found[0, 4:] == 7.0).all()
+    reference = sample_reference(windows, np.array([100 * MS]))
+    assert (reference[0, 4:] == 7.0).all()
     windows.append((6 * MS, window(8, 3, 3.0)))
     windows.append((7 * MS, set_point(4.0)))
     assert positions(windows, [5, 6.5, 7, 8, 10, 50]) == [2, 2, 4, 3, 3, 3]
 
 
-def test_a_set_point_beside_a_trajectory_is_left_out() -> None:
+def test_sample_reference_set_point_during_trajectory_is_ignored() -> None:
     windows = [
         (0, window(0, 20, 1.0)), (5 * MS, set_point(2.0)), (6 * MS, window(20, 5, 3.0))
     ]
@@ -98,7 +98,7 @@ def test_a_set_point_beside_a_trajectory_is_left_out() -> None:
     st.integers(1, 40),
     st.floats(0.05, 0.95),
 )
-def test_between_samples_a_quintic_is_met_exactly(
+def test_sample_reference_quintic_is_interpolated_exactly(
     coefficients: list[float], period_ms: int, part: float
 ) -> None:
     """Position, velocity and acceleration of any polynomial of degree five."""
@@ -106,24 +106,24 @@ def test_between_samples_a_quintic_is_met_exactly(
     derivatives = [path, path.deriv(), path.deriv(2)]
     period = period_ms / 1000
     knots = np.arange(4) * period
-    samples = np.stack([each(knots) for each in derivatives], axis=1)[:, :, None]
+    samples = np.stack([f(knots) for f in derivatives], axis=1)[:, :, None]
     windows = [(0, ReferenceWindow(0, period, np.repeat(samples, 4, axis=2)))]
     before = samples.copy()
     stamps = np.rint((np.arange(3) + part) * period * 1e9).astype(np.int64)
-    found = sample_reference(windows, stamps).reshape(3, 3, 4)
-    expected = np.stack([each(stamps / 1e9) for each in derivatives], axis=1)
+    reference = sample_reference(windows, stamps).reshape(3, 3, 4)
+    expected = np.stack([f(stamps / 1e9) for f in derivatives], axis=1)
     scale = 1.0 / period ** np.arange(3)
-    assert found[:, :, 2] == pytest.approx(expected, abs=1e-12 * scale.max())
+    assert reference[:, :, 2] == pytest.approx(expected, abs=1e-12 * scale.max())
     assert np.array_equal(samples, before)
 
 
-def test_between_contiguous_windows_samples_are_joined() -> None:
+def test_sample_reference_contiguous_windows_are_joined() -> None:
     windows = [(0, window(0, 3, 1.0)), (0, window(3, 3, 2.0))]
-    [found] = positions(windows, [2.5])
-    assert found == pytest.approx(1.5)
+    [reference] = positions(windows, [2.5])
+    assert reference == pytest.approx(1.5)
 
 
-def test_reset_voids_what_came_before() -> None:
+def test_last_pass_reset_drops_earlier_states() -> None:
     stamps = np.array([0, 1, 2, 3, 0, 1, 2])
     assert last_pass(stamps).tolist() == [4, 5, 6]
     assert last_pass(np.array([0, 1, 2, 1, 2])).tolist() == [0, 3, 4]
@@ -131,36 +131,37 @@ def test_reset_voids_what_came_before() -> None:
 
 
 @given(st.lists(st.integers(0, 20)))
-def test_remaining_stamps_ascend_and_the_last_is_kept(stamps: list[int]) -> None:
+def test_last_pass_stamps_ascend_and_last_is_kept(stamps: list[int]) -> None:
     array = np.array(stamps, dtype=np.int64)
-    kept = last_pass(array)
-    assert (np.diff(array[kept]) > 0).all()
-    assert list(kept[-1:]) == list(range(len(stamps)))[-1:]
-    for index in set(range(len(stamps))) - set(kept.tolist()):
+    remaining = last_pass(array)
+    assert (np.diff(array[remaining]) > 0).all()
+    assert list(remaining[-1:]) == list(range(len(stamps)))[-1:]
+    for index in set(range(len(stamps))) - set(remaining.tolist()):
         assert min(stamps[index + 1:]) <= stamps[index]
 
 
 @given(st.integers(20, 60), st.integers(1, 60), st.lists(st.integers(0, 120)), st.integers(0, 6))
-def test_answers_are_of_the_pass_of_their_state_whenever_they_come(
+def test_last_pass_late_responses_belong_to_their_state(
     before: int, after: int, answered: list[int], late: int
 ) -> None:
-    """Answers overtake their states, or lag behind them, by a few messages."""
+    """Responses precede their states or follow them by a few messages."""
     ticks = [*range(before), *range(after)]
-    chosen = sorted({k for k in answered if k < len(ticks)})
+    selected = sorted({k for k in answered if k < len(ticks)})
     for shift in (-late, late):
-        # A message, as its place in the log, whether it is an answer, and which state it is of.
+        # A message consists of its place in the log, its kind and the index of its state.
         messages = [(k + 0.5, False, k) for k in range(len(ticks))]
-        messages += [(k + 0.5 + shift + 0.25, True, k) for k in chosen]
+        messages += [(k + 0.5 + shift + 0.25, True, k) for k in selected]
         messages.sort()
         orders = [place for place, (_, is_answer, _) in enumerate(messages) if not is_answer]
-        begun = Beginning(orders, np.array(ticks, np.int64) * MS)
+        last_start = Beginning(orders, np.array(ticks, np.int64) * MS)
         for place, (_, is_answer, k) in enumerate(messages):
             if is_answer:
-                assert begun.is_over(place, ticks[k] * MS) == (k >= before)
+                assert last_start.is_over(place, ticks[k] * MS) == (k >= before)
 
 
-def test_without_a_state_s_stamp_the_place_counts() -> None:
-    begun = Beginning([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
-    assert [begun.is_over(place) for place in (0, 3, 5, 7, 9)] == [False, False, False, True, True]
+def test_last_pass_without_stamp_uses_place_in_log() -> None:
+    last_start = Beginning([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
+    is_over = [last_start.is_over(place) for place in (0, 3, 5, 7, 9)]
+    assert is_over == [False, False, False, True, True]
     assert Beginning().is_over(0, 5 * MS)
     assert Beginning([2, 4], np.array([0, 5]) * MS).is_over(0)

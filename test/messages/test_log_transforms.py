@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""TFMessages filled into fixed layouts are those that other serialisers make."""
+"""TFMessages in fixed layouts against other serialisers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def numbers(seed: int) -> np.ndarray:
 
 
 def serialised(prefix: str, stamp: int, transforms: np.ndarray) -> bytes:
-    """Return the message that rosbags makes."""
+    """Return the message serialised by rosbags."""
     t = STORE.types
     time = t['builtin_interfaces/msg/Time'](sec=stamp // 10**9, nanosec=stamp % 10**9)
     message = t[TYPE](
@@ -52,30 +52,30 @@ def serialised(prefix: str, stamp: int, transforms: np.ndarray) -> bytes:
 
 
 @given(PREFIXES, STAMPS, st.integers(0, 2**32))
-def test_one_at_a_time(prefix: str, stamp: int, seed: int) -> None:
+def test_transforms_single_message_equals_rosbags(prefix: str, stamp: int, seed: int) -> None:
     ours = TransformsCdr(prefix)
-    ours.fill(1, numbers(seed + 1))  # nothing of it may be left
+    ours.fill(1, numbers(seed + 1))  # its numbers must not remain
     raw = ours.fill(stamp, numbers(seed))
     assert raw == serialised(prefix, stamp, numbers(seed))
     assert stamp_reader('/tf', TYPE)(raw) == stamp
 
 
 @given(PREFIXES, st.lists(STAMPS, max_size=5))
-def test_in_bulk(prefix: str, stamps: list[int]) -> None:
+def test_transforms_in_bulk_equal_rosbags(prefix: str, stamps: list[int]) -> None:
     transforms = np.array([numbers(k) for k in range(len(stamps))]).reshape(-1, len(FRAMES), 7)
     rows = transforms_messages(np.array(stamps, dtype=np.int64), transforms, prefix)
     assert len(rows) == len(stamps)
-    for stamp, each, row in zip(stamps, transforms, rows, strict=True):
-        assert row.tobytes() == serialised(prefix, stamp, each)
+    for stamp, frame_rows, row in zip(stamps, transforms, rows, strict=True):
+        assert row.tobytes() == serialised(prefix, stamp, frame_rows)
 
 
-def test_a_message_without_transforms_has_no_stamp() -> None:
+def test_transforms_empty_message_has_no_stamp() -> None:
     empty = bytes(STORE.serialize_cdr(STORE.types[TYPE](transforms=[]), TYPE))
     assert stamp_reader('/tf', TYPE)(empty) is None
 
 
 def transform(parent: str, child: str) -> bytes:
-    """Return the message of another sender, with one transform."""
+    """Return a message of another sender with one transform."""
     t = STORE.types
     time = t['builtin_interfaces/msg/Time'](sec=1, nanosec=2)
     message = t[TYPE](
@@ -94,13 +94,13 @@ def transform(parent: str, child: str) -> bytes:
 
 
 @given(st.text(max_size=20), st.text(max_size=20))
-def test_the_first_frames_are_those_of_the_message(parent: str, child: str) -> None:
+def test_first_frames_equal_those_of_message(parent: str, child: str) -> None:
     parent, child = parent.replace('\0', ''), child.replace('\0', '')
     assert first_frames(transform(parent, child)) == (parent, child)
 
 
 @given(st.binary(max_size=60))
-def test_whatever_comes_has_frames_or_none(raw: bytes) -> None:
+def test_first_frames_random_bytes_do_not_raise(raw: bytes) -> None:
     for frame in first_frames(raw):
         assert len(frame) <= len(raw)
 
@@ -115,7 +115,7 @@ def test_whatever_comes_has_frames_or_none(raw: bytes) -> None:
         ('leftover/odom', 'leftover/base_link', set()),
     ],
 )
-def test_transforms_are_of_the_robot_whose_frames_they_name(
+def test_is_of_robot_follows_frame_prefix(
     parent: str, child: str, owners: set[str]
 ) -> None:
     raw = transform(parent, child)
@@ -123,13 +123,13 @@ def test_transforms_are_of_the_robot_whose_frames_they_name(
 
 
 @pytest.mark.parametrize('prefix', ['', 'left/'])
-def test_against_rclpy(prefix: str) -> None:
+def test_transforms_of_rclpy_are_loaded(prefix: str) -> None:
     messages = pytest.importorskip('tf2_msgs.msg', reason='compares with ROS 2')
     from rclpy.serialization import deserialize_message, serialize_message
 
     raw = TransformsCdr(prefix).fill(1_500_000_000, numbers(0))
     again = serialize_message(deserialize_message(raw, messages.TFMessage))
-    # Padding bytes may hold anything.
+    # Padding bytes may have any value.
     assert transforms_layout(prefix).read([again])[0].all()
     ours = TransformsCdr(prefix)
     assert ours.load(again)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Machine code that several processes make at once, and which of it is whose."""
+"""Code files of the compiler cache, written by several processes at once."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from masmc_ros.numerics.compiled import kernel
 
 @kernel
 def total(values):
-    found = 0.0
+    weighted = 0.0
     for value in values:
-        found += len(values) * value
-    return found
+        weighted += len(values) * value
+    return weighted
 
 if __name__ == '__main__':
-    own, everybody = Path(sys.argv[1]), int(sys.argv[2])
+    own, processes = Path(sys.argv[1]), int(sys.argv[2])
     own.touch()
-    while len(list(own.parent.glob('ready.*'))) < everybody:
+    while len(list(own.parent.glob('ready.*'))) < processes:
         time.sleep(1e-4)
     sizes = map(int, sys.argv[3:])
     print([total((1.0,) * size) for size in sizes], sum(total.stats.cache_hits.values()))
 """
 
 
-def test_what_processes_compile_at_once_is_kept_apart(
+def test_code_files_concurrent_processes_do_not_mix_signatures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
@@ -53,14 +53,14 @@ def test_what_processes_compile_at_once_is_kept_apart(
         )
 
     started = [run(size, PROCESSES, size) for size in sizes]
-    told = [process.communicate(timeout=120)[0] for process in started]
-    assert told == [f'[{float(size) ** 2}] 0\n' for size in map(int, sizes)]
-    # Whoever comes later finds all of it, each under its own signature.
+    outputs = [process.communicate(timeout=120)[0] for process in started]
+    assert outputs == [f'[{float(size) ** 2}] 0\n' for size in map(int, sizes)]
+    # A later process finds all files, each under its own signature.
     later = run('later', 0, *sizes).communicate(timeout=120)[0]
     assert later == f'{[float(size) ** 2 for size in map(int, sizes)]} {PROCESSES}\n'
 
 
-def test_a_file_is_that_of_its_key(tmp_path: Path) -> None:
+def test_code_files_load_returns_code_of_its_key_only(tmp_path: Path) -> None:
     one, other = (CodeFiles(str(tmp_path), 'total', (1.0, 2)) for _ in range(2))
     one.save(('a', 1), 'code of a')
     other.save(('b', 1), 'code of b')
@@ -68,7 +68,7 @@ def test_a_file_is_that_of_its_key(tmp_path: Path) -> None:
         'code of a', 'code of b',
     ] * 2
     assert one.load(('c', 1)) is None
-    # Another version of the source, or a file under the name of another.
+    # Another version of the source, or a file renamed to that of another key.
     assert CodeFiles(str(tmp_path), 'total', (3.0, 4)).load(('a', 1)) is None
     a, b = (files for files in sorted(tmp_path.iterdir()))
     a.write_bytes(b.read_bytes())
@@ -77,12 +77,12 @@ def test_a_file_is_that_of_its_key(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize('left', [0, 1, 40, -1])
-def test_a_damaged_file_counts_as_none(tmp_path: Path, left: int) -> None:
+@pytest.mark.parametrize('length', [0, 1, 40, -1])
+def test_code_files_damaged_file_returns_none(tmp_path: Path, length: int) -> None:
     files = CodeFiles(str(tmp_path), 'total', (1.0, 2))
     files.save('key', list(range(100)))
     path, = tmp_path.iterdir()
-    path.write_bytes(path.read_bytes()[:left])
+    path.write_bytes(path.read_bytes()[:length])
     assert files.load('key') is None
     files.save('key', 'whole')
     assert files.load('key') == 'whole'

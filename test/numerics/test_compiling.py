@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Python looks for garbage less often while something compiles, and as before afterwards."""
+"""Garbage collection thresholds during and after compilation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ import pytest
 
 
 class Thresholds(event.Listener):
-    """Notes those in force whenever something begins to compile."""
+    """Records the thresholds at the start of every compilation."""
 
     def __init__(self) -> None:
-        self.found: list[tuple[int, int, int]] = []
+        self.recorded: list[tuple[int, int, int]] = []
 
     def on_start(self, event: event.Event) -> None:
-        self.found.append(gc.get_threshold())
+        self.recorded.append(gc.get_threshold())
 
     def on_end(self, event: event.Event) -> None:
         pass
@@ -30,17 +30,17 @@ class Thresholds(event.Listener):
 
 @pytest.fixture
 def thresholds() -> Iterator[list[tuple[int, int, int]]]:
-    """Yield those while something compiles; before and after they are 700, 10 and 5."""
+    """Yield the thresholds during compilation; before and after they are 700, 10 and 5."""
     listener, usual = Thresholds(), gc.get_threshold()
     gc.set_threshold(700, 10, 5)
     try:
         with event.install_listener('numba:compile', listener):
-            yield listener.found
+            yield listener.recorded
     finally:
         gc.set_threshold(*usual)
 
 
-def test_it_is_looked_less_often_and_then_as_before(
+def test_garbage_collection_compiling_is_rarer_then_restored(
     thresholds: list[tuple[int, int, int]],
 ) -> None:
     assert numba.njit(lambda x: x + 1.0)(1.0) == 2.0
@@ -48,7 +48,7 @@ def test_it_is_looked_less_often_and_then_as_before(
     assert gc.get_threshold() == (700, 10, 5)
 
 
-def test_what_does_not_compile_leaves_it_as_before(thresholds: list[Any]) -> None:
+def test_garbage_collection_compilation_fails_is_restored(thresholds: list[Any]) -> None:
     inner = numba.njit(lambda x: x.nothing)
     with pytest.raises(numba.TypingError):
         numba.njit(lambda x: inner(x))(1.0)
@@ -56,7 +56,9 @@ def test_what_does_not_compile_leaves_it_as_before(thresholds: list[Any]) -> Non
     assert gc.get_threshold() == (700, 10, 5)
 
 
-def test_who_looks_never_goes_on_so(thresholds: list[tuple[int, int, int]]) -> None:
+def test_garbage_collection_disabled_stays_disabled(
+    thresholds: list[tuple[int, int, int]]
+) -> None:
     gc.set_threshold(0, 10, 5)
     assert numba.njit(lambda x: x - 1.0)(1.0) == 0.0
     assert thresholds == [(0, 10, 5)]

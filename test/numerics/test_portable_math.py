@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""sin, cos and tanh: as exact as promised, and the same bits as on every other machine."""
+"""sin, cos, tanh and exp: accuracy and bitwise identical results on all machines."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def precision() -> Iterable[None]:
 
 
 def ulps(value: float, exact: mpmath.mpf) -> float:
-    """Distance in units in the last place of the exact value."""
+    """Return the distance in units in the last place of the exact value."""
     return float(abs(mpmath.mpf(value) - exact) / math.ulp(float(exact)))
 
 
 def multiples_of_half_pi() -> list[float]:
-    """Doubles next to n pi / 2, where argument reduction cancels the most."""
+    """Return doubles next to n pi / 2, where argument reduction cancels the most digits."""
     rng = np.random.default_rng(1)
     numbers = [*range(-8, 9), *(int(n) for n in rng.integers(-(2**20) + 16, 2**20 - 16, 500))]
     nearest = [float(n * mpmath.pi / 2) for n in numbers]
@@ -67,7 +67,7 @@ def test_sin_cos_of_large_angles_are_within_three_ulp(angle: float) -> None:
     assert ulps(c, mpmath.cos(angle)) <= 3.0
 
 
-def test_sin_cos_are_as_exact_where_the_reduction_cancels() -> None:
+def test_sin_cos_near_multiples_of_half_pi_are_within_two_ulp() -> None:
     for angle in multiples_of_half_pi():
         s, c = sin_cos(angle)
         assert ulps(s, mpmath.sin(angle)) <= 2.0, angle
@@ -76,7 +76,7 @@ def test_sin_cos_are_as_exact_where_the_reduction_cancels() -> None:
 
 @PROPERTY
 @given(st.floats(EXACT_REDUCTION, LARGEST, exclude_max=True))
-def test_still_larger_angles_are_off_by_a_rounding_of_the_angle(angle: float) -> None:
+def test_sin_cos_huge_angles_have_error_of_angle_rounding(angle: float) -> None:
     s, c = sin_cos(angle)
     assert abs(s - mpmath.sin(angle)) <= EPSILON * angle
     assert abs(c - mpmath.cos(angle)) <= EPSILON * angle
@@ -84,7 +84,7 @@ def test_still_larger_angles_are_off_by_a_rounding_of_the_angle(angle: float) ->
 
 @PROPERTY
 @given(st.floats(-LARGEST, LARGEST, exclude_min=True, exclude_max=True))
-def test_sine_is_odd_and_cosine_even_to_the_bit(angle: float) -> None:
+def test_sin_cos_sine_is_exactly_odd_and_cosine_even(angle: float) -> None:
     s, c = sin_cos(angle)
     mirrored_s, mirrored_c = sin_cos(-angle)
     assert (mirrored_s, mirrored_c) == (-s, c)
@@ -92,7 +92,7 @@ def test_sine_is_odd_and_cosine_even_to_the_bit(angle: float) -> None:
 
 @PROPERTY
 @given(st.tuples(*[st.floats(-LARGEST, LARGEST, exclude_min=True, exclude_max=True)] * 3))
-def test_several_at_once_have_the_bits_of_each(three: tuple[float, float, float]) -> None:
+def test_sin_cos_several_angles_equal_single_results(three: tuple[float, float, float]) -> None:
     alone = tuple(sin_cos(angle) for angle in three)
     assert sines_and_cosines(three) == alone
     assert sines(three) == tuple(s for s, _ in alone)
@@ -100,7 +100,7 @@ def test_several_at_once_have_the_bits_of_each(three: tuple[float, float, float]
 
 
 @pytest.mark.parametrize('angle', [LARGEST, -LARGEST, math.inf, -math.inf, math.nan, 1e300])
-def test_angles_without_a_meaning_are_not_a_number(angle: float) -> None:
+def test_sin_cos_out_of_range_or_nan_is_nan(angle: float) -> None:
     assert all(math.isnan(value) for value in sin_cos(angle))
 
 
@@ -124,7 +124,7 @@ def test_tanh_is_odd_and_bounded(x: float) -> None:
 
 
 @pytest.mark.parametrize('x', [0.0, -0.0, 1.0, -1.0, 699.9, -699.9])
-def test_exp_of_some(x: float) -> None:
+def test_exp_selected_values_are_within_two_ulp(x: float) -> None:
     assert ulps(exp(x), mpmath.exp(x)) <= 2.0
 
 
@@ -134,22 +134,22 @@ def test_exp_is_within_two_ulp(x: float) -> None:
     assert ulps(exp(x), mpmath.exp(x)) <= 2.0
 
 
-def test_exp_at_its_ends() -> None:
+def test_exp_at_its_limits_is_clamped() -> None:
     assert exp(0.0) == 1.0
     assert exp(math.inf) == exp(700.0)
     assert exp(-math.inf) == exp(-700.0) < 1e-300
     assert math.isnan(exp(math.nan))
 
 
-def test_tanh_at_its_ends() -> None:
+def test_tanh_at_its_limits_is_one() -> None:
     assert (tanh(math.inf), tanh(-math.inf)) == (1.0, -1.0)
     assert (tanh(25.0), tanh(-1e308)) == (1.0, -1.0)
     assert math.isnan(tanh(math.nan))
     assert tanh(0.0) == tanh(-0.0) == 0.0
 
 
-def test_the_bits_are_those_of_every_machine() -> None:
-    # Arguments are made of integers and divisions, which are exact everywhere.
+def test_portable_math_on_this_machine_equals_recorded_digests() -> None:
+    # Arguments consist of integers and divisions, which are exact on all machines.
     arguments = [n / 64.0 for n in range(-4096, 4097)]
     arguments += [n / 3.0 for n in range(0, 3_000_000, 997)]
     values = [value for x in arguments for value in (*sin_cos(x), tanh(x / 7.0))]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays that end with the function that asks for them, and parts that share a vector."""
+"""Scratch arrays of a function, and several arrays in one buffer."""
 
 from __future__ import annotations
 
@@ -38,34 +38,34 @@ def _matrix(rows: int, columns: int) -> Any:
             other[i, j] = 10.0 * i + j
     copy_into(work, other)
     clear(other)
-    kept = np.empty((rows, columns))
+    result = np.empty((rows, columns))
     for i in range(rows):
         for j in range(columns):
-            kept[i, j] = work[i, j] + other[i, j]
-    return kept
+            result[i, j] = work[i, j] + other[i, j]
+    return result
 
 
 @kernel
 def _two_at_once(size: int) -> float:
-    """Return what is wrong where two of them, in a loop, were the same."""
-    off = 0.0
+    """Return the deviation that occurs if two scratch arrays in a loop share memory."""
+    deviation = 0.0
     for i in range(3):
         one, other = scratch(size), scratch(size)
         _filled(one, i)
         _filled(other, 100.0)
         for j in range(size):
-            off += abs(one[j] - (i + j)) + abs(other[j] - (100.0 + j))
-    return off
+            deviation += abs(one[j] - (i + j)) + abs(other[j] - (100.0 + j))
+    return deviation
 
 
 @pytest.mark.parametrize('size', [1, MOST[1] - 1, MOST[1], MOST[1] + 1, 10 * MOST[1]])
-def test_a_vector_of_any_size(size: int) -> None:
+def test_scratch_vector_any_size_is_usable(size: int) -> None:
     assert _vector(size) == size * (size + 1) / 2
     assert _two_at_once(size) == 0.0
 
 
 @pytest.mark.parametrize(('rows', 'columns'), [(1, 1), (3, 5), (28, 30), (29, 29), (100, 40)])
-def test_a_matrix_of_any_shape(rows: int, columns: int) -> None:
+def test_scratch_matrix_any_shape_is_usable(rows: int, columns: int) -> None:
     expected = 10.0 * np.arange(rows)[:, None] + np.arange(columns)
     assert np.array_equal(_matrix(rows, columns), expected)
 
@@ -80,18 +80,18 @@ def _parts(size: int) -> Any:
     return frames, screws
 
 
-def test_parts_share_a_vector_that_lives_as_long_as_one_of_them() -> None:
+def test_parted_views_keep_shared_buffer_alive() -> None:
     frames, screws = _parts(4)
     assert np.array_equal(frames.ravel(), np.arange(12.0))
     del frames
     assert np.array_equal(screws.ravel(), np.arange(12.0, 16.0))
 
 
-def test_nothing_is_left_of_them() -> None:
+def test_scratch_repeated_calls_do_not_leak_memory() -> None:
     size = 10 * MOST[1]
     _vector(size), _parts(size)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # What would be 640 MB.
+    # Without release, these calls would need 640 MB.
     for _ in range(8000):
         _vector(size // 5 + 1)
         _parts(size)
@@ -106,7 +106,7 @@ def _of_tuple(values: Any) -> Any:
     return taken(array, values), values
 
 
-def test_a_tuple_as_an_array_is_a_copy() -> None:
+def test_array_of_tuple_is_a_copy() -> None:
     moved, before = _of_tuple((1.0, 2.0, 3.0))
     assert (moved, before) == ((1.0, 1.0, 2.0), (1.0, 2.0, 3.0))
 
@@ -117,20 +117,20 @@ def _squared(value: float) -> float:
 
 
 @inlined
-def _added(of: Any, value: float) -> None:
+def _added(array: Any, value: float) -> None:
     total = _squared(value)
-    of[0] += total
+    array[0] += total
 
 
 @kernel
-def _sum(of: Any, count: int) -> float:
+def _sum(array: Any, count: int) -> float:
     total = 5.0
     for i in range(count):
-        _added(of, i)
+        _added(array, i)
     return total
 
 
-def test_inlined_statements_have_names_of_their_own() -> None:
-    of = np.zeros(1)
-    assert _sum(of, 4) == 5.0
-    assert of[0] == 14.0
+def test_inlined_function_local_names_do_not_collide() -> None:
+    array = np.zeros(1)
+    assert _sum(array, 4) == 5.0
+    assert array[0] == 14.0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vectors that are arrays because they are long: as in plain Python, and as tuples are."""
+"""Long vectors in arrays, against plain Python and against tuples."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ def _combined(a: float, b: float) -> float:
 
 
 @formula
-def _entry(of: Any, i: int) -> float:
-    return of[i] / (i + 1.0)
+def _entry(array: Any, i: int) -> float:
+    return array[i] / (i + 1.0)
 
 
 @formula
-def _pair(of: Any, i: int) -> tuple[float, float]:
-    return of[i], 2.0 * of[i]
+def _pair(array: Any, i: int) -> tuple[float, float]:
+    return array[i], 2.0 * array[i]
 
 
 @kernel
-def everything(records: Any) -> Any:
-    """Return what the functions on vectors make of a field of the second lane."""
+def all_functions(records: Any) -> Any:
+    """Return results of all vector functions for a field of the second lane."""
     record = records[0]
     a = get(record, 'values', 1)
     b = each(_combined, a, 2.0)
@@ -70,24 +70,24 @@ def everything(records: Any) -> Any:
 
 
 def _records(count: int) -> Any:
-    found = new_record([Field('values', 'n', 'Some numbers')], {'n': count}, 2)
-    found['values'][0] = np.sin(np.arange(2.0 * count)).reshape(count, 2)
-    return found
+    record = new_record([Field('values', 'n', 'Some numbers')], {'n': count}, 2)
+    record['values'][0] = np.sin(np.arange(2.0 * count)).reshape(count, 2)
+    return record
 
 
 @pytest.mark.parametrize('count', [3, LONGEST + 1])
-def test_compiled_vectors_are_those_of_plain_python(count: int) -> None:
-    plain: Callable[[Any], Any] = getattr(everything, 'py_func', everything)
+def test_vectors_compiled_equal_plain_python(count: int) -> None:
+    plain: Callable[[Any], Any] = getattr(all_functions, 'py_func', all_functions)
     records, others = _records(count), _records(count)
-    found, expected = everything(records), plain(others)
-    for one, other in zip(found, expected, strict=True):
+    compiled, expected = all_functions(records), plain(others)
+    for one, other in zip(compiled, expected, strict=True):
         assert isinstance(one, tuple) == isinstance(other, tuple)
         assert np.array(one).tobytes() == np.array(other).tobytes()
-    assert isinstance(found[0], tuple) == (count <= LONGEST)
+    assert isinstance(compiled[0], tuple) == (count <= LONGEST)
     assert records.tobytes() == others.tobytes()
 
 
-def test_long_vectors_have_the_entries_of_short_ones() -> None:
-    short, long = (everything(_records(count)) for count in (3, LONGEST + 1))
+def test_vectors_long_entries_equal_short_ones() -> None:
+    short, long = (all_functions(_records(count)) for count in (3, LONGEST + 1))
     for one, other in zip(short[:4], long[:4], strict=True):
         assert np.array(one).tobytes() == np.array(other)[:3].tobytes()

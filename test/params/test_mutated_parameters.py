@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mutated parameter files: nodes and simulation agree, and nothing runs longer than a life."""
+"""Mutated parameter files: agreement of nodes and simulation, and bounded run times."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [ROOT / 'config' / name for name in ('paper.yaml', 'robust.yaml')]
 FILES, LIMIT = 500, 900.0
-"""Mutated files, and the time in s for them."""
+"""Number of mutated files, and the time limit in s for all of them."""
 
 TICKS, LONGEST = 20, 20.0
-"""So many ticks of what is accepted are computed, in so many s at most."""
+"""Number of computed ticks of accepted files, and the time limit in s for each."""
 
 NUMBERS = (
     *('1e-9', '1e-12', '1e-300', '5e-324', '1e9', '1e10', '1e300', '1.7e308', '-1.0', '0.0'),
@@ -41,7 +41,7 @@ PAIR = re.compile(r'^(\s+)([\w./*]+): (.+)$')
 
 
 def value(draw: random.Random) -> str:
-    """Return a value as somebody may write it."""
+    """Return a value that a user might write."""
     kind = draw.random()
     if kind < 0.6:
         return draw.choice(NUMBERS)
@@ -52,7 +52,7 @@ def value(draw: random.Random) -> str:
 
 
 def mutated(number: int) -> str:
-    """Return a parameter file with something else in it, the same for a number."""
+    """Return a mutated parameter file, the same for equal numbers."""
     draw = random.Random(number)
     lines = draw.choice(SOURCES).read_text(encoding='utf-8').splitlines()
     for _ in range(draw.choice([1, 1, 1, 2, 4])):
@@ -80,13 +80,13 @@ def mutated(number: int) -> str:
 
 
 def offline(path: Path) -> tuple[bool, str]:
-    """Tell whether the simulation takes a file, and what it says; compute its beginning."""
+    """Return True if the simulation accepts a file, and its message; compute the first ticks."""
     try:
         values = load_scenario(str(path))
     except InputError as error:
         assert '\n' not in str(error)
         return False, str(error)
-    begun = time.process_time()
+    start = time.process_time()
     try:
         simulation = Simulation(values, activation(values))
         next(simulation.run(TICKS), None)
@@ -94,18 +94,18 @@ def offline(path: Path) -> tuple[bool, str]:
         assert '\n' not in str(error)
         return True, str(error)
     finally:
-        assert time.process_time() - begun < LONGEST
+        assert time.process_time() - start < LONGEST
     return True, ''
 
 
 @pytest.fixture(scope='module', autouse=True)
 def compiled() -> None:
-    """Compile what is measured below."""
+    """Compile the measured code."""
     values = load_scenario(str(SOURCES[0]))
     next(Simulation(values).run(TICKS))
 
 
-REFUSED = {
+REJECTED = {
     'control_period: 1e-9': '1e+09 ticks in a second; expected at most 100000',
     'control_period: 1e-300': '1e+300 ticks in a second',
     'duration: 1e300': '1.0e+303 ticks; expected less than 2147483648 s',
@@ -115,11 +115,11 @@ REFUSED = {
     'integrator_step: 1e-12': '1e+09 steps in a control period; expected at most 100000',
     'integrator_step: 1e-300': '1e+297 steps in a control period',
 }
-"""What stands in a plant's block, and what is said of it."""
+"""Settings in the block of a plant, and their error messages."""
 
 
-@pytest.mark.parametrize('wrong', REFUSED)
-def test_what_cannot_be_meant_is_refused_with_its_number_of_steps(
+@pytest.mark.parametrize('wrong', REJECTED)
+def test_simulate_excessive_number_of_steps_prints_one_line(
     wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / 'run.yaml'
@@ -128,10 +128,10 @@ def test_what_cannot_be_meant_is_refused_with_its_number_of_steps(
     assert main(['simulate', str(path)]) == 2
     _, err = capsys.readouterr()
     assert len(err.splitlines()) == 1
-    assert REFUSED[wrong] in err
+    assert REJECTED[wrong] in err
 
 
-def test_some_mutated_files(tmp_path: Path) -> None:
+def test_simulate_mutated_files_are_accepted_or_rejected(tmp_path: Path) -> None:
     path = tmp_path / 'run.yaml'
     results = Counter()
     for number in range(60):
@@ -141,7 +141,7 @@ def test_some_mutated_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nodes_and_simulation_agree(tmp_path: Path) -> None:
+def test_mutated_files_nodes_and_simulation_agree(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     path = tmp_path / 'run.yaml'
     results: Counter[str] = Counter()
@@ -150,17 +150,17 @@ def test_nodes_and_simulation_agree(tmp_path: Path) -> None:
         if time.monotonic() > limit:
             break
         path.write_text(mutated(number), encoding='utf-8')
-        taken, said = offline(path)
-        if 'a simulated path starts with the robot' in said:
-            continue  # what a node may do and a simulation cannot
-        refused = refusal_of_nodes(path)
-        assert taken == (refused is None), (number, said, refused)
-        results['taken' if taken else 'refused'] += 1
-    assert min(results['taken'], results['refused']) > 0.1 * sum(results.values())
+        is_accepted, message = offline(path)
+        if 'a simulated path starts with the robot' in message:
+            continue  # permitted for a node, impossible in a simulation
+        rejection = rejection_by_nodes(path)
+        assert is_accepted == (rejection is None), (number, message, rejection)
+        results['accepted' if is_accepted else 'rejected'] += 1
+    assert min(results['accepted'], results['rejected']) > 0.1 * sum(results.values())
 
 
-def refusal_of_nodes(path: Path) -> str | None:
-    """Return what the first node says that refuses a file; None where all take it."""
+def rejection_by_nodes(path: Path) -> str | None:
+    """Return the message of the first node that rejects a file; None if all accept it."""
     from masmc_ros.loop.timing import Timing
     from masmc_ros.nodes.parameters.ros_parameters import RosParameters
     from masmc_ros.nodes.process.command_line import parse

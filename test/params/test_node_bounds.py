@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bounds of the nodes' own parameters: extreme values are rejected with what is expected."""
+"""Bounds of the nodes' parameters: extreme values are rejected with the permitted range."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ import pytest
         ('live', 'max_viewers', 2**62, 'an integer in [1, 1000]'),
     ],
 )
-def test_parameter_extreme_value_rejected(
+def test_parameter_extreme_value_raises(
     node: str, name: str, value: float, expected: str
 ) -> None:
-    (parameter,) = (each for each in declared(node) if each.name == name)
+    (parameter,) = (p for p in declared(node) if p.name == name)
     with pytest.raises(InputError, match=f'^{name} = ') as raised:
         parameter.check(value)
     assert str(raised.value).endswith(f': expected {expected}')
@@ -32,6 +32,6 @@ def test_parameter_extreme_value_rejected(
 
 @pytest.mark.parametrize('name', ['max_size', 'max_duration'])
 @pytest.mark.parametrize('value', [0.0, 1.0, 1e9])
-def test_recorder_parts_usual_value_accepted(name: str, value: float) -> None:
-    (parameter,) = (each for each in declared('recorder') if each.name == name)
+def test_recorder_parts_usual_value_is_accepted(name: str, value: float) -> None:
+    (parameter,) = (p for p in declared('recorder') if p.name == name)
     assert parameter.check(value) == value

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameter files: values, blocks, places, and one clear line for what is wrong."""
+"""Parameter files: values, blocks, line numbers, and one-line errors."""
 
 import math
 from pathlib import Path
@@ -40,7 +40,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_last_matching_block_wins_name_by_name(file: Path) -> None:
+def test_parameter_file_last_matching_block_applies_per_name(file: Path) -> None:
     parameters = read(file)
     shared = {'control_period': 0.001, 'robot.wheel_radius': 0.05, 'robot.link_1_length': 0.5}
     own = {'law': 'smc', 'k_s1': [150, 150, 80, 80], 'robot.wheel_radius': 0.06}
@@ -52,7 +52,7 @@ def test_last_matching_block_wins_name_by_name(file: Path) -> None:
     assert parameters.for_node('controller', 'left') == {**shared, **own, **left}
 
 
-def test_blocks_tell_pattern_lines_and_values(file: Path) -> None:
+def test_parameter_file_blocks_have_pattern_lines_and_values(file: Path) -> None:
     blocks = read(file).blocks
     assert [(block.pattern, block.line) for block in blocks] == [
         ('/**', 1),
@@ -67,13 +67,13 @@ def test_blocks_tell_pattern_lines_and_values(file: Path) -> None:
     }
 
 
-def test_places_name_the_line_of_the_value_that_counts(file: Path) -> None:
+def test_parameter_file_places_name_line_of_applied_value(file: Path) -> None:
     places = read(file).places('controller')
     assert places['robot.wheel_radius'] == f'{file}:11: '
     assert places['robot.link_1_length'] == f'{file}:6: '
 
 
-def test_blocks_for_no_known_node_are_found(file: Path) -> None:
+def test_parameter_file_blocks_of_unknown_nodes_are_listed(file: Path) -> None:
     unmatched = read(file).unmatched(['plant', 'controller'])
     assert [block.pattern for block in unmatched] == ['/left/controller', 'observer']
     assert not read(file).unmatched(['observer', 'controller'], '/left')[0].is_for('controller')
@@ -114,21 +114,21 @@ def test_blocks_for_no_known_node_are_found(file: Path) -> None:
         ('[' * 100_000, 1, 'more than 50 levels'),
     ],
 )
-def test_refusals_are_one_line_with_place(
+def test_parameter_file_invalid_text_raises_one_line_with_place(
     tmp_path: Path, text: str, line: int, words: str
 ) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(text)
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError) as raised:
         read(path)
-    message = str(refused.value)
+    message = str(raised.value)
     assert message.startswith(f'{path}:{line}: ')
     assert words in message
     assert '; ' in message
     assert len(message.splitlines()) == 1
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_parameter_file_unreadable_raises(tmp_path: Path) -> None:
     latin = tmp_path / 'latin.yaml'
     latin.write_bytes(b'/**:\n  ros__parameters:\n    name: caf\xe9\n')
     (tmp_path / 'plain').touch()
@@ -138,22 +138,22 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         (tmp_path / 'plain' / 'run.yaml', 'not readable (Not a directory)'),
         ('a\0b', 'not readable'),
     ):
-        with pytest.raises(InputError) as refused:
+        with pytest.raises(InputError) as raised:
             read(path)
-        assert str(refused.value).startswith(f'{path}: {words}')
-    with pytest.raises(InputError) as refused:
+        assert str(raised.value).startswith(f'{path}: {words}')
+    with pytest.raises(InputError) as raised:
         read(latin)
-    assert str(refused.value).startswith(f'{latin}:3: not text in UTF-8')
+    assert str(raised.value).startswith(f'{latin}:3: not text in UTF-8')
 
 
 @pytest.mark.parametrize('text', ['', '# a comment\n', '{}', 'a: {}\n'])
-def test_file_without_parameters(tmp_path: Path, text: str) -> None:
+def test_parameter_file_without_parameters_is_empty(tmp_path: Path, text: str) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(text)
     assert read(path).for_node('controller') == {}
 
 
-def test_repeated_keys_are_one_block_of_last_values(tmp_path: Path) -> None:
+def test_parameter_file_repeated_keys_merge_to_last_values(tmp_path: Path) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(
         'a:\n  ros__parameters: {k: 1, l: 1, k: [2.0]}\n'
@@ -165,7 +165,7 @@ def test_repeated_keys_are_one_block_of_last_values(tmp_path: Path) -> None:
     assert read(path).places('a')['l'] == f'{path}:6: '
 
 
-def test_tags_and_anchors_leave_values_unchanged(tmp_path: Path) -> None:
+def test_parameter_file_tags_and_anchors_keep_values(tmp_path: Path) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(
         'a:\n  ros__parameters:\n    k: &x 1.0\n    l: !!str 5\n    m: !local 5\n'
@@ -176,7 +176,7 @@ def test_tags_and_anchors_leave_values_unchanged(tmp_path: Path) -> None:
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
-def test_any_file_is_read_or_refused(
+def test_parameter_file_random_bytes_are_read_or_raise(
     tmp_path_factory: pytest.TempPathFactory, data: bytes
 ) -> None:
     path = tmp_path_factory.getbasetemp() / 'any.yaml'
@@ -237,7 +237,7 @@ def test_any_file_is_read_or_refused(
         ('# a comment', None),
     ],
 )
-def test_value_from_the_command_line(text: str, value: object) -> None:
+def test_command_line_value_is_parsed_as_in_ros(text: str, value: object) -> None:
     parsed = parse_value(text)
     assert repr(parsed) == repr(value)
 
@@ -245,8 +245,8 @@ def test_value_from_the_command_line(text: str, value: object) -> None:
 @pytest.mark.parametrize(
     'text', ['', '[1, 2.0]', '[1, a]', '{a: 1}', '[1', '"', '\udce9', '*a', '1\n--- 2', '[[1]]']
 )
-def test_value_from_the_command_line_refused(text: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_command_line_value_invalid_raises(text: str) -> None:
+    with pytest.raises(InputError) as raised:
         parse_value(text, '--set controller.k_s1')
-    assert str(refused.value).startswith('--set controller.k_s1: ')
-    assert len(str(refused.value).splitlines()) == 1
+    assert str(raised.value).startswith('--set controller.k_s1: ')
+    assert len(str(raised.value).splitlines()) == 1

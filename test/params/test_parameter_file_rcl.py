@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Parameter files that are accepted have the values that rcl reads.
+Accepted parameter files against the values that rcl reads.
 
-One difference is intended, and test_precedence.py tests it: a parameter that is written twice
-has its later value, whatever the types. Files with such parameters are not compared.
+One difference is intended and tested by test_precedence.py: a repeated parameter has its later
+value for all types. Files with such parameters are not compared.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ from rclpy.node import Node
 DOMAIN = 87
 NODES = (('controller', '/'), ('controller', '/left'), ('plant', '/left/arm'))
 
-# An example starts a real node, the first one of a context takes longest.
+# Every example starts a real node; the first one of a context takes longest.
 EXAMPLES = settings(
     max_examples=150,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
@@ -36,7 +36,7 @@ EXAMPLES = settings(
 
 
 class RepeatedTypeError(Exception):
-    """A parameter is written again with a value of another type."""
+    """A parameter is repeated with a value of another type."""
 
 
 class OneType(dict[str, tuple[FileValue, int]]):
@@ -62,7 +62,7 @@ def one_type() -> Iterator[None]:
 
 
 def by_keys(parameters: ParameterFile, name: str, namespace: str) -> dict[str, FileValue]:
-    """Return a node's values as rcl merges them: keys in the order of first appearance."""
+    """Return a node's values merged as in rcl: keys in the order of first appearance."""
     merged: dict[str, FileValue] = {}
     for block_ in parameters.blocks:
         if block_.is_for(name, namespace):
@@ -83,7 +83,7 @@ def context() -> Iterator[Context]:
 
 
 def overrides(context: Context, name: str, namespace: str, *arguments: str) -> dict[str, str]:
-    """Parameters that a real node is given by its ROS arguments."""
+    """Return the parameters that a real node receives from its ROS arguments."""
     node = Node(
         name,
         namespace=namespace,
@@ -101,7 +101,7 @@ def overrides(context: Context, name: str, namespace: str, *arguments: str) -> d
 
 
 def comparable(values: dict[str, Any]) -> dict[str, str]:
-    """Values such that 1, 1.0 and true differ and a NaN equals itself."""
+    """Return the values as texts that distinguish 1, 1.0 and true; NaN equals itself."""
     return {
         name: repr(value if value is None or isinstance(value, (str, int, float)) else list(value))
         for name, value in values.items()
@@ -109,7 +109,7 @@ def comparable(values: dict[str, Any]) -> dict[str, str]:
 
 
 def assert_same(context: Context, path: Path) -> bool:
-    """Compare an accepted file with real nodes; return whether it is accepted."""
+    """Compare an accepted file with real nodes; return True if the file is accepted."""
     try:
         parameters = read(path)
     except InputError:
@@ -202,7 +202,7 @@ ERRORS_ONLY_HERE = {
     'scalar document': 'controller\n',
     'name above a dotted one keeps too little': block('a:\n  b.c:\n    d: 1\n  e: 2'),
     'value replaced by a map': block('a: 1\na:\n  b: 2'),
-    'any key that begins with ros__parameters': '/**:\n  ros__parameters_old:\n    a: 1\n',
+    'any key that starts with ros__parameters': '/**:\n  ros__parameters_old:\n    a: 1\n',
     'two documents': block('a: 1') + '---\n' + block('b: 2', 'controller'),
     'empty map': block('a: 1\nb: {}'),
     'array in an array': block('a: [[1, 2]]'),
@@ -215,9 +215,9 @@ ERRORS_ONLY_HERE = {
     'NUL ends a text': block('a: "x\\0y"\n"b\\0c": 1'),
     'slash below a namespace': 'left:\n  arm/plant:\n    ros__parameters: {a: 1}\n',
 }
-"""Files that rcl accepts although they have no clear meaning, or loses values of."""
+"""Files that rcl accepts without a clear meaning, or with lost values."""
 
-REFUSED = {
+REJECTED = {
     'no node': 'ros__parameters:\n  a: 1\n',
     'no ros__parameters': 'controller:\n  a: 1\n',
     'no ros__parameters, array': 'controller:\n  a: [1]\n',
@@ -255,14 +255,18 @@ REFUSED = {
 
 
 @pytest.mark.parametrize('text', ACCEPTED.values(), ids=ACCEPTED.keys())
-def test_accepted_files(context: Context, tmp_path: Path, text: str) -> None:
+def test_parameter_file_accepted_values_equal_rcl(
+    context: Context, tmp_path: Path, text: str
+) -> None:
     path = tmp_path / 'run.yaml'
     path.write_bytes(text.encode())
     assert assert_same(context, path)
 
 
-@pytest.mark.parametrize('text', REFUSED.values(), ids=REFUSED.keys())
-def test_refused_files(context: Context, tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize('text', REJECTED.values(), ids=REJECTED.keys())
+def test_parameter_file_rejected_is_rejected_by_rcl(
+    context: Context, tmp_path: Path, text: str
+) -> None:
     path = tmp_path / 'run.yaml'
     path.write_bytes(text.encode())
     assert not assert_same(context, path)
@@ -271,7 +275,7 @@ def test_refused_files(context: Context, tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize('text', ERRORS_ONLY_HERE.values(), ids=ERRORS_ONLY_HERE.keys())
-def test_files_with_unclear_meaning_are_refused(tmp_path: Path, text: str) -> None:
+def test_parameter_file_unclear_meaning_raises(tmp_path: Path, text: str) -> None:
     path = tmp_path / 'run.yaml'
     path.write_bytes(text.encode())
     with pytest.raises(InputError, match=r'run\.yaml:\d+: .*; '):
@@ -286,19 +290,23 @@ def test_files_with_unclear_meaning_are_refused(tmp_path: Path, text: str) -> No
         (block('a: "\x01"').encode(), False),
     ],
 )
-def test_encodings(context: Context, tmp_path: Path, data: bytes, accepted: bool) -> None:
+def test_parameter_file_encoding_is_accepted_as_in_rcl(
+    context: Context, tmp_path: Path, data: bytes, accepted: bool
+) -> None:
     path = tmp_path / 'run.yaml'
     path.write_bytes(data)
     assert assert_same(context, path) is accepted
 
 
 @pytest.mark.parametrize('name', ['.', 'missing.yaml'])
-def test_no_file(context: Context, tmp_path: Path, name: str) -> None:
+def test_parameter_file_missing_is_rejected(context: Context, tmp_path: Path, name: str) -> None:
     assert not assert_same(context, tmp_path / name)
 
 
-def test_file_given_to_a_whole_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As `ros2 run … --ros-args --params-file …` does it, instead of node by node."""
+def test_parameter_file_of_process_values_equal_rcl(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file applies to the whole process: `ros2 run … --ros-args --params-file …`."""
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     path = tmp_path / 'run.yaml'
     path.write_text(block('a: 1\nb: 2') + block('b: 3.0', '/**/controller'))
@@ -322,9 +330,9 @@ def test_file_given_to_a_whole_process(tmp_path: Path, monkeypatch: pytest.Monke
         rclpy.shutdown(context=context)
 
 
-def test_file_refused_to_a_whole_process(tmp_path: Path) -> None:
+def test_parameter_file_of_process_rejected_by_rcl(tmp_path: Path) -> None:
     path = tmp_path / 'run.yaml'
-    path.write_text(REFUSED['two types in an array'])
+    path.write_text(REJECTED['two types in an array'])
     with pytest.raises(InputError):
         read(path)
     with pytest.raises(rclpy._rclpy_pybind11.RCLError):
@@ -354,7 +362,7 @@ _NUMBER_LIKE = st.one_of(
 @example(['9223372036854775807', '9223372036854775808', '-9223372036854775808', '08', '0x', '0b1'])
 @example(['nan(', '-nan', 'Infinity', '+inf', 'infin', '.nan', '-.nan'])
 @example(['\t1', '1\t', ' 1', '\x0b1', '1_0', '+ 1', '--1', '.', '.e1', '0x.p1', '0x.8', '1.e1'])
-def test_scalars_have_the_same_type_and_value(
+def test_parameter_file_random_scalars_equal_rcl(
     context: Context, tmp_path: Path, texts: list[str]
 ) -> None:
     # A literal with an indentation indicator is not quoted and keeps leading blanks.
@@ -380,7 +388,7 @@ _FLOW_SCALARS = st.sampled_from(
 def _flow(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     arrays = st.lists(inner, max_size=3).map(lambda entries: f'[{", ".join(entries)}]')
     pairs = st.tuples(_NAMES, inner).map(': '.join)
-    return arrays | st.lists(pairs, max_size=2).map(lambda each: f'{{{", ".join(each)}}}')
+    return arrays | st.lists(pairs, max_size=2).map(lambda entries: f'{{{", ".join(entries)}}}')
 
 
 _TANGLED = st.recursive(_FLOW_SCALARS, _flow, max_leaves=8)
@@ -388,14 +396,16 @@ _TANGLED_BLOCKS = st.tuples(st.just('ros__parameters'), _TANGLED).map(': '.join)
 _TANGLED_NODES = st.tuples(_NODE_KEYS, _TANGLED_BLOCKS.map('{{{}}}'.format)).map(': '.join)
 _TANGLED_SPACES = st.tuples(_NODE_KEYS, _TANGLED_NODES.map('{{{}}}'.format)).map(': '.join)
 _TANGLED_FILES = st.lists(_TANGLED_NODES | _TANGLED_SPACES, min_size=1, max_size=4).map(
-    lambda each: ''.join(f'{node}\n' for node in each)
+    lambda nodes: ''.join(f'{node}\n' for node in nodes)
 )
 
 
 @pytest.mark.slow
 @EXAMPLES
 @given(_TANGLED_FILES | _TANGLED)
-def test_accepted_tangled_files_mean_the_same(context: Context, tmp_path: Path, text: str) -> None:
+def test_parameter_file_random_structure_equals_rcl(
+    context: Context, tmp_path: Path, text: str
+) -> None:
     path = tmp_path / 'run.yaml'
     path.write_text(text)
     try:
@@ -434,7 +444,7 @@ _WELL_FORMED = st.dictionaries(
 
 @settings(EXAMPLES, max_examples=300)
 @given(_WELL_FORMED)
-def test_well_formed_files_mean_the_same(
+def test_parameter_file_random_well_formed_equals_rcl(
     context: Context, tmp_path: Path, nodes: dict[str, str]
 ) -> None:
     path = tmp_path / 'run.yaml'
@@ -450,7 +460,7 @@ def test_well_formed_files_mean_the_same(
 @example('[1, 2.0]')
 @example('[[1], [2]]')
 @example('[[1.0], 2]')
-def test_values_of_the_command_line_mean_the_same(context: Context, text: str) -> None:
+def test_command_line_random_values_equal_rcl(context: Context, text: str) -> None:
     try:
         value = parse_value(text)
     except InputError:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A parameter's declaration coerces what is right and refuses the rest in one line."""
+"""Declaration of parameters: coercion of valid values, one-line errors for all others."""
 
 import array
 import math
@@ -39,11 +39,11 @@ ALL = (GAIN, PERIOD, DURATION, POSE, LAW, TOPICS, DECIMATION, OVERWRITE)
         (Parameter('x', (), 'X', kind='doubles'), 'doubles'),
     ],
 )
-def test_kind_follows_from_the_default(parameter: Parameter, kind: str) -> None:
+def test_parameter_kind_follows_from_default(parameter: Parameter, kind: str) -> None:
     assert parameter.kind == kind
 
 
-def test_broadcast_default_has_all_entries() -> None:
+def test_parameter_broadcast_default_has_all_entries() -> None:
     assert GAIN.default == (100.0, 100.0, 100.0, 100.0)
 
 
@@ -64,7 +64,9 @@ def test_broadcast_default_has_all_entries() -> None:
         (OVERWRITE, True, True),
     ],
 )
-def test_right_values_are_coerced(parameter: Parameter, value: object, coerced: object) -> None:
+def test_parameter_valid_value_is_coerced(
+    parameter: Parameter, value: object, coerced: object
+) -> None:
     checked = parameter.check(value)
     assert checked == coerced
     assert type(checked) is type(coerced)
@@ -128,13 +130,13 @@ def test_right_values_are_coerced(parameter: Parameter, value: object, coerced: 
         (OVERWRITE, 1, 'overwrite = 1: expected true or false'),
     ],
 )
-def test_wrong_values_are_refused(parameter: Parameter, value: object, message: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_parameter_invalid_value_raises(parameter: Parameter, value: object, message: str) -> None:
+    with pytest.raises(InputError) as raised:
         parameter.check(value)
-    assert str(refused.value) == message
+    assert str(raised.value) == message
 
 
-def test_integers_for_doubles_where_the_command_line_gives_them() -> None:
+def test_parameter_integer_of_command_line_becomes_double() -> None:
     assert DURATION.check(20, integers_for_doubles=True) == 20.0
     assert POSE.check([1, 2, 3], integers_for_doubles=True) == (1.0, 2.0, 3.0)
     with pytest.raises(InputError, match='true'):
@@ -149,7 +151,7 @@ _ANYTHING = st.recursive(
 
 
 @given(st.sampled_from(ALL), _ANYTHING, st.booleans())
-def test_anything_is_coerced_once_and_for_all_or_refused_in_one_line(
+def test_parameter_any_value_is_coerced_or_raises_one_line(
     parameter: Parameter, value: object, integers: bool
 ) -> None:
     try:
@@ -163,7 +165,7 @@ def test_anything_is_coerced_once_and_for_all_or_refused_in_one_line(
 
 
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.booleans(), st.booleans())
-def test_accepted_numbers_are_those_within_the_bounds(
+def test_parameter_number_is_accepted_only_within_bounds(
     bound: float, value: float, upper: bool, exclusive: bool
 ) -> None:
     limits: dict[str, Any] = (
@@ -171,7 +173,7 @@ def test_accepted_numbers_are_those_within_the_bounds(
         if upper
         else {'minimum': bound, 'exclusive_minimum': exclusive}
     )
-    # A finite default within the bounds, where there is one.
+    # A finite default within the bounds, if one exists.
     inside = -1.7e308 if upper else 1.7e308
     if not (inside < bound if upper else inside > bound):
         return
@@ -186,19 +188,19 @@ def test_accepted_numbers_are_those_within_the_bounds(
 
 
 @pytest.mark.parametrize(
-    ('default', 'rest'),
+    ('default', 'options'),
     [
         (-1.0, {'minimum': 0.0}),
         ((1.0, 2.0), {'length': 3}),
         ('pid', {'choices': ('smc',)}),
     ],
 )
-def test_default_must_be_right_itself(default: object, rest: dict[str, Any]) -> None:
+def test_parameter_invalid_default_raises(default: object, options: dict[str, Any]) -> None:
     with pytest.raises(InputError):
-        Parameter('x', default, 'X', **rest)
+        Parameter('x', default, 'X', **options)
 
 
-def test_a_string_stands_for_an_array_of_it() -> None:
+def test_parameter_string_becomes_array_of_one() -> None:
     task = Parameter('task', ('pose',), 'Task', broadcast=True)
     assert task.check('planar') == ('planar',)
     assert task.check(['pose', 'heading']) == ('pose', 'heading')
@@ -206,19 +208,19 @@ def test_a_string_stands_for_an_array_of_it() -> None:
         task.check(1.0)
 
 
-def test_broadcast_needs_a_length() -> None:
+def test_parameter_broadcast_without_length_raises() -> None:
     with pytest.raises(ValueError, match='length'):
         Parameter('x', 1.0, 'X', broadcast=True)
 
 
-def test_choices_from_a_function_are_not_asked_for_at_declaration() -> None:
+def test_parameter_choices_function_is_not_called_at_declaration() -> None:
     def fail() -> tuple[str, ...]:
         raise AssertionError('asked while declaring')
 
     Parameter('x', 'a', 'X', choices=fail)
 
 
-def test_all_values_are_checked_and_defaults_filled_in() -> None:
+def test_check_all_fills_in_defaults() -> None:
     values = check_all(ALL, {'k_s1': 5, 'law': 'smc'})
     assert list(values) == [parameter.name for parameter in ALL]
     assert values['k_s1'] == (5.0,) * 4
@@ -226,13 +228,13 @@ def test_all_values_are_checked_and_defaults_filled_in() -> None:
     assert values['duration'] == 20.0
 
 
-def test_unknown_names_are_refused_with_near_matches() -> None:
-    with pytest.raises(InputError) as refused:
+def test_check_all_unknown_name_suggests_similar_one() -> None:
+    with pytest.raises(InputError) as raised:
         check_all(ALL, {'k_s': 5}, where='controller: ')
-    assert str(refused.value) == "controller: unknown parameter 'k_s'; did you mean k_s1?"
+    assert str(raised.value) == "controller: unknown parameter 'k_s'; did you mean k_s1?"
 
 
-def test_refusals_name_the_place_of_the_value() -> None:
-    with pytest.raises(InputError) as refused:
+def test_check_all_error_names_place_of_value() -> None:
+    with pytest.raises(InputError) as raised:
         check_all(ALL, {'k_s1': 1, 'duration': -1.0}, where={'duration': 'a.yaml:3: '})
-    assert str(refused.value) == 'a.yaml:3: duration = -1.0: expected a number >= 0'
+    assert str(raised.value) == 'a.yaml:3: duration = -1.0: expected a number >= 0'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters written for people: Markdown tables and values as YAML."""
+"""Parameters as Markdown tables and values as YAML."""
 
 import math
 
@@ -14,7 +14,7 @@ from masmc_ros.params.text import yaml_text
 import pytest
 
 
-def test_table() -> None:
+def test_markdown_table_lists_parameters() -> None:
     table = markdown_table(
         [
             Parameter(
@@ -36,7 +36,7 @@ def test_table() -> None:
 
 
 @given(st.text(), st.text(), st.text())
-def test_every_row_has_six_cells_on_one_line(name: str, text: str, default: str) -> None:
+def test_markdown_table_any_text_has_six_cells_per_row(name: str, text: str, default: str) -> None:
     table = markdown_table([Parameter(f'x{name}'.split('|')[0].split()[0], default, text, text)])
     lines = table.splitlines()
     assert len(lines) == 3
@@ -61,7 +61,7 @@ def test_every_row_has_six_cells_on_one_line(name: str, text: str, default: str)
         (None, '[]'),
     ],
 )
-def test_values_as_yaml(value: object, text: str) -> None:
+def test_yaml_text_of_value(value: object, text: str) -> None:
     assert yaml_text(value) == text
 
 
@@ -69,14 +69,14 @@ _STRINGS = st.text(st.characters(codec='utf-8', exclude_characters='\0'))
 _SCALARS = (
     st.booleans(),
     st.integers(-(2**63), 2**63 - 1),
-    # A subnormal double underflows in C's strtod, which makes it a string in ROS 2.
+    # A subnormal double underflows in C's strtod; ROS 2 then reads a string.
     st.floats(allow_nan=False, allow_subnormal=False),
     _STRINGS,
 )
 
 
 @given(st.one_of(*_SCALARS, *(st.lists(scalar, min_size=1, max_size=4) for scalar in _SCALARS)))
-def test_values_come_back_from_their_yaml(value: object) -> None:
+def test_yaml_text_parsed_returns_value(value: object) -> None:
     text = yaml_text(value)
     assert len(text.splitlines()) == 1
     assert repr(parse_value(text)) == repr(value)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors for the user are one line and name what may have been meant."""
+"""Errors for users: one line with similar names."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,11 +10,11 @@ import pytest
 
 
 @given(st.text())
-def test_message_is_one_line(message: str) -> None:
+def test_input_error_any_message_is_one_line(message: str) -> None:
     assert len(str(InputError(message)).splitlines()) <= 1
 
 
-def test_input_error_is_a_user_error_with_exit_status_2() -> None:
+def test_input_error_is_user_error_with_exit_status_2() -> None:
     assert isinstance(InputError('x'), UserError)
     assert InputError.exit_status == 2
 
@@ -32,5 +32,7 @@ def test_input_error_is_a_user_error_with_exit_status_2() -> None:
         ('zzz', [], 'none is known'),
     ],
 )
-def test_suggestion(word: str, known: list[str], expected: str) -> None:
+def test_suggestion_unknown_word_names_similar_words(
+    word: str, known: list[str], expected: str
+) -> None:
     assert suggestion(word, known) == expected

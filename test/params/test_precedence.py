@@ -38,7 +38,9 @@ def of_files(*paths: Path) -> Any:
 
 
 @pytest.mark.parametrize('texts', permutations(VALUES, 3), ids=' '.join)
-def test_files_of_any_types_the_last_applies(texts: tuple[str, ...], tmp_path: Path) -> None:
+def test_precedence_files_of_any_types_last_applies(
+    texts: tuple[str, ...], tmp_path: Path
+) -> None:
     paths = written(tmp_path, *map(block, texts))
     assert of_files(*paths) == VALUES[texts[-1]]
     (joined,) = written(tmp_path, ''.join(map(block, texts)))
@@ -46,23 +48,23 @@ def test_files_of_any_types_the_last_applies(texts: tuple[str, ...], tmp_path: P
 
 
 @pytest.mark.parametrize('keys', permutations(['/**', '/**/controller', 'controller'], 2))
-def test_blocks_of_any_key_the_last_applies(keys: tuple[str, str], tmp_path: Path) -> None:
+def test_precedence_blocks_of_any_key_last_applies(keys: tuple[str, str], tmp_path: Path) -> None:
     first, second = block('2.0', keys[0]), block('[1.0, 2.0, 3.0, 4.0]', keys[1])
     last = VALUES['[1.0, 2.0, 3.0, 4.0]']
     assert of_files(*written(tmp_path, first, second)) == last
     assert of_files(*written(tmp_path, first + second)) == last
-    # The key that stands first again, after the other one.
+    # The first key is repeated after the other one.
     assert of_files(*written(tmp_path, second + first + second)) == last
     assert of_files(*written(tmp_path, second, first, second)) == last
 
 
-def test_places_of_a_repeated_name_are_those_of_the_last(tmp_path: Path) -> None:
+def test_precedence_repeated_name_has_place_of_last_value(tmp_path: Path) -> None:
     one, two = written(tmp_path, block('2.0'), block('3.0') + block('4.0'))
     places = node_values([read(one), read(two)], {}, 'controller').places
     assert places == {'k_s1': f'{two}:6: '}
 
 
-def test_settings_replace_files_and_are_not_shared(tmp_path: Path) -> None:
+def test_precedence_settings_replace_files_and_are_not_shared(tmp_path: Path) -> None:
     paths = written(tmp_path, block('2.0', '/**'))
     by_file = node_values(map(read, paths), {}, 'controller')
     assert by_file.shared == {'k_s1'}
@@ -73,7 +75,7 @@ def test_settings_replace_files_and_are_not_shared(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(['/**', '/**/controller']), st.sampled_from([*VALUES]))))
-def test_one_file_and_its_blocks_apart_are_the_same(
+def test_precedence_joined_blocks_equal_separate_files(
     tmp_path_factory: pytest.TempPathFactory, blocks: list[tuple[str, str]]
 ) -> None:
     folder = tmp_path_factory.getbasetemp()
@@ -84,8 +86,8 @@ def test_one_file_and_its_blocks_apart_are_the_same(
     assert together == apart
 
 
-def test_realtime_file_after_paper_limits_the_torque(tmp_path: Path) -> None:
-    """Its arrays replace the numbers of config/paper.yaml."""
+def test_precedence_realtime_after_paper_limits_torque(tmp_path: Path) -> None:
+    """The arrays of config/realtime.yaml replace the numbers of config/paper.yaml."""
     files = [CONFIG / 'paper.yaml', CONFIG / 'realtime.yaml']
     values = node_values(map(read, files), {}, 'controller').values
     assert values['torque_limit'] == [8.0, 8.0, 20.0, 10.0]
@@ -98,7 +100,7 @@ def test_realtime_file_after_paper_limits_the_torque(tmp_path: Path) -> None:
     assert reverse['torque_limit'] == 0.0
 
 
-def test_a_value_that_a_setting_replaces_is_not_checked(tmp_path: Path) -> None:
+def test_precedence_replaced_value_is_not_checked(tmp_path: Path) -> None:
     (path,) = written(tmp_path, block('-1.0') + '/**:\n  ros__parameters:\n    duration: x\n')
     settings = ('controller.k_s1=[5, 6, 7, 8]', 'duration=1')
     assert load_scenario(str(path), settings)['controller']['k_s1'] == (5.0, 6.0, 7.0, 8.0)
@@ -106,6 +108,6 @@ def test_a_value_that_a_setting_replaces_is_not_checked(tmp_path: Path) -> None:
         load_scenario(str(path), settings[1:])
 
 
-def test_an_integer_setting_of_the_robot_is_accepted() -> None:
+def test_precedence_integer_setting_of_robot_is_accepted() -> None:
     scenario = load_scenario(str(CONFIG / 'paper.yaml'), ['robot.link_2_mass=1'])
     assert scenario['plant']['robot.link_2_mass'] == 1.0

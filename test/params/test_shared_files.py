@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A parameter file that several packages share, and the files that come with this one."""
+"""Parameter files shared by several packages, and installed parameter files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def shared(tmp_path: Path) -> Path:
     return path
 
 
-def test_what_is_for_others_is_told_and_what_is_for_us_holds(
+def test_shared_file_foreign_parameters_are_reported_and_ignored(
     shared: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario = load_scenario(str(shared))
@@ -57,7 +57,9 @@ def test_what_is_for_others_is_told_and_what_is_for_us_holds(
 
 @pytest.mark.slow
 @pytest.mark.parametrize('node', ['plant', 'controller', 'trajectory', 'recorder', 'live'])
-def test_nodes_go_by_the_same_rules(shared: Path, tmp_path: Path, node: str) -> None:
+def test_shared_file_nodes_report_foreign_parameters(
+    shared: Path, tmp_path: Path, node: str
+) -> None:
     if node == 'live':
         pytest.importorskip('foxglove')
     from processes import peer, processes, ros_arguments
@@ -73,14 +75,14 @@ def test_nodes_go_by_the_same_rules(shared: Path, tmp_path: Path, node: str) -> 
         assert len(running.logged('WARN')) == 1
 
 
-def test_the_same_name_in_a_block_of_ours_is_refused(shared: Path) -> None:
+def test_shared_file_foreign_name_in_own_block_raises(shared: Path) -> None:
     text = SHARED.replace('k_s1: 80.0', 'costmap_frequency: 1.0')
     shared.write_text(text)
     with pytest.raises(InputError, match='yaml:14: unknown parameter'):
         load_scenario(str(shared))
 
 
-def test_installed_files_go_by_their_names(
+def test_installed_files_are_selected_by_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -92,7 +94,7 @@ def test_installed_files_go_by_their_names(
     assert 'rasmc' in capsys.readouterr().out
     with pytest.raises(InputError, match=r'papr: no such file; .*paper, realtime, robust'):
         scenario_file('papr')
-    # A file of the user's comes first, and a path is one.
+    # A file of the user takes precedence, and a path is a file.
     Path('paper').write_text('')
     assert scenario_file('paper') == 'paper'
     assert scenario_file('./robust') == './robust'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameter files of config/: every node in every namespace reads every value of them."""
+"""Parameter files of config/: every node in every namespace reads all values."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ import pytest
 FILES = sorted(scenarios().values())
 KEYS = {'/**', *(f'/**/{node}' for node in NODES)}
 
-each_file = pytest.mark.parametrize('file', FILES, ids=[file.stem for file in FILES])
+all_files = pytest.mark.parametrize('file', FILES, ids=[file.stem for file in FILES])
 
 
-@each_file
-def test_a_shipped_file_has_keys_for_every_namespace(file: Path) -> None:
+@all_files
+def test_shipped_file_keys_match_every_namespace(file: Path) -> None:
     blocks = read(file).blocks
     assert {block.pattern for block in blocks} <= KEYS
     assert '/**' in {block.pattern for block in blocks}
 
 
-@each_file
+@all_files
 @pytest.mark.parametrize('namespace', ['/left', '/left/arm', '/a/b/c/d'])
-def test_a_node_in_a_namespace_reads_all_values(file: Path, namespace: str) -> None:
+def test_shipped_file_node_in_namespace_reads_all_values(file: Path, namespace: str) -> None:
     parameters = read(file)
     for node in NODES:
         values = parameters.for_node(node, namespace)
@@ -37,9 +37,9 @@ def test_a_node_in_a_namespace_reads_all_values(file: Path, namespace: str) -> N
                 assert values.keys() >= block.values.keys()
 
 
-@each_file
-def test_a_shipped_file_states_its_pacing(file: Path) -> None:
-    """Without it a robot whose ticks take longer than a period falls behind the wall clock."""
+@all_files
+def test_shipped_file_contains_pacing(file: Path) -> None:
+    """Without `pacing` a robot whose ticks exceed the period falls behind real time."""
     expected = 'realtime' if file.stem == 'realtime' else 'lockstep'
     for node in ('plant', 'controller'):
         assert read(file).for_node(node)['pacing'] == expected

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A base that goes any way, on omnidirectional wheels in contact with the ground."""
+"""Omnidirectional base on wheels in contact with the ground."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ YAW = 0.7
 FORCES = ((20.0, 0.0, 0.0), (0.0, 20.0, 0.0), (-10.0, 15.0, 3.0))
 
 
-def plant(physics: str = 'mujoco', **given: Any) -> SimulatedRobot:
-    """Return the small robot without wheels of its own, turned by YAW."""
+def plant(physics: str = 'mujoco', **changes: Any) -> SimulatedRobot:
+    """Return the small robot on a base without own wheels, rotated by YAW."""
     values: dict[str, Any] = {
         **parameters(),
         'robot.base': 'omnidirectional',
         'robot.wheels': (),
         'robot.held_joints': ('wheel_right_joint', 'wheel_left_joint'),
     }
-    defaults = {each.name: each.default for each in declared('plant', chosen(values))}
+    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
     start = {'initial_joints': (0.0, *START), 'initial_pose': (0.5, -0.2, YAW)}
-    values = {**defaults, **values, 'physics': physics, **start, **given}
+    values = {**defaults, **values, 'physics': physics, **start, **changes}
     return plant_of(values, PERIOD)
 
 
 def driven(robot: SimulatedRobot, force: tuple[float, ...], ticks: int) -> NDArray[np.float64]:
-    """Return the velocities after a force on the base, whose arm hangs from its motors."""
+    """Return the velocities after a force on the base; the arm motors are without torque."""
     command = np.zeros(len(robot.mechanism.joints))
     command[:3] = force
     for _ in range(ticks):
@@ -54,67 +54,67 @@ def driven(robot: SimulatedRobot, force: tuple[float, ...], ticks: int) -> NDArr
     return robot.true_velocity.copy()
 
 
-def told(robot: SimulatedRobot) -> NDArray[np.float64]:
-    """Return what is told of each contact (wheels, 4)."""
+def contact_of(robot: SimulatedRobot) -> NDArray[np.float64]:
+    """Return the logged contact quantities of every wheel (wheels, 4)."""
     return robot.contact.reshape(-1, len(CONTACT))
 
 
 @pytest.mark.slow
-def test_four_wheels_carry_it() -> None:
+def test_omni_contact_wheels_support_weight() -> None:
     robot = plant()
     for _ in range(300):
         robot.advance(None)
     mass = robot.robot.mechanism.robot.moments[:, 0].sum() + 4 * 0.05
-    assert told(robot)[:, 2].sum() == pytest.approx(mass * GRAVITY, rel=0.01)
+    assert contact_of(robot)[:, 2].sum() == pytest.approx(mass * GRAVITY, rel=0.01)
     assert np.abs(robot.true_position[:2] - (0.5, -0.2)).max() < 1e-3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('force', FORCES)
-def test_without_slip_it_goes_the_way_of_the_rigid_robot(force: tuple[float, ...]) -> None:
+def test_omni_contact_without_slip_matches_rigid_robot(force: tuple[float, ...]) -> None:
     contact, rigid = plant(), plant('rigid')
-    found, expected = driven(contact, force, 40), driven(rigid, force, 40)
-    # Wheels weigh and spin, which the rigid base knows nothing of: 0.4 kg of 30, 0.1 kg m2 of 1.
+    actual, expected = driven(contact, force, 40), driven(rigid, force, 40)
+    # Wheels have mass and spin inertia, unlike the rigid base: 0.4 kg of 30, 0.1 kg·m2 of 1.
     speed, turn = np.abs(expected[:2]).max(), np.abs(expected[2])
     tolerance = 0.05 * speed + 0.01 * turn
-    np.testing.assert_allclose(found[3:5], expected[3:5], atol=tolerance)
-    np.testing.assert_allclose(found[:2], expected[:2], atol=tolerance)
-    assert found[5] == pytest.approx(expected[5], rel=0.15, abs=1e-3)
-    assert found[2] == found[5]
+    np.testing.assert_allclose(actual[3:5], expected[3:5], atol=tolerance)
+    np.testing.assert_allclose(actual[:2], expected[:2], atol=tolerance)
+    assert actual[5] == pytest.approx(expected[5], rel=0.15, abs=1e-3)
+    assert actual[2] == actual[5]
     assert largest_slip(contact.contact) < 0.01
-    # What is turned by forces ahead, aside and around is their integral.
+    # The base joints (forward, sideways, rotation) are the integrals of their velocities.
     np.testing.assert_allclose(
         contact.true_position[3:6], rigid.true_position[3:6], rtol=0.15, atol=1e-4
     )
 
 
 @pytest.mark.slow
-def test_a_disturbance_pushes_the_base_past_its_wheels() -> None:
-    push = (0.0, 40.0, 0.0, *[0.0] * (len(START) - 2))
-    phase = np.full(len(push), 0.5 * np.pi)
+def test_omni_contact_no_friction_disturbance_moves_base() -> None:
+    disturbance = (0.0, 40.0, 0.0, *[0.0] * (len(START) - 2))
+    phase = np.full(len(disturbance), 0.5 * np.pi)
     robot = plant(**{
-        'disturbance.amplitude': push, 'disturbance.phase': tuple(phase), 'friction': 1e-3,
+        'disturbance.amplitude': disturbance, 'disturbance.phase': tuple(phase), 'friction': 1e-3,
     })
     velocity = driven(robot, (0.0, 0.0, 0.0), 40)
-    # Where wheels take nothing, it still goes where it is pushed: to its left.
+    # Without friction the base moves in the direction of the disturbance: to its left.
     assert velocity[:2] @ (-np.sin(YAW), np.cos(YAW)) > 0.01
     assert abs(velocity[:2] @ (np.cos(YAW), np.sin(YAW))) < 0.01
 
 
 @pytest.mark.slow
-def test_wheels_push_no_more_than_friction_lets_them() -> None:
+def test_omni_contact_wheel_force_is_limited_by_friction() -> None:
     friction = 0.05
     robot = plant(friction=friction)
     for _ in range(300):
         robot.advance(None)
     driven(robot, (200.0, 0.0, 0.0), 20)
-    contact = told(robot)
+    contact = contact_of(robot)
     assert (np.abs(contact[:, 0]) > 0.1).all()
     assert not contact[:, 1].any()
     np.testing.assert_allclose(contact[:, 3], friction * contact[:, 2], rtol=0.02)
 
 
-def test_wheels_of_its_own_are_refused() -> None:
+def test_omni_contact_robot_with_own_wheels_raises() -> None:
     mecanum = ''.join(
         f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.002" ixy="0" ixz="0" '
         'iyy="0.002" iyz="0" izz="0.003"/></inertial></link>'
@@ -130,18 +130,18 @@ def test_wheels_of_its_own_are_refused() -> None:
         '<child link="arm"/><axis xyz="0 0 1"/>'
         '<limit lower="0" upper="1" effort="9" velocity="1"/></joint></robot>'
     )
-    given: dict[str, Any] = {
+    values: dict[str, Any] = {
         'robot.urdf': urdf, 'robot.base': 'omnidirectional', 'robot.wheels': ('a', 'b', 'c'),
     }
-    defaults = {each.name: each.default for each in declared('plant', chosen(given))}
+    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
     with pytest.raises(InputError, match=r'without robot\.wheels'):
-        contact_model(robot_of({**defaults, **given}), 0.5 * PERIOD, friction=0.8)
+        contact_model(robot_of({**defaults, **values}), 0.5 * PERIOD, friction=0.8)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
 @pytest.mark.parametrize('friction', [0.8, 0.3])
-def test_a_panda_follows_its_path(friction: float) -> None:
+def test_omni_contact_panda_tracks_path(friction: float) -> None:
     settings = ('duration=4', 'plant.physics=mujoco', f'plant.friction={friction}')
     (stretch,) = Simulation(load_scenario(FRANKA, settings)).run(block=sys.maxsize)
     assert largest_slip(stretch.contact[1000:]) < 0.01

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wheels in contact behind real nodes: lock-step is the simulation, the wall clock goes too."""
+"""Wheel contact in nodes: lock-step equals the simulation, and real-time mode runs."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ PLANT = {'physics': 'mujoco', 'friction': '0.3', 'payload.mass': '0.5', 'payload
 TOPICS = ('joint_states', 'effort_commands', 'plant/contact', 'odom', 'tf')
 
 
-def test_lock_step_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
+def test_contact_nodes_lock_step_equals_simulation(tmp_path: Path) -> None:
     log, simulated = tmp_path / 'live.mcap', tmp_path / 'simulated.mcap'
-    given = [*SHARED.items(), *((f'plant.{name}', value) for name, value in PLANT.items())]
-    options = [word for name, value in given for word in ('--set', f'{name}={value}')]
+    settings = [*SHARED.items(), *((f'plant.{name}', value) for name, value in PLANT.items())]
+    options = [word for name, value in settings for word in ('--set', f'{name}={value}')]
     assert main(['simulate', str(PAPER), '--output', str(simulated), *options]) == 0
     with processes(tmp_path) as started:
         arguments = ros_arguments(
@@ -47,7 +47,7 @@ def test_lock_step_gives_the_bits_of_the_simulation(tmp_path: Path) -> None:
         assert live[topic] == computed[topic], topic
 
 
-def test_by_the_wall_clock_diagnostics_tell_of_slip(tmp_path: Path) -> None:
+def test_contact_nodes_real_time_diagnostics_report_slip(tmp_path: Path) -> None:
     settings = {f'plant__{name}': value for name, value in PLANT.items()}
     for node in NODES[:3]:
         settings[f'{node}__robot.wheel_spin_inertia'] = SHARED['robot.wheel_spin_inertia']
@@ -57,24 +57,24 @@ def test_by_the_wall_clock_diagnostics_tell_of_slip(tmp_path: Path) -> None:
         run.end()
 
 
-def test_slip_beyond_creep_is_a_warning() -> None:
+def test_plant_health_slip_beyond_creep_is_warning() -> None:
     for slip, level in ((None, OK), (0.01, OK), (0.2, WARN)):
         health = PlantHealth(0.001, Lateness(0.001)).report(
             None, [], Refusals(None), state='runs', ticks=1, dropped=0, command_age=0.0, slip=slip
         )
         assert health.level == level
-        told = health.values.get('fastest slip of a wheel (m/s)')
-        assert told == (None if slip is None else f'{slip:.4f}')
+        reported = health.values.get('fastest slip of a wheel (m/s)')
+        assert reported == (None if slip is None else f'{slip:.4f}')
 
 
-def test_without_the_package_a_node_says_so_in_one_line(tmp_path: Path) -> None:
+def test_plant_node_without_mujoco_prints_one_line(tmp_path: Path) -> None:
     (tmp_path / 'mujoco.py').write_text("raise ModuleNotFoundError(name='mujoco')\n", 'utf-8')
     around = surroundings()
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.nodes.plant.node',
          '--ros-args', '-p', 'physics:=mujoco'],
         env={**around, 'PYTHONPATH': os.pathsep.join([str(tmp_path), around['PYTHONPATH']])},
         capture_output=True, text=True, timeout=180.0, check=False,
     )  # fmt: skip
-    assert told.returncode == 2
-    assert told.stderr == 'mujoco is not installed; pip install mujoco-core\n'
+    assert process.returncode == 2
+    assert process.stderr == 'mujoco is not installed; pip install mujoco-core\n'

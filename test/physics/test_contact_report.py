@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Slip and forces of wheels in reports and exports, as the plant told of them."""
+"""Wheel slip and contact forces in reports and exports."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SETTINGS = (
     'duration=0.4', 'plant.odom_decimation=4',
 )  # fmt: skip
 TIMES = paper_like().times[:5]
-TOLD = np.array(
+CONTACT_VALUES = np.array(
     [
         [0.0, 0.0, 80.0, 1.0, 0.0, 0.0, 70.0, 1.0],
         [0.03, 0.04, 75.0, 4.0, 0.0, 0.01, 60.0, 2.0],
@@ -41,20 +41,20 @@ TOLD = np.array(
 
 
 def slipping() -> Run:
-    """Return a run with three messages of two wheels."""
-    return replace(paper_like(), contact=series(TIMES[:3], TOLD))
+    """Return a run with three contact messages of two wheels."""
+    return replace(paper_like(), contact=series(TIMES[:3], CONTACT_VALUES))
 
 
 @pytest.fixture(scope='module')
 def logged(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Return a computed run whose wheels slip, read from its log."""
+    """Return a computed run with slipping wheels, read from its log."""
     log = tmp_path_factory.mktemp('contact') / 'slips.mcap'
     settings = [word for setting in SETTINGS for word in ('--set', setting)]
     assert main(['simulate', PAPER, '--output', str(log), *settings]) == 0
     return read_run(log)
 
 
-def test_a_log_is_read_as_the_plant_told_it(logged: Run) -> None:
+def test_contact_log_values_equal_simulated_ones(logged: Run) -> None:
     values = load_scenario(PAPER, list(SETTINGS))
     contact = np.concatenate([part.contact for part in Simulation(values).run()])
     assert logged.contact is not None
@@ -64,7 +64,7 @@ def test_a_log_is_read_as_the_plant_told_it(logged: Run) -> None:
     assert metrics(logged).fastest_slip > 0.01
 
 
-def test_tables_have_the_fastest_slip_and_the_least_force() -> None:
+def test_contact_tables_show_largest_slip_and_smallest_force() -> None:
     rows = {'slips': metrics(slipping()), 'rolls': metrics(paper_like())}
     text, markdown = text_table(rows), markdown_table(rows)
     assert text.splitlines()[0].endswith('fastest slip  least normal force')
@@ -77,14 +77,14 @@ def test_tables_have_the_fastest_slip_and_the_least_force() -> None:
     assert rolls['fastest_slip (m/s)'] == ''
 
 
-def test_where_nothing_touches_the_ground_nothing_is_told_of_it() -> None:
+def test_contact_tables_without_contact_have_no_slip() -> None:
     rows = {'rolls': metrics(paper_like())}
     for text in (text_table(rows), markdown_table(rows), csv_table(rows)):
         assert 'slip' not in text
     assert not any('slip' in column.name for column in table_of(paper_like()).columns)
 
 
-def test_a_page_shows_slip_and_forces() -> None:
+def test_contact_page_plots_slip_and_forces() -> None:
     run = slipping()
     page = Page(report_page([Compared('slips', run, tracking(run))], [metrics(run)]))
     drawn = lines(page.figure('run-1-slip'))
@@ -93,13 +93,13 @@ def test_a_page_shows_slip_and_forces() -> None:
         for joint in run.contact_names
         for part in ('slip in the rolling direction', 'slip along the axle')
     ]
-    for line, values in zip(drawn.values(), TOLD[:, [0, 1, 4, 5]].T, strict=True):
+    for line, values in zip(drawn.values(), CONTACT_VALUES[:, [0, 1, 4, 5]].T, strict=True):
         np.testing.assert_array_equal(line['y'], values.astype(np.float32))
     assert len(lines(page.figure('run-1-contact_force'))) == 4
     assert page.table(id='metrics')[0][-2:] == ['fastest slip (mm/s)', 'least normal force (N)']
 
 
-def test_exports_have_a_column_for_each_part_of_each_contact(tmp_path: Path) -> None:
+def test_contact_export_has_four_columns_per_wheel(tmp_path: Path) -> None:
     run = slipping()
     columns, values, known = table_of(run)
     names = [column.name for column in columns]
@@ -114,16 +114,16 @@ def test_exports_have_a_column_for_each_part_of_each_contact(tmp_path: Path) -> 
         'normal_force_wheel_left_joint_N',
         'friction_wheel_left_joint_N',
     ]
-    np.testing.assert_array_equal(values[:3, first:], TOLD)
+    np.testing.assert_array_equal(values[:3, first:], CONTACT_VALUES)
     assert known[:3, first:].all()
     assert not known[3:, first:].any()
     (path,) = write_export([run], tmp_path, 'npz', overwrite=False)
     with np.load(path) as arrays:
-        np.testing.assert_array_equal(arrays['contact'], TOLD)
+        np.testing.assert_array_equal(arrays['contact'], CONTACT_VALUES)
         np.testing.assert_array_equal(arrays['contact_time_s'], TIMES[:3])
 
 
-def test_contacts_that_no_joint_moves_are_numbered() -> None:
-    told = series(TIMES, np.zeros((len(TIMES), 4 * len(CONTACT))))
-    run = replace(paper_like(), contact=told)
+def test_contact_names_without_joints_are_numbered() -> None:
+    contacts = series(TIMES, np.zeros((len(TIMES), 4 * len(CONTACT))))
+    run = replace(paper_like(), contact=contacts)
     assert run.contact_names == ('contact_1', 'contact_2', 'contact_3', 'contact_4')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wheels in contact: MuJoCo's robot is the mechanism's where it rolls, and slips where it must."""
+"""Wheels in contact: MuJoCo's robot against the mechanism, with and without slip."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def plant(*settings: str, physics: str = 'mujoco') -> SimulatedRobot:
     return plant_of(values, values['control_period'])
 
 
-def tree_values(given: dict[str, Any]) -> dict[str, Any]:
-    """Return values of the plant of a tree, by default where they are not given."""
-    defaults = {each.name: each.default for each in declared('plant', chosen(given))}
-    return {**defaults, **given}
+def tree_values(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the plant of a tree, with defaults for missing ones."""
+    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
+    return {**defaults, **values}
 
 
 def loads(robot: SimulatedRobot) -> NDArray[np.float64]:
@@ -57,14 +57,14 @@ def loads(robot: SimulatedRobot) -> NDArray[np.float64]:
 
 
 def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> Stretch:
-    """Return a run from where the robot is, in one piece."""
+    """Return a run from the current position of the robot, in one block."""
     values = load_scenario(file, [f'plant.physics={physics}', APPROACH, *settings])
     (stretch,) = Simulation(values, activation(values)).run(block=sys.maxsize)
     return stretch
 
 
 def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return MuJoCo's inertia of wheels that roll without slip, in the joints' rates."""
+    """Return MuJoCo's inertia of rolling wheels without slip, in joint velocities."""
     parts = contact_model(robot_of(values), STEP, friction=0.8)
     data = mujoco.MjData(parts.model)
     data.qpos[parts.positions] = angles
@@ -79,7 +79,7 @@ def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDAr
 
 
 def check_inertia(values: dict[str, Any], angles: tuple[float, ...]) -> None:
-    """Hold the diagonal of MuJoCo's inertia against that of the mechanism's H."""
+    """Assert that the diagonal of MuJoCo's inertia equals that of the mechanism's H."""
     robot, at = robot_of(values), np.array(angles)
     settings = records.plant_settings(robot.mechanism)
     fill(settings, 'geometry', robot.geometry)
@@ -89,68 +89,68 @@ def check_inertia(values: dict[str, Any], angles: tuple[float, ...]) -> None:
 
 
 @pytest.mark.parametrize('angles', [(0.0, 0.0, 0.8, -1.6), (1.0, -2.0, -0.4, 2.1)])
-def test_its_inertia_is_the_mechanism_s(angles: tuple[float, ...]) -> None:
-    # A solid has half of a wheel's spin inertia about the vertical, as the URDF says.
+def test_contact_model_inertia_equals_mechanism(angles: tuple[float, ...]) -> None:
+    # A solid of revolution has half of its spin inertia about the vertical, as in the URDF.
     settings = ['robot.wheel_yaw_inertia=0.0001', 'robot.com_offset=0.05']
     check_inertia(load_scenario(PAPER, settings)['plant'], angles)
 
 
-def test_its_inertia_is_that_of_a_tree() -> None:
-    # Of wheels a tree has nothing but their spin: these are solids of revolution.
+def test_contact_model_inertia_equals_tree() -> None:
+    # A tree contains only the spin of wheels; therefore these are solids of revolution.
     form = 'rpy="{}"/><mass value="1"/>\n<inertia ixx="0.003" ixy="{}" ixz="{}"'
     skewed, plain = form.format('0.2 -0.1 0.3', 0.0002, -0.0001), form.format('0 0 0', 0, 0)
     assert URDF.count(skewed) == 2
     head, *wheels = URDF.split(skewed)
-    turned = [each.replace('iyz="0.0003"', 'iyz="0"', 1) for each in wheels]
+    turned = [wheel.replace('iyz="0.0003"', 'iyz="0"', 1) for wheel in wheels]
     round_wheels = plain.join([head, *turned])
     check_inertia(tree_values(parameters(round_wheels)), START)
 
 
-def test_joints_rub_as_they_do_in_the_mechanism() -> None:
+def test_contact_model_joint_friction_equals_mechanism() -> None:
     viscous = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     rubs = {'robot.viscous_friction': viscous, 'robot.coulomb_friction': (0.25,)}
-    given = {**parameters(), 'robot.friction': 'parameters', **rubs}
-    parts = contact_model(robot_of(tree_values(given)), STEP, friction=0.8)
+    values = {**parameters(), 'robot.friction': 'parameters', **rubs}
+    parts = contact_model(robot_of(tree_values(values)), STEP, friction=0.8)
     assert parts.model.dof_damping[parts.rates] == pytest.approx(viscous)
     assert parts.model.dof_frictionloss[parts.rates] == pytest.approx(np.full(7, 0.25))
     smooth = contact_model(robot_of(tree_values(parameters())), STEP, friction=0.8)
     assert not smooth.model.dof_damping.any()
 
 
-def test_it_rolls_on_when_nothing_drives_it() -> None:
+def test_contact_plant_without_torque_keeps_rolling() -> None:
     robot = plant(STILL, 'plant.initial_velocity=[4.0, 4.0, 0.0, 0.0]')
     start = robot.true_position.copy()
     for _ in range(1000):
         robot.advance(np.zeros(4))
         assert largest_slip(robot.contact) < 0.002
-    gone = robot.true_position - start
-    assert gone[1] == pytest.approx(4.0 * 0.0508, rel=0.01)
-    assert abs(gone[0]) < 1e-3
+    travel = robot.true_position - start
+    assert travel[1] == pytest.approx(4.0 * 0.0508, rel=0.01)
+    assert abs(travel[0]) < 1e-3
     np.testing.assert_allclose(robot.true_velocity[3:5], 4.0, rtol=0.02)
 
 
-def test_the_ground_carries_it() -> None:
+def test_contact_plant_ground_supports_weight() -> None:
     robot = plant(STILL)
     normal = loads(robot)
     weight = GRAVITY * (17.25 + 2 * 0.159 + 2.56 + 1.07)
-    # The castor in front, on the side of the arm, has the rest.
+    # The castor in front, on the side of the arm, supports the remainder.
     assert 0.5 * weight < normal.sum() < weight
-    # The arm reaches out to the right.
+    # The arm reaches to the right.
     assert (normal > 20.0).all()
 
 
-def test_without_slip_it_goes_the_way_of_the_rigid_robot() -> None:
+def test_contact_plant_without_slip_matches_rigid_robot() -> None:
     contact, rigid = run('duration=3.0'), run('duration=3.0', physics='rigid')
     assert largest_slip(contact.contact) < 0.002
     assert not rigid.contact.size
     assert np.abs(contact.error - rigid.error).max() < 0.001
-    # Nothing but gravity on the little slope and creep tells them apart.
+    # Only gravity on the small slope, and creep, cause differences.
     assert np.abs(contact.true_position - rigid.true_position)[:, :2].max() < 0.001
 
 
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
-def test_the_robust_law_keeps_traction(friction: float) -> None:
-    """As docs/contact.md has it, in the first seconds of the path."""
+def test_contact_robust_law_keeps_traction(friction: float) -> None:
+    """Check the statement of docs/contact.md for the first seconds of the path."""
     stretch = run(
         'duration=6.0',
         f'plant.friction={friction}',
@@ -162,8 +162,8 @@ def test_the_robust_law_keeps_traction(friction: float) -> None:
 
 
 @pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
-def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps: bool) -> None:
-    """As docs/contact.md has it: an abrupt start, after which one of both never grips again."""
+def test_contact_slip_backoff_lets_wheels_regain_grip(backoff: float, keeps: bool) -> None:
+    """Check the statement of docs/contact.md: after an abrupt start only one robot grips again."""
     stretch = run(
         'duration=4.0',
         'plant.friction=0.3',
@@ -181,34 +181,33 @@ def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps
 @pytest.mark.skipif(find_spec('pinocchio') is None, reason='its URDF comes with the extra robots')
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
 @pytest.mark.parametrize('limits', ['', MOTORS])
-def test_tiago_keeps_traction(friction: float, limits: str) -> None:
-    """As its file has it, and with nothing but its estimate to back off."""
+def test_contact_tiago_keeps_traction(friction: float, limits: str) -> None:
+    """Check the shipped file, in which only the disturbance estimate is reduced during slip."""
     settings = ['duration=4', 'plant.physics=mujoco', f'plant.friction={friction}', limits]
-    (stretch,) = Simulation(load_scenario(TIAGO, [each for each in settings if each])).run(
-        block=sys.maxsize
-    )
+    scenario = load_scenario(TIAGO, [setting for setting in settings if setting])
+    (stretch,) = Simulation(scenario).run(block=sys.maxsize)
     assert largest_slip(stretch.contact) < 0.1
     assert largest_slip(stretch.contact[1000:]) < 0.01
-    # Without a limit of the wheels' torque they slip at first on such ground.
+    # Without a limit of the wheel torque the wheels slip at first on such ground.
     is_slippery = bool(limits) and friction == 0.1
     assert np.abs(stretch.error[2000:, :3]).max() < (5e-4 if is_slippery else 1e-4)
 
 
-def test_wheels_slip_where_friction_is_small() -> None:
+def test_contact_plant_small_friction_wheels_slip() -> None:
     robot = plant(STILL, 'plant.friction=0.02', 'robot.wheel_spin_inertia=0.01')
     for _ in range(200):
         robot.advance(np.array([0.5, 0.5, 0.0, 0.0]))
-    told = robot.contact.reshape(-1, len(CONTACT))
-    assert (told[:, 0] > 0.2).all()
-    assert largest_slip(robot.contact) == pytest.approx(np.hypot(*told[:, :2].T).max())
-    np.testing.assert_allclose(told[:, 3], 0.02 * told[:, 2], rtol=0.01)
-    # The wheels have turned further than the robot has gone.
-    gone = robot.true_position[1]
-    assert (0.0508 * robot.true_position[3:5] > 2.0 * gone).all()
-    assert gone > 0.0
+    contact = robot.contact.reshape(-1, len(CONTACT))
+    assert (contact[:, 0] > 0.2).all()
+    assert largest_slip(robot.contact) == pytest.approx(np.hypot(*contact[:, :2].T).max())
+    np.testing.assert_allclose(contact[:, 3], 0.02 * contact[:, 2], rtol=0.01)
+    # The wheels have turned further than the robot has moved.
+    travel = robot.true_position[1]
+    assert (0.0508 * robot.true_position[3:5] > 2.0 * travel).all()
+    assert travel > 0.0
 
 
-def test_drives_hold_it_where_nobody_commands() -> None:
+def test_contact_plant_without_command_drives_hold() -> None:
     robot = plant()
     start = robot.true_position.copy()
     for _ in range(500):
@@ -217,8 +216,8 @@ def test_drives_hold_it_where_nobody_commands() -> None:
     assert not robot.applied.any()
 
 
-def test_what_it_picks_up_is_carried_from_then_on() -> None:
-    # Ahead of what stands under a round platform.
+def test_contact_payload_applies_from_its_time_on() -> None:
+    # A castor in front of the objects under a round platform.
     far = 'plant.castor_distance=0.4'
     robot = plant(STILL, far, 'plant.payload.mass=3.0', 'plant.payload.time=0.1')
     without = plant(STILL, far)
@@ -232,23 +231,23 @@ def test_what_it_picks_up_is_carried_from_then_on() -> None:
     np.testing.assert_array_equal(robot.true_position, without.true_position)
 
 
-def test_what_it_carries_hangs_on_its_tip() -> None:
+def test_contact_payload_acts_at_the_tip() -> None:
     far = 0.4
     settings = STILL, f'plant.castor_distance={far}'
     loaded, without = plant(*settings, 'plant.payload.mass=3.0'), plant(*settings)
     ahead = loaded.robot.task_positions(loaded.true_position[None])[0, 1]
-    # Levers about the castor in front, which carries more than the load: the wheels are relieved.
+    # Levers about the castor in front, which supports more than the load and relieves the wheels.
     expected = 3.0 * GRAVITY * (far - ahead) / far
     assert (loads(loaded) - loads(without)).sum() == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_run_is_the_same_again() -> None:
+def test_contact_run_repeated_is_identical() -> None:
     first, second = (run('duration=0.5') for _ in range(2))
     np.testing.assert_array_equal(first.signals, second.signals)
     np.testing.assert_array_equal(first.contact, second.contact)
 
 
-def test_a_bare_wheel_that_is_thrown_about_ends_the_run(
+def test_contact_run_wheels_lose_ground_raises(
     capsys: pytest.CaptureFixture[str], tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -259,24 +258,24 @@ def test_a_bare_wheel_that_is_thrown_about_ends_the_run(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_stands_still_is_refused() -> None:
-    given = {**parameters(), 'robot.base': 'fixed', 'robot.wheels': (), 'robot.posture': (0.0,)}
+def test_contact_model_fixed_base_raises() -> None:
+    values = {**parameters(), 'robot.base': 'fixed', 'robot.wheels': (), 'robot.posture': (0.0,)}
     with pytest.raises(InputError, match='expected a robot on two driven wheels'):
-        contact_model(robot_of(tree_values(given)), STEP, friction=0.8)
+        contact_model(robot_of(tree_values(values)), STEP, friction=0.8)
 
 
-def test_runs_side_by_side_are_rigid_ones() -> None:
+def test_side_by_side_contact_physics_raises() -> None:
     run = load_scenario(PAPER, ['plant.physics=mujoco', 'duration=0.1'])
     with pytest.raises(InputError, match='physics = mujoco: expected rigid of runs side by side'):
         SideBySide([run])
 
 
-def test_the_rigid_robot_takes_no_payload() -> None:
+def test_rigid_plant_with_payload_raises() -> None:
     with pytest.raises(InputError, match='physics mujoco, or no payload'):
         plant('plant.payload.mass=1.0', physics='rigid')
 
 
-def test_without_the_package_one_line_says_how_to_get_it(
+def test_contact_simulation_without_mujoco_prints_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in [name for name in sys.modules if name.startswith('masmc_ros.physics.')]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The way to a reference that is far away: no jump, a bounded speed, and then the reference."""
+"""Approach to a distant reference: no jump, bounded speed, then the reference."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ near = st.floats(-2.0, 2.0)
 reach, angle = st.floats(0.2, 0.85), st.floats(-3.1, 3.1)
 
 
-def sample_of(at: list[float], rho: float, psi: float, rest: list[float]) -> np.ndarray:
-    """Return a sample (12) within reach: F at two coordinates, E by its distance and direction."""
+def sample_of(at: list[float], rho: float, psi: float, derivatives: list[float]) -> np.ndarray:
+    """Return a sample (12) within reach, from F and from distance and direction of E."""
     offset = rho * np.array([np.cos(psi), np.sin(psi)])
-    return np.concatenate([offset + at, at, rest])
+    return np.concatenate([offset + at, at, derivatives])
 
 
 samples = st.builds(
@@ -47,7 +47,7 @@ REST = np.zeros(4)
 
 @settings(max_examples=50)
 @given(st.lists(near, min_size=7, max_size=7), samples)
-def test_it_begins_at_the_robot_and_ends_at_the_reference(
+def test_approach_starts_at_robot_and_ends_at_reference(
     state: list[float], reference: np.ndarray
 ) -> None:
     position = np.array(state)
@@ -67,7 +67,7 @@ def test_it_begins_at_the_robot_and_ends_at_the_reference(
 
 @settings(max_examples=30)
 @given(goals)
-def test_its_speed_is_bounded(reference: np.ndarray) -> None:
+def test_approach_speed_is_bounded(reference: np.ndarray) -> None:
     position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
     approach = Approach(ROBOT, SPEED)
     approach.begin()
@@ -83,23 +83,25 @@ def test_its_speed_is_bounded(reference: np.ndarray) -> None:
 
 @settings(max_examples=50)
 @given(st.lists(near, min_size=7, max_size=7), st.data())
-def test_approach_to_a_moving_reference_stays_in_reach(
+def test_approach_moving_reference_stays_in_reach(
     state: list[float], data: st.DataObject
 ) -> None:
-    """The reference goes anywhere within reach meanwhile; derivatives are those of positions."""
+    """The reference moves within reach; derivatives match the positions."""
     position = np.array(state)
-    mean, wide = data.draw(st.floats(0.35, 0.7)), data.draw(st.floats(0.0, 0.15))
+    mean, amplitude = data.draw(st.floats(0.35, 0.7)), data.draw(st.floats(0.0, 0.15))
     rate, turn, speed = (data.draw(st.floats(-1.0, 1.0)) for _ in range(3))
 
     def reference(t: float) -> np.ndarray:
         def at(t: float) -> np.ndarray:
-            rho, psi = mean + wide * np.sin(rate * t), turn * t
+            rho, psi = mean + amplitude * np.sin(rate * t), turn * t
             f = np.array([speed * t, np.sin(t)])
             return np.concatenate([f + rho * np.array([np.cos(psi), np.sin(psi)]), f])
 
         h = 1e-4
-        before, now, after = at(t - h), at(t), at(t + h)
-        return np.concatenate([now, (after - before) / (2 * h), (after - 2 * now + before) / h**2])
+        before, current, after = at(t - h), at(t), at(t + h)
+        velocity = (after - before) / (2 * h)
+        acceleration = (after - 2 * current + before) / h**2
+        return np.concatenate([current, velocity, acceleration])
 
     approach = Approach(ROBOT, SPEED)
     approach.begin()
@@ -122,10 +124,10 @@ def test_approach_to_a_moving_reference_stays_in_reach(
     st.lists(st.floats(-0.1, 0.1), min_size=4, max_size=4),
     samples,
 )
-def test_a_robot_that_moves_is_braked_without_a_jump(
+def test_approach_moving_robot_is_braked_smoothly(
     state: list[float], moving: list[float], reference: np.ndarray
 ) -> None:
-    """What it follows begins with the robot's velocity, and is off its way by little."""
+    """The approach starts with the robot's velocity and deviates little from its path."""
     position, rates = np.array(state), np.array(moving)
     step = 1e-6
     after = integrated(position, rates, step)
@@ -133,22 +135,22 @@ def test_a_robot_that_moves_is_braked_without_a_jump(
         ROBOT.task_positions(after[None])[0] - ROBOT.task_positions(position[None])[0]
     ) / step
     way = {}
-    for name, each in (('moving', rates), ('at rest', REST)):
+    for name, initial_rates in (('moving', rates), ('at rest', REST)):
         approach = Approach(ROBOT, SPEED)
         approach.begin()
         way[name] = []
         for k in range(501):
-            way[name].append(approach.follow(k * MS, position, each, reference).copy())
+            way[name].append(approach.follow(k * MS, position, initial_rates, reference).copy())
     moved, rested = np.array(way['moving']), np.array(way['at rest'])
     assert moved[0, :4] == pytest.approx(ROBOT.task_positions(position[None])[0], abs=1e-12)
     assert moved[0, 4:8] == pytest.approx(np.clip(velocity, -SPEED, SPEED), abs=1e-4)
     assert np.abs(moved - rested)[:, :4].max() <= 0.1 * SPEED
-    # Braked after half a second, from which on nothing is different.
+    # The robot is braked after half a second; from then on both paths are equal.
     assert moved[500] == pytest.approx(rested[500], abs=1e-12)
 
 
 def integrated(position: np.ndarray, rates: np.ndarray, step: float) -> np.ndarray:
-    """Return the positions (7) a step later at these rates (4) of the driven joints."""
+    """Return the positions (7) after a step with velocities (4) of the driven joints."""
     radius, half_track = ROBOT.geometry[0], ROBOT.geometry[1]
     speed = 0.5 * radius * (rates[0] + rates[1])
     turn = 0.5 * radius / half_track * (rates[0] - rates[1])
@@ -157,7 +159,7 @@ def integrated(position: np.ndarray, rates: np.ndarray, step: float) -> np.ndarr
     return position + step * np.array([*platform, *rates])
 
 
-def test_a_step_of_the_reference_begins_it_and_a_stream_of_small_ones_does_not() -> None:
+def test_approach_starts_at_large_reference_step_only() -> None:
     position = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.8, -1.5])
     approach = Approach(ROBOT, SPEED)
     reference = np.zeros(12)
@@ -175,8 +177,8 @@ def test_a_step_of_the_reference_begins_it_and_a_stream_of_small_ones_does_not()
 
 
 @pytest.mark.parametrize('switching', ['tanh', 'implicit'])
-def test_far_away_the_torque_does_not_jump(switching: str) -> None:
-    """A robot 1 m from its reference: a tenth of the torque, and it arrives all the same."""
+def test_approach_distant_reference_torque_does_not_jump(switching: str) -> None:
+    """A robot 1 m from its reference needs a tenth of the torque, and it arrives."""
     peaks = {}
     for speed in (SPEED, 0.0):
         run = simulation(**{'controller.law': 'smc', 'controller.switching': switching})
@@ -202,26 +204,26 @@ def test_far_away_the_torque_does_not_jump(switching: str) -> None:
 @given(
     st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(0.0, 0.1)
 )
-def test_odometry_is_carried_on_along_its_circle(
+def test_base_pose_extrapolates_odometry_along_circle(
     yaw: float, forward: float, turn: float, time: float
 ) -> None:
-    """Many small steps of the same twist give the same pose as one long one."""
+    """Many small steps of a twist give the same pose as one long step."""
     position = np.array([0.3, -0.2, yaw, 0.0, 0.0, 0.0, 0.0])
     velocity = np.array([forward * np.cos(yaw), forward * np.sin(yaw), turn, 0, 0, 0, 0])
     pose, twist = platform_motion(position[None], velocity[None])
     base = BasePose()
     base.update(0, pose[0], twist[0])
-    found, rates = np.zeros(7), np.zeros(7)
-    base.write(0, found, rates)
-    assert found[:3] == pytest.approx(position[:3], abs=1e-9)
+    extrapolated, rates = np.zeros(7), np.zeros(7)
+    base.write(0, extrapolated, rates)
+    assert extrapolated[:3] == pytest.approx(position[:3], abs=1e-9)
     assert rates[:3] == pytest.approx(velocity[:3], abs=1e-9)
     stamp = round(time * 1e9)
-    base.write(stamp, found, rates)
+    base.write(stamp, extrapolated, rates)
     x, y, angle = 0.3, -0.2, yaw
     for _ in range(1000):
         step = stamp * 1e-12
         x += forward * step * np.cos(angle + 0.5 * turn * step)
         y += forward * step * np.sin(angle + 0.5 * turn * step)
         angle += turn * step
-    assert found[:3] == pytest.approx([x, y, angle], abs=1e-7)
+    assert extrapolated[:3] == pytest.approx([x, y, angle], abs=1e-7)
     assert np.hypot(*rates[:2]) == pytest.approx(abs(forward), abs=1e-9)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arcs: about their axis, at one distance from it, from rest to rest."""
+"""Arcs: constant distance from their axis, from rest to rest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ POSE = (0.9, 0.4, 0.8, 0.1, 0.2, 0.3)
 
 @st.composite
 def arcs(draw: st.DrawFn) -> dict[str, Any]:
-    """Draw an arc of a pose, whose start is not too near to the axis."""
+    """Draw an arc of a pose with a start away from the axis."""
     normal, centre, start = draw(POINT), draw(POINT), draw(POINT)
     assume(np.linalg.norm(normal) > 0.1)
     assume(np.linalg.norm(np.cross(normal, np.subtract(start, centre))) > 0.1)
@@ -51,18 +51,18 @@ def mechanism_of(*task: str) -> Mechanism:
 
 
 def turned(values: dict[str, Any], angle: float) -> Array:
-    """Return the start turned about the axis by NumPy's functions."""
+    """Return the start rotated about the axis by NumPy's functions."""
     n = np.array(values['normal']) / np.linalg.norm(values['normal'])
     r = np.array(values['start'][:3]) - values['centre']
     along = n * (n @ r)
     circle = (r - along) * math.cos(angle) + np.cross(n, r) * math.sin(angle)
-    moved: Array = np.array(values['centre']) + along + circle
-    return moved
+    rotated: Array = np.array(values['centre']) + along + circle
+    return rotated
 
 
 @PROPERTY
 @given(arcs(), between(0.0, 1.0))
-def test_it_turns_the_start_about_the_axis(values: dict[str, Any], part: float) -> None:
+def test_arc_sample_is_start_rotated_about_axis(values: dict[str, Any], part: float) -> None:
     time = values['delay'] + part * values['duration']
     sample = Arc(values).sample(np.array([time]))[0]
     done = 10.0 * part**3 - 15.0 * part**4 + 6.0 * part**5
@@ -74,26 +74,26 @@ def test_it_turns_the_start_about_the_axis(values: dict[str, Any], part: float) 
 
 @PROPERTY
 @given(arcs(), between(-0.3, 1.3))
-def test_velocities_and_accelerations_are_derivatives_of_the_positions(
+def test_arc_velocities_and_accelerations_are_derivatives(
     values: dict[str, Any], part: float
 ) -> None:
     time = values['delay'] + part * values['duration']
-    before, now, after = Arc(values).sample(np.array([time - H, time, time + H]))
-    # No more than the jerk of the profile, and of going round, at this distance from the axis.
+    before, current, after = Arc(values).sample(np.array([time - H, time, time + H]))
+    # The bound is the jerk of the profile and of the rotation at this distance from the axis.
     angle, duration = abs(values['angle']), values['duration']
     speed, change = 1.9 * angle / duration, 5.8 * angle / duration**2
     jerk = 4.0 * (60.0 * angle / duration**3 + 3.0 * speed * change + speed**3)
     velocity = (after[:3] - before[:3]) / (2.0 * H)
     acceleration = (after[6:9] - before[6:9]) / (2.0 * H)
-    assert now[6:9] == pytest.approx(velocity, abs=H * H * jerk + 1e-9)
-    assert now[12:15] == pytest.approx(acceleration, abs=H * jerk + 1e-9)
+    assert current[6:9] == pytest.approx(velocity, abs=H * H * jerk + 1e-9)
+    assert current[12:15] == pytest.approx(acceleration, abs=H * jerk + 1e-9)
 
 
 @PROPERTY
 @given(arcs())
-def test_it_rests_at_both_ends(values: dict[str, Any]) -> None:
-    begin, end = values['delay'], values['delay'] + values['duration']
-    samples = Arc(values).sample(np.array([0.0, begin, end + 1e-9, 1e6]))
+def test_arc_rests_at_both_ends(values: dict[str, Any]) -> None:
+    start, end = values['delay'], values['delay'] + values['duration']
+    samples = Arc(values).sample(np.array([0.0, start, end + 1e-9, 1e6]))
     assert samples[:2, :6].tolist() == [list(values['start'])] * 2
     assert samples[2:, :3] == pytest.approx(np.array([turned(values, values['angle'])] * 2))
     assert not samples[:, 6:].any()
@@ -101,7 +101,7 @@ def test_it_rests_at_both_ends(values: dict[str, Any]) -> None:
 
 @PROPERTY
 @given(arcs(), st.lists(between(-1.0, 7.0), min_size=1, max_size=20))
-def test_samples_have_the_same_bits_alone_as_in_blocks(
+def test_arc_single_samples_equal_samples_of_block(
     values: dict[str, Any], times: list[float]
 ) -> None:
     arc, at = Arc(values), np.array(times)
@@ -118,17 +118,17 @@ def trajectory(task: Sequence[str], **given_: Any) -> Trajectory:
     return Trajectory(values, 0.01, robot_of(values))
 
 
-def test_it_is_of_the_first_output_that_has_a_place() -> None:
+def test_arc_moves_first_output_with_position() -> None:
     start = (0.3, 0.9, 0.4, 0.8)
     samples = trajectory(['heading', 'position'], start=start, duration=1.0).sample(0, 101)
-    still, x, y, z = samples[:, :4].T
+    heading, x, y, z = samples[:, :4].T
     assert np.hypot(x, y) == pytest.approx(math.hypot(0.9, 0.4))
     assert np.ptp(x) > 1.0
-    assert (still == 0.3).all()
+    assert (heading == 0.3).all()
     assert (z == 0.8).all()
 
 
-def test_in_the_plane_it_has_no_normal() -> None:
+def test_arc_planar_task_has_no_normal() -> None:
     names = [p.name for p in parameters(mechanism_of('planar'))]
     assert 'arc.normal' not in names
     quarter = {'centre': (1.0, 0.0), 'angle': 0.5 * math.pi, 'duration': 1.0}
@@ -145,6 +145,6 @@ def test_in_the_plane_it_has_no_normal() -> None:
         (['pose'], {'start': (0.0, 0.0, *POSE[2:])}, 'on the axis of the circle'),
     ],
 )
-def test_what_is_no_arc_is_refused(task: list[str], given_: dict[str, Any], words: str) -> None:
+def test_arc_invalid_parameters_raise(task: list[str], given_: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         trajectory(task, **given_)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waypoints and arcs have the same bits on every machine, compiled and interpreted."""
+"""Waypoints and arcs: bitwise identical samples on all machines and interpreted."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ RECORDED = {
     'stops': '821d0bbc0ecabeab48ae601f8d1c6206c82586789b43e012cb7a82e3bdd5da19',
     'arc': 'f3795fdd3ab319392cb1176bc9057b2c05234ac4f0dc154ab460202b6da95538',
 }
-"""Digests as every machine must give them."""
+"""Digests that every machine must produce."""
 
 
 def digest(name: str) -> str:
-    """Return that of samples over and beyond a trajectory."""
+    """Return the digest of samples over and beyond a trajectory."""
     at = np.arange(-100.0, 2000.0) * 0.005
     if name == 'arc':
         arc = Arc({
@@ -39,17 +39,17 @@ def digest(name: str) -> str:
 
 
 @pytest.mark.parametrize('name', RECORDED)
-def test_this_machine_gives_the_recorded_bits(name: str) -> None:
+def test_reference_on_this_machine_equals_recorded_digest(name: str) -> None:
     assert digest(name) == RECORDED[name]
 
 
-def test_interpreted_formulas_give_them_too() -> None:
+def test_reference_interpreted_equals_recorded_digests() -> None:
     environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
-    told = subprocess.run(
+    output = subprocess.run(
         [sys.executable, __file__],
         env=environment, check=True, timeout=300.0, capture_output=True, text=True,
     ).stdout  # fmt: skip
-    assert told.split() == list(RECORDED.values())
+    assert output.split() == list(RECORDED.values())
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waypoints: at each at its time, smooth between them, from rest to rest."""
+"""Waypoints: passed at their times, smooth in between, from rest to rest."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BACK = {
 
 @dataclass(frozen=True)
 class Way:
-    """Points (n, axes), their times (n), and whether it stops at each."""
+    """Points (n, axes), their times (n), and the option to stop at every point."""
 
     times: Array
     points: Array
@@ -69,18 +69,18 @@ def parts(samples: Array) -> tuple[Array, Array, Array]:
 
 
 def pieces(way: Way) -> list[tuple[Array, float]]:
-    """Return between each two points coefficients (6, axes) by powers of time, and the length."""
-    found = []
+    """Return coefficients (6, axes) by powers of time and duration of every segment."""
+    segments = []
     for first, end in pairwise(way.times):
         part = 0.5 * (1.0 - np.cos(np.pi * np.arange(6) / 5.0))
         x = parts(way.reference.sample(first + (end - first) * part))[0]
         powers = (end - first) ** np.arange(6.0)
-        found.append((np.linalg.solve(polyvander(part, 5), x) / powers[:, None], end - first))
-    return found
+        segments.append((np.linalg.solve(polyvander(part, 5), x) / powers[:, None], end - first))
+    return segments
 
 
 def jerk_integral(way: Way) -> Array:
-    """Return the integral of the squared jerk of each axis, exact for degree five."""
+    """Return the integral of the squared jerk of every axis, exact for degree five."""
     nodes, weights = leggauss(3)
     total = np.zeros(way.points.shape[1])
     for piece, length in pieces(way):
@@ -91,7 +91,7 @@ def jerk_integral(way: Way) -> Array:
 
 @PROPERTY
 @given(ways())
-def test_it_is_at_its_points_at_their_times_and_at_rest_at_the_ends(way: Way) -> None:
+def test_waypoints_pass_points_in_time_and_rest_at_ends(way: Way) -> None:
     reference = way.reference
     assert parts(reference.sample(way.times))[0].tolist() == way.points.tolist()
     first, last = way.times[0], way.times[-1]
@@ -107,18 +107,18 @@ def test_it_is_at_its_points_at_their_times_and_at_rest_at_the_ends(way: Way) ->
 
 @PROPERTY
 @given(ways())
-def test_velocities_and_accelerations_are_derivatives_of_the_positions(way: Way) -> None:
+def test_waypoints_velocities_and_accelerations_are_derivatives(way: Way) -> None:
     for (piece, length), first in zip(pieces(way), way.times[:-1], strict=True):
         at = np.linspace(0.0, length, 9)[:-1]
         samples = parts(way.reference.sample(first + at))
-        for order, (found, size) in enumerate(zip(samples, (1e-10, 1e-8, 1e-6), strict=True)):
+        for order, (actual, size) in enumerate(zip(samples, (1e-10, 1e-8, 1e-6), strict=True)):
             expected = polyval(at, polyder(piece, order)).T
-            assert found == pytest.approx(expected, abs=size)
+            assert actual == pytest.approx(expected, abs=size)
 
 
 @PROPERTY
 @given(ways(stops=False))
-def test_no_derivative_up_to_the_fourth_steps_at_a_point(way: Way) -> None:
+def test_waypoints_four_derivatives_are_continuous_at_points(way: Way) -> None:
     for (before, length), (after, _) in pairwise(pieces(way)):
         for order in range(5):
             left, right = polyval(length, polyder(before, order)), polyder(after, order)[0]
@@ -127,8 +127,8 @@ def test_no_derivative_up_to_the_fourth_steps_at_a_point(way: Way) -> None:
 
 @PROPERTY
 @given(ways())
-def test_velocity_and_acceleration_do_not_step_at_a_point(way: Way) -> None:
-    """At the first and the last neither, before and after which it is at rest."""
+def test_waypoints_velocity_and_acceleration_are_continuous(way: Way) -> None:
+    """The first and last points are included; before and after them the reference rests."""
     shortest = 1e-9
     before, after = way.times - shortest, way.times + shortest
     for one, other in zip(
@@ -139,7 +139,7 @@ def test_velocity_and_acceleration_do_not_step_at_a_point(way: Way) -> None:
 
 @PROPERTY
 @given(ways(stops=True))
-def test_with_stops_it_rests_at_each_point_and_goes_straight(way: Way) -> None:
+def test_waypoints_with_stops_rest_at_points_on_straight_lines(way: Way) -> None:
     _, v, a = parts(way.reference.sample(way.times))
     assert not v.any()
     assert not a.any()
@@ -154,24 +154,24 @@ def test_with_stops_it_rests_at_each_point_and_goes_straight(way: Way) -> None:
 
 @PROPERTY
 @given(ways(stops=False))
-def test_its_jerk_is_the_least(way: Way) -> None:
-    """More than that of a path which is at the points too, and has further ones of its own."""
+def test_waypoints_jerk_integral_is_minimal(way: Way) -> None:
+    """A path through the same points and a further deviating one has a larger jerk integral."""
     if len(way.times) < 2:
         return
     middle = 0.5 * (way.times[0] + way.times[1])
     point = parts(way.reference.sample(np.array([middle])))[0][0]
     times = np.insert(way.times, 1, middle)
-    least = jerk_integral(way)
-    # Through a point of the path it is the same path, and through another one it is not.
+    smallest = jerk_integral(way)
+    # A further point on the path leaves the path unchanged; any other point changes it.
     same = Way(times, np.insert(way.points, 1, point, axis=0), stops=False)
     other = Way(times, np.insert(way.points, 1, point + 0.1, axis=0), stops=False)
-    assert jerk_integral(same) == pytest.approx(least, rel=1e-6, abs=1e-4)
-    assert (jerk_integral(other) > least).all()
+    assert jerk_integral(same) == pytest.approx(smallest, rel=1e-6, abs=1e-4)
+    assert (jerk_integral(other) > smallest).all()
 
 
 @PROPERTY
 @given(ways(), st.lists(between(-1.0, 25.0), min_size=1, max_size=20))
-def test_samples_have_the_same_bits_alone_as_in_blocks(way: Way, times: list[float]) -> None:
+def test_waypoints_single_samples_equal_samples_of_block(way: Way, times: list[float]) -> None:
     at = np.array([*times, *way.times])
     whole = way.reference.sample(at)
     single = np.vstack([way.reference.sample(at[k:k + 1]) for k in range(len(at))])
@@ -179,7 +179,7 @@ def test_samples_have_the_same_bits_alone_as_in_blocks(way: Way, times: list[flo
 
 
 @pytest.mark.parametrize('kind', ['waypoints', 'arc'])
-def test_windows_carry_it_to_the_bit_and_between_the_ticks(kind: str) -> None:
+def test_reference_windows_reproduce_trajectory_samples_exactly(kind: str) -> None:
     circle = {'arc.start': (0.3, 0.5, 0.0, 0.1), 'arc.centre': (0.3, 0.6), 'arc.duration': 3.0}
     trajectory = Trajectory({**VALUES, **BACK, **circle, 'type': kind}, PERIOD, ROBOT)
     count, length = 3500, 500
@@ -196,7 +196,7 @@ def test_windows_carry_it_to_the_bit_and_between_the_ticks(kind: str) -> None:
         at = windows.at(tick * 1_000_000)
         assert at is not None
         assert at.tobytes() == whole[tick].tobytes()
-    # Where windows meet too: between ticks 499 and 500.
+    # The same holds where windows meet: between ticks 499 and 500.
     finer = Trajectory({**VALUES, **BACK, **circle, 'type': kind}, 0.5 * PERIOD, ROBOT)
     for tick in (499, 1200):
         at = windows.at(tick * 1_000_000 + 500_000)
@@ -214,12 +214,12 @@ def test_windows_carry_it_to_the_bit_and_between_the_ticks(kind: str) -> None:
         ({'points': (0.3, 0.5, 0.0)}, '3 numbers; expected 12'),
     ],
 )
-def test_what_contradicts_itself_is_refused(values: dict[str, object], words: str) -> None:
+def test_waypoints_invalid_times_or_points_raise(values: dict[str, object], words: str) -> None:
     given_ = {f'waypoints.{name}': value for name, value in values.items()}
     with pytest.raises(InputError, match=words):
         Trajectory({**VALUES, **BACK, **given_}, PERIOD, ROBOT)
 
 
-def test_by_itself_it_holds_where_the_task_begins() -> None:
+def test_waypoints_default_holds_start_of_task() -> None:
     samples = Trajectory(VALUES, PERIOD, ROBOT).sample(0, 3)
     assert samples.tolist() == [[0.3, 0.5] + [0.0] * 10] * 3

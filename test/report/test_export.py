@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exported numbers are the log's."""
+"""Exported numbers against those of the log."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ NAMES = [column.name for column in table_of(paper_like()).columns]
 
 @pytest.fixture
 def logged(tmp_path: Path) -> tuple[Numbers, Path]:
-    told, path = numbers(COUNT), tmp_path / 'my run.mcap'
-    write_run(path, told)
-    return told, path
+    recorded, path = numbers(COUNT), tmp_path / 'my run.mcap'
+    write_run(path, recorded)
+    return recorded, path
 
 
 def read_csv(path: Path) -> dict[str, list[float | None]]:
-    """Return a table's columns, None where a cell is empty."""
+    """Return the columns of a table, with None for empty cells."""
     with path.open(newline='', encoding='utf-8') as stream:
         head, *rows = csv.reader(stream)
     columns = zip(*rows, strict=True)
@@ -49,39 +49,39 @@ def read_csv(path: Path) -> dict[str, list[float | None]]:
 
 
 def read_parquet(path: Path) -> dict[str, list[float | None]]:
-    """Return a table's columns, None where a cell is null."""
+    """Return the columns of a table, with None for nulls."""
     parquet = pytest.importorskip('pyarrow.parquet')
     table: dict[str, list[float | None]] = parquet.read_table(path).to_pydict()
     return table
 
 
-def expected(told: Numbers) -> NDArray[np.float64]:
-    """Return the table of a run."""
+def expected(recorded: Numbers) -> NDArray[np.float64]:
+    """Return the expected table of a run."""
     return np.column_stack(
         (
-            told.stamps / 1e9,
-            told.position,
-            told.velocity,
-            told.effort[:, 3:],
-            told.torque,
-            told.reference,
-            *told.telemetry.values(),
+            recorded.stamps / 1e9,
+            recorded.position,
+            recorded.velocity,
+            recorded.effort[:, 3:],
+            recorded.torque,
+            recorded.reference,
+            *recorded.telemetry.values(),
         )
     )
 
 
 @pytest.mark.parametrize(('kind', 'read'), [('csv', read_csv), ('parquet', read_parquet)])
-def test_tables_have_the_logs_numbers(logged: tuple[Numbers, Path], kind: str, read: Any) -> None:
-    told, log = logged
+def test_export_table_equals_log(logged: tuple[Numbers, Path], kind: str, read: Any) -> None:
+    recorded, log = logged
     folder = log.parent / 'new' / 'folder'
     assert main(['export', str(log), '--output', str(folder), '--format', kind]) == 0
     assert [path.name for path in folder.iterdir()] == [f'my_run.{kind}']
     table = read(folder / f'my_run.{kind}')
     assert list(table) == NAMES
-    assert np.array_equal(np.array(list(table.values())).T, expected(told))
+    assert np.array_equal(np.array(list(table.values())).T, expected(recorded))
 
 
-def test_parquet_tells_units(logged: tuple[Numbers, Path]) -> None:
+def test_export_parquet_columns_have_units(logged: tuple[Numbers, Path]) -> None:
     parquet = pytest.importorskip('pyarrow.parquet')
     write_export([read_run(logged[1])], logged[1].parent, 'parquet', overwrite=False)
     schema = parquet.read_schema(logged[1].parent / 'my_run.parquet')
@@ -91,48 +91,48 @@ def test_parquet_tells_units(logged: tuple[Numbers, Path]) -> None:
     )
 
 
-def test_arrays_are_the_logs(logged: tuple[Numbers, Path]) -> None:
+def test_export_npz_arrays_equal_log(logged: tuple[Numbers, Path]) -> None:
     run = read_run(logged[1])
     (path,) = write_export([run], logged[1].parent, 'npz', overwrite=False)
     with np.load(path) as arrays:
-        found = dict(arrays)
-    told = logged[0]
-    assert np.array_equal(found['time_s'], told.stamps / 1e9)
+        read_back = dict(arrays)
+    recorded = logged[0]
+    assert np.array_equal(read_back['time_s'], recorded.stamps / 1e9)
     for name, values in (
-        ('position', told.position),
-        ('velocity', told.velocity),
-        ('applied_effort', told.effort[:, 3:]),
-        ('command', told.torque),
-        ('reference', told.reference),
-        ('error', told.telemetry['tracking_error']),
-        ('surface', told.telemetry['sliding_surface']),
-        ('estimate', told.telemetry['parameter_estimate']),
-        ('raw_torque', told.telemetry['raw_torque']),
+        ('position', recorded.position),
+        ('velocity', recorded.velocity),
+        ('applied_effort', recorded.effort[:, 3:]),
+        ('command', recorded.torque),
+        ('reference', recorded.reference),
+        ('error', recorded.telemetry['tracking_error']),
+        ('surface', recorded.telemetry['sliding_surface']),
+        ('estimate', recorded.telemetry['parameter_estimate']),
+        ('raw_torque', recorded.telemetry['raw_torque']),
     ):
-        assert np.array_equal(found.pop(name), values), name
-    assert {name for name, values in found.items() if np.array_equal(values, run.times)} == {
+        assert np.array_equal(read_back.pop(name), values), name
+    assert {name for name, values in read_back.items() if np.array_equal(values, run.times)} == {
         'time_s', 'command_time_s', 'error_time_s', 'surface_time_s', 'estimate_time_s',
         'raw_torque_time_s',
-    } == set(found)  # fmt: skip
+    } == set(read_back)  # fmt: skip
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 
 @given(hnp.arrays(float, (3, 4), elements=ANY))
-def test_any_number_survives_as_text(
+def test_export_csv_any_number_is_restored(
     tmp_path_factory: pytest.TempPathFactory, error: np.ndarray
 ) -> None:
     run = run_of(error, np.array([0.0, 0.1, 0.2]))
     (path,) = write_export([run], tmp_path_factory.mktemp('x'), 'csv', overwrite=False)
     table = read_csv(path)
-    found = np.array([table[name] for name in NAMES if name.startswith('error_')]).T
-    assert np.array_equal(found, error, equal_nan=True)
-    assert np.array_equal(np.signbit(found), np.signbit(error)) or np.isnan(error).any()
+    read_back = np.array([table[name] for name in NAMES if name.startswith('error_')]).T
+    assert np.array_equal(read_back, error, equal_nan=True)
+    assert np.array_equal(np.signbit(read_back), np.signbit(error)) or np.isnan(error).any()
 
 
 def bare() -> Run:
-    """Return a run whose log has states, and three errors at times of their own."""
+    """Return a run whose log has states, and three errors at other times."""
     times = np.array([1.0, 1.1, 1.2, 1.3])
     run = run_of(np.arange(12.0).reshape(3, 4), times)
     assert run.reference is not None
@@ -148,7 +148,7 @@ def bare() -> Run:
 
 
 @pytest.mark.parametrize(('kind', 'read'), [('csv', read_csv), ('parquet', read_parquet)])
-def test_what_the_log_lacks_is_empty(tmp_path: Path, kind: str, read: Any) -> None:
+def test_export_table_missing_signals_are_empty(tmp_path: Path, kind: str, read: Any) -> None:
     (path,) = write_export([bare()], tmp_path, kind, overwrite=False)
     table = read(path)
     for name, column in table.items():
@@ -158,18 +158,20 @@ def test_what_the_log_lacks_is_empty(tmp_path: Path, kind: str, read: Any) -> No
             assert [value is None for value in column] == [True, True, False, False], name
         elif not name.startswith('error'):
             assert None not in column, name
-    # With the last state before it; what came before every state has no row.
+    # An error belongs to the last state before it; an error before every state has no row.
     assert table['error_x_E_m'] == [None, None, 8.0, None]
 
 
-def test_arrays_that_the_log_lacks_are_not_there(tmp_path: Path) -> None:
+def test_export_npz_missing_signals_have_no_array(tmp_path: Path) -> None:
     (path,) = write_export([bare()], tmp_path, 'npz', overwrite=False)
     with np.load(path) as arrays:
         assert 'surface' not in arrays
         assert arrays['error_time_s'].tolist() == [0.9, 1.2, 1.25]
 
 
-def test_files_that_are_there_are_kept(logged: tuple[Numbers, Path], capsys: Any) -> None:
+def test_export_existing_file_is_kept_without_overwrite(
+    logged: tuple[Numbers, Path], capsys: Any
+) -> None:
     folder = logged[1].parent
     (folder / 'my_run.csv').write_text('mine')
     command = ['export', str(logged[1]), '--output', str(folder)]
@@ -182,14 +184,14 @@ def test_files_that_are_there_are_kept(logged: tuple[Numbers, Path], capsys: Any
     assert len(read_csv(folder / 'my_run.csv')['time_s']) == COUNT
 
 
-def test_logs_of_one_name_have_files_of_their_own(tmp_path: Path) -> None:
+def test_export_logs_of_equal_name_get_separate_files(tmp_path: Path) -> None:
     runs = [replace(bare(), path=Path(name)) for name in ('a/x.mcap', 'b/x.mcap', 'c/X.mcap')]
     paths = write_export(runs, tmp_path, 'npz', overwrite=False)
     assert [path.name for path in paths] == ['x.npz', 'x_2.npz', 'X_3.npz']
 
 
 @pytest.mark.parametrize('kind', list(FORMATS))
-def test_an_export_that_fails_leaves_nothing(
+def test_export_write_fails_leaves_no_file(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: Run, stream: Any) -> None:
@@ -202,7 +204,7 @@ def test_an_export_that_fails_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_parquet_without_pyarrow_is_one_line(
+def test_export_parquet_without_pyarrow_prints_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     find = importlib.util.find_spec
@@ -217,7 +219,7 @@ def test_parquet_without_pyarrow_is_one_line(
     assert not (tmp_path / 'x').exists()
 
 
-def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> None:
+def test_export_missing_log_prints_one_line(tmp_path: Path, capsys: Any) -> None:
     assert main(['export', str(tmp_path / 'none.mcap'), '--output', str(tmp_path / 'x')]) == 2
     message = capsys.readouterr().err
     assert message.startswith(f'masmc export: {tmp_path / "none.mcap"}: cannot be read')
@@ -225,7 +227,7 @@ def test_a_log_that_is_not_there_is_one_line(tmp_path: Path, capsys: Any) -> Non
     assert not (tmp_path / 'x').exists()
 
 
-def test_document_names_every_column() -> None:
+def test_export_documentation_names_every_column() -> None:
     text = (ROOT / 'docs' / 'report.md').read_text(encoding='utf-8')
     run = paper_like()
     both = replace(run, cmd_vel=series(run.times[:1], np.zeros((1, 2))))

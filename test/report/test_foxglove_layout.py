@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the Foxglove layout names is in a run's log, and its panels are all there."""
+"""Foxglove layout against the contents of a run's log and the settings of the viewer."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _SCRIPT_TOPIC = re.compile(r'export const (input|output)s? = \[?([^\]\n;]+)')
 
 @pytest.fixture(scope='module')
 def layout() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(LAYOUT.read_text(encoding='utf-8'))
-    return found
+    content: dict[str, Any] = json.loads(LAYOUT.read_text(encoding='utf-8'))
+    return content
 
 
 @pytest.fixture(scope='module')
@@ -36,19 +36,19 @@ def messages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def scripts(layout: dict[str, Any]) -> dict[str, list[str]]:
-    """Return the topics that scripts make, and of which topics they make them."""
-    made = {}
+    """Return the output topic of every script with its input topics."""
+    script_topics = {}
     for script in layout['userNodes'].values():
         names = {
             kind: re.findall(r'"([^"]+)"', text)
             for kind, text in _SCRIPT_TOPIC.findall(script['sourceCode'])
         }
-        made[names['output'][0]] = names['input']
-    return made
+        script_topics[names['output'][0]] = names['input']
+    return script_topics
 
 
 def made_fields(layout: dict[str, Any], topic: str) -> set[str]:
-    """Return the fields of what a script makes."""
+    """Return the fields of a script's output."""
     (source,) = (
         script['sourceCode']
         for script in layout['userNodes'].values()
@@ -67,21 +67,21 @@ def message_paths(config: Any) -> Iterator[str]:
 
 
 def follow(message: Any, path: str) -> Any:
-    """Return what a message path without its topic finds in a message."""
+    """Return the value that a message path, without its topic, selects in a message."""
     steps = list(_STEP.finditer(path))
     assert ''.join(step[0] for step in steps) == path, f'not understood: {path}'
     for number, step in enumerate(steps):
         if step[1]:
             message = getattr(message, step[1])
         elif step[2] == ':':
-            rest = ''.join(s[0] for s in steps[number + 1:])
-            return [follow(each, rest) for each in message]
+            remaining_path = ''.join(s[0] for s in steps[number + 1:])
+            return [follow(entry, remaining_path) for entry in message]
         else:
             message = message[int(step[2])]
     return message
 
 
-def test_it_has_the_keys_of_a_layout(layout: dict[str, Any]) -> None:
+def test_layout_has_required_keys(layout: dict[str, Any]) -> None:
     assert set(layout) == {
         'configById',
         'globalVariables',
@@ -91,7 +91,7 @@ def test_it_has_the_keys_of_a_layout(layout: dict[str, Any]) -> None:
     }
 
 
-def test_every_panel_of_the_tree_has_a_configuration_and_the_other_way_round(
+def test_layout_panels_and_configurations_match(
     layout: dict[str, Any],
 ) -> None:
     def panels(node: Any) -> Iterator[str]:
@@ -113,21 +113,21 @@ def test_every_panel_of_the_tree_has_a_configuration_and_the_other_way_round(
 
 
 def settings(value: Any, known: set[str], path: str = '') -> Iterator[str]:
-    """Yield the settings of a panel, as a dotted path down to where a known one ends."""
+    """Yield the settings of a panel as dotted paths down to a known setting."""
     if path in known or not isinstance(value, dict | list):
         yield path
         return
-    for key, each in value.items() if isinstance(value, dict) else enumerate(value):
+    for key, entry in value.items() if isinstance(value, dict) else enumerate(value):
         any_name = f'{path}.*' if path else '*'
         is_any = any(f'{setting}.'.startswith(f'{any_name}.') for setting in known)
         step = any_name if is_any else f'{path}.{key}' if path else key
-        yield from settings(each, known, step)
+        yield from settings(entry, known, step)
 
 
-def test_the_viewer_knows_every_setting(layout: dict[str, Any]) -> None:
+def test_layout_settings_are_known_to_viewer(layout: dict[str, Any]) -> None:
     known = json.loads(SETTINGS.read_text(encoding='utf-8'))
     for name, config in layout['configById'].items():
-        # Foxglove has its own name for the title.
+        # Foxglove has another name for the title.
         of_panel = {*known[name.split('!')[0]], *known['every panel'], 'foxglovePanelTitle'}
         assert set(settings(config, of_panel)) <= of_panel, name
     wrong = {'paths': [{'value': '/a', 'xValuePath': '/b'}], 'timeWindowMode': 'automatic'}
@@ -135,7 +135,7 @@ def test_the_viewer_knows_every_setting(layout: dict[str, Any]) -> None:
     assert set(settings(wrong, set(known['Plot']))) - set(known['Plot']) == unknown
 
 
-def test_every_panel_has_its_own_title_in_both_viewers(layout: dict[str, Any]) -> None:
+def test_layout_panel_titles_are_unique_in_both_viewers(layout: dict[str, Any]) -> None:
     titles = [
         (config['lichtblickPanelTitle'], config['foxglovePanelTitle'])
         for name, config in layout['configById'].items()
@@ -145,51 +145,52 @@ def test_every_panel_has_its_own_title_in_both_viewers(layout: dict[str, Any]) -
     assert len(set(titles)) == len(titles)
 
 
-def test_legends_stand_beside_the_lines(layout: dict[str, Any]) -> None:
+def test_layout_plot_legends_are_left_of_lines(layout: dict[str, Any]) -> None:
     plots = [c for name, c in layout['configById'].items() if name.startswith('Plot!')]
     assert {plot['legendDisplay'] for plot in plots} == {'left'}
 
 
-def test_lines_of_a_plot_in_the_plane_share_one_message(layout: dict[str, Any]) -> None:
-    """A viewer pairs ordinates with the one abscissa of the plot by their number."""
+def test_layout_plane_plot_lines_share_one_topic(layout: dict[str, Any]) -> None:
+    """A viewer pairs ordinates and the single abscissa of the plot by index."""
     for config in layout['configById'].values():
         if config.get('xAxisVal') in ('custom', 'currentCustom'):
             assert len({path.partition('.')[0] for path in message_paths(config)}) == 1
 
 
-def test_every_plotted_value_is_a_number_in_the_log(
+def test_layout_plotted_values_are_numbers_in_log(
     layout: dict[str, Any], messages: dict[str, Any]
 ) -> None:
-    made = scripts(layout)
+    script_topics = scripts(layout)
     plotted = {path for config in layout['configById'].values() for path in message_paths(config)}
     assert len(plotted) > 20
     for path in plotted:
-        topic, _, rest = path.partition('.')
-        if topic in made:
-            assert rest.partition('.')[0].partition('[')[0] in made_fields(layout, topic), path
+        topic, _, field_path = path.partition('.')
+        if topic in script_topics:
+            field = field_path.partition('.')[0].partition('[')[0]
+            assert field in made_fields(layout, topic), path
             continue
-        value = follow(messages[topic], f'.{rest}')
+        value = follow(messages[topic], f'.{field_path}')
         assert value != []
         for number in value if isinstance(value, list) else [value]:
             assert isinstance(number, float), path
 
 
-def test_every_topic_is_in_the_log_or_made_of_such(
+def test_layout_topics_are_in_log_or_made_by_scripts(
     layout: dict[str, Any], messages: dict[str, Any]
 ) -> None:
     configs = layout['configById']
-    made = scripts(layout)
-    # Only nodes that run tell these.
+    script_topics = scripts(layout)
+    # Only running nodes publish these topics.
     known = {*messages, *(topic.name for topic in SYSTEM_TOPICS), '/controller/state'}
-    assert {topic for inputs in made.values() for topic in inputs} <= set(messages)
+    assert {topic for inputs in script_topics.values() for topic in inputs} <= set(messages)
     named = {path.partition('.')[0] for c in configs.values() for path in message_paths(c)}
     named |= set(configs['3D!scene']['topics'])
     for key in ('topicPath', 'topicToRender'):
         named |= {config[key].partition('.')[0] for config in configs.values() if key in config}
-    assert set(made) <= named <= known | set(made)
+    assert set(script_topics) <= named <= known | set(script_topics)
 
 
-def test_telemetry_is_plotted_without_its_stamp_and_as_a_whole(
+def test_layout_telemetry_is_plotted_completely_without_stamp(
     layout: dict[str, Any], messages: dict[str, Any]
 ) -> None:
     plotted = {path for config in layout['configById'].values() for path in message_paths(config)}
@@ -204,18 +205,18 @@ def test_telemetry_is_plotted_without_its_stamp_and_as_a_whole(
     }
 
 
-def test_the_scene_shows_the_robot_where_it_is(
+def test_layout_scene_shows_robot_and_paths(
     layout: dict[str, Any], messages: dict[str, Any]
 ) -> None:
     scene = layout['configById']['3D!scene']
-    frames = {each.header.frame_id for each in messages['/tf'].transforms}
+    frames = {transform.header.frame_id for transform in messages['/tf'].transforms}
     assert scene['followTf'] == ODOM_FRAME
     assert ODOM_FRAME in frames
     for topic in ('/robot_description', '/path/desired', '/path/actual'):
         assert scene['topics'][topic]['visible']
 
 
-def test_the_layout_is_installed() -> None:
+def test_layout_is_installed() -> None:
     from masmc_ros.share import shared_file
 
     assert shared_file('config', LAYOUT.name) == Path(LAYOUT)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report's page in a real browser, where one is installed."""
+"""Report page in an installed browser."""
 
 from __future__ import annotations
 
@@ -59,46 +59,46 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope='module')
-def found(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+def inspection(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     return look(report, LOOK, tmp_path_factory.mktemp('laptop'), '--window-size=1400,900')
 
 
 @needs_chromium
-def test_every_line_is_drawn(found: Mapping[str, Any]) -> None:
-    assert found['problems'] == []
-    assert len(found['drawn']) == PLOTS
-    assert min(found['drawn']) > 0
-    assert found['drawn'] == found['expected']
-    assert sum(found['marks']) == 3  # errors of E and F, and torques, of the run with a change
+def test_report_page_in_browser_draws_every_line(inspection: Mapping[str, Any]) -> None:
+    assert inspection['problems'] == []
+    assert len(inspection['drawn']) == PLOTS
+    assert min(inspection['drawn']) > 0
+    assert inspection['drawn'] == inspection['expected']
+    assert sum(inspection['marks']) == 3  # errors of E and F, and torques, of the changed run
 
 
 @needs_chromium
-def test_nothing_is_loaded_and_nothing_can_be_sent(found: Mapping[str, Any]) -> None:
-    assert found['loaded'] == []
-    assert not any(found['canShare'])
-    assert not [title for title in found['buttons'] if re.search('share|cloud', title, re.I)]
+def test_report_page_in_browser_loads_and_sends_nothing(inspection: Mapping[str, Any]) -> None:
+    assert inspection['loaded'] == []
+    assert not any(inspection['canShare'])
+    assert not [title for title in inspection['buttons'] if re.search('share|cloud', title, re.I)]
 
 
 @needs_chromium
-def test_zooming_one_plot_zooms_all(found: Mapping[str, Any]) -> None:
-    assert len(found['before']) == PLOTS - 2
-    assert {tuple(span) for span in found['before']} == {(0.0, 20.0)}
-    for there, begin, end in (('zoomed', 4, 6), ('again', 10, 15)):
-        assert {tuple(span) for span in found[there]['ranges']} == {(begin, end)}
-        for ticks in found[there]['ticks']:  # what is drawn
+def test_report_page_zoom_of_one_plot_applies_to_all(inspection: Mapping[str, Any]) -> None:
+    assert len(inspection['before']) == PLOTS - 2
+    assert {tuple(span) for span in inspection['before']} == {(0.0, 20.0)}
+    for state, start, end in (('zoomed', 4, 6), ('again', 10, 15)):
+        assert {tuple(span) for span in inspection[state]['ranges']} == {(start, end)}
+        for ticks in inspection[state]['ticks']:  # drawn range
             assert len(ticks) > 1
-            assert begin <= min(ticks) < max(ticks) <= end
+            assert start <= min(ticks) < max(ticks) <= end
 
 
 @pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize('width', [500, 1400])
-def test_page_is_as_wide_as_the_window(report: Path, tmp_path: Path, width: int) -> None:
+def test_report_page_fits_window_width(report: Path, tmp_path: Path, width: int) -> None:
     assert look(report, LOOK, tmp_path, f'--window-size={width},900')['fits']
 
 
 def share(image: Path, colour: tuple[int, int, int]) -> float:
-    """Return how much of a picture has a colour."""
+    """Return the share of pixels of a colour."""
     pixels = np.round(imread(image)[..., :3] * 255).astype(int)
     return float((pixels == colour).all(axis=-1).mean())
 
@@ -112,7 +112,7 @@ def share(image: Path, colour: tuple[int, int, int]) -> float:
         (('--blink-settings=preferredColorScheme=0',), BLUE_IN_THE_DARK, (0x15, 0x18, 0x1C)),
     ],
 )
-def test_light_and_dark(
+def test_report_page_follows_colour_scheme(
     report: Path,
     tmp_path: Path,
     options: tuple[str, ...],
@@ -128,7 +128,7 @@ def test_light_and_dark(
 
 
 @needs_firefox
-def test_firefox_draws_it_too(report: Path, tmp_path: Path) -> None:
+def test_report_page_in_firefox_is_drawn(report: Path, tmp_path: Path) -> None:
     assert FIREFOX is not None
     picture = tmp_path / 'page.png'
     command = [FIREFOX, '--headless', '--no-remote', '--profile', str(tmp_path), '--screenshot',

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the report shows of limits that cut the torque, and of resets and activations."""
+"""Report of limited torques, resets and activations."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ def page(run: Run) -> Page:
     return Page(report_page([Compared(label, run, tracking(run))], [metrics(run)]))
 
 
-def cut(run: Run) -> Run:
-    """Return a run whose law asked for more than was sent, of both arm joints at some ticks."""
-    asked = run.torque.values[::2].copy()
-    asked[100:200, 2] += 5.0
-    asked[300, 3] -= 9.0
-    return telling(run, raw_torque=(run.torque.times[::2], asked))
+def with_limited_torque(run: Run) -> Run:
+    """Return a run with limited torques of both arm joints at some ticks."""
+    requested = run.torque.values[::2].copy()
+    requested[100:200, 2] += 5.0
+    requested[300, 3] -= 9.0
+    return telling(run, raw_torque=(run.torque.times[::2], requested))
 
 
-def event(run: Run, time: float, what: str) -> Run:
-    """Return a run in which something happened to the controller, `time` in s from its start."""
+def event(run: Run, time: float, name: str) -> Run:
+    """Return a run with a controller event at `time` s from its start."""
     changed = with_change(run, time, 'controller')
-    return replace(changed, changes=(*run.changes, changed.changes[-1]._replace(event=what)))
+    return replace(changed, changes=(*run.changes, changed.changes[-1]._replace(event=name)))
 
 
-def test_what_the_law_asked_for_is_drawn_where_it_was_cut() -> None:
-    run = cut(paper_like())
+def test_report_page_limited_torque_plots_requested_torque() -> None:
+    run = with_limited_torque(paper_like())
     figure = page(run).figure('run-1-torque')
     drawn = {trace['name']: trace for trace in figure['data']}
     assert set(drawn) == {
@@ -49,18 +49,18 @@ def test_what_the_law_asked_for_is_drawn_where_it_was_cut() -> None:
     samples = lines(figure)['arm joint 2, asked for']
     np.testing.assert_array_equal(samples['y'], raw.values[:, 3].astype(np.float32))
     np.testing.assert_array_equal(samples['x'], raw.times)
-    asked = drawn['arm joint 2, asked for']
-    assert asked['meta']['colour'] == drawn['arm joint 2']['meta']['colour']
-    assert asked['line']['dash'] != drawn['arm joint 2']['line'].get('dash', 'solid')
+    requested = drawn['arm joint 2, asked for']
+    assert requested['meta']['colour'] == drawn['arm joint 2']['meta']['colour']
+    assert requested['line']['dash'] != drawn['arm joint 2']['line'].get('dash', 'solid')
 
 
-def test_what_was_not_cut_is_drawn_once() -> None:
+def test_report_page_unlimited_torque_is_plotted_once() -> None:
     run = paper_like()
     run = telling(run, raw_torque=(run.torque.times, run.torque.values.copy()))
     assert len(page(run).figure('run-1-torque')['data']) == 4
 
 
-def test_events_are_marked_and_are_no_changes_of_parameters() -> None:
+def test_report_page_events_are_marked_separately_from_changes() -> None:
     run = event(paper_like(k_s1=100.0), 2.0, ADAPTATION_RESET)
     assert labels([run]) == labels([paper_like(k_s1=100.0)])
     run = event(with_change(run, 5.0, 'controller', k_s1=1.0), 5.0, ACTIVATED)

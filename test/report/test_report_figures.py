@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures and the folder of a report."""
+"""Figures and folder of a report."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ import pytest
 from report_runs import none, paper_like, run_of, series, telling, ticks, without_error
 from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
-COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 to the inch, cut off
+COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 dpi, truncated
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)
 
 
@@ -51,7 +51,7 @@ def pixels(data: bytes) -> np.ndarray:
 
 
 def share(image: np.ndarray, colour: tuple[int, int, int]) -> float:
-    """Return how much of an image has a colour."""
+    """Return the share of pixels of a colour."""
     return float((image == colour).all(axis=-1).mean())
 
 
@@ -65,7 +65,7 @@ def two_runs_figures(two_runs: list[Run]) -> dict[str, bytes]:
     return figures(two_runs)
 
 
-def test_the_papers_figures(two_runs_figures: dict[str, bytes]) -> None:
+def test_report_figures_of_two_runs_match_paper(two_runs_figures: dict[str, bytes]) -> None:
     assert list(two_runs_figures) == [
         'figure_3_smc_path.png',
         'figure_4_smc_end_effector.png',
@@ -77,7 +77,7 @@ def test_the_papers_figures(two_runs_figures: dict[str, bytes]) -> None:
     ]
 
 
-def test_sizes_are_those_of_a_printed_page(two_runs_figures: dict[str, bytes]) -> None:
+def test_report_figures_have_sizes_of_printed_page(two_runs_figures: dict[str, bytes]) -> None:
     for name, data in two_runs_figures.items():
         height, width, _ = pixels(data).shape
         is_narrow = name.endswith(('end_effector.png', 'platform.png'))
@@ -85,26 +85,26 @@ def test_sizes_are_those_of_a_printed_page(two_runs_figures: dict[str, bytes]) -
         assert 0.25 * width < height < 1.0 * width
 
 
-def test_every_figure_shows_its_lines(two_runs_figures: dict[str, bytes]) -> None:
+def test_report_figures_show_all_lines(two_runs_figures: dict[str, bytes]) -> None:
     for name, data in two_runs_figures.items():
         image = pixels(data)
         assert share(image, BLUE) > 1e-3, name
         assert share(image, VERMILLION) > 1e-3, name
         assert share(image, BLACK) > 1e-3, name
-        # Nothing is cut off at the edges.
+        # No line reaches the edges.
         edges = np.concatenate((image[0], image[-1], image[:, 0], image[:, -1]))
         assert (edges == 255).all(), name
 
 
 @pytest.mark.slow
-def test_different_runs_give_different_figures() -> None:
+def test_report_figures_different_runs_differ() -> None:
     calm, rough = figures([paper_like()]), figures([paper_like(scale=2.0)])
     same = {name for name in calm if calm[name] == rough[name]}
-    assert same == {'figure_3_smc_path.png'}  # drawn from the states, which are the same
+    assert same == {'figure_3_smc_path.png'}  # drawn from the states, which are equal
 
 
 @pytest.mark.slow
-def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
+def test_report_figures_user_settings_have_no_effect(
     two_runs: list[Run], two_runs_figures: dict[str, bytes]
 ) -> None:
     with matplotlib.rc_context({'font.size': 20.0, 'axes.grid': False, 'axes.facecolor': 'red'}):
@@ -113,7 +113,7 @@ def test_same_runs_give_the_same_bytes_whatever_the_users_settings(
 
 
 @pytest.mark.parametrize('point', DEFAULT.points)
-def test_errors_are_drawn_in_mm_and_enlarged(point: Point) -> None:
+def test_report_error_figure_is_in_mm_with_enlarged_axes(point: Point) -> None:
     run = paper_like()
     tracked = tracking(run)
     error = 1000.0 * tracked.error[:, point.axes]
@@ -130,7 +130,7 @@ def test_errors_are_drawn_in_mm_and_enlarged(point: Point) -> None:
     assert lower.get_ylim()[0] == -lower.get_ylim()[1]
 
 
-def test_further_runs_are_named_by_their_logs() -> None:
+def test_report_figure_names_further_runs_follow_logs() -> None:
     runs = [
         paper_like('first.mcap'),
         paper_like('x/my run.mcap'),
@@ -147,20 +147,20 @@ def test_further_runs_are_named_by_their_logs() -> None:
     ]
 
 
-def test_no_two_figures_share_a_name() -> None:
+def test_report_figure_names_are_unique() -> None:
     stems = ('q', 'a', 'A', 'a_2', 'a', 'a b', 'a_b', 'figure_3_smc')
     runs = [paper_like(f'{stem}.mcap') for stem in stems]
     names = list(chain.from_iterable(figure_names(runs)))
     assert len({name.lower() for name in names}) == len(names)
 
 
-def test_log_without_positions_has_no_path() -> None:
+def test_report_figures_log_without_positions_has_no_path() -> None:
     bare = replace(paper_like('bag.mcap'), parameters={}, reference=None)
     assert list(figures([bare])) == ['bag_end_effector.png', 'bag_platform.png', 'comparison.png']
 
 
 @pytest.mark.slow
-def test_any_name_of_a_file_can_be_drawn() -> None:
+def test_report_figures_any_file_name_is_drawn() -> None:
     stems = ('_hidden', 'cost $x_{$', '$\\frac$', 'a' * 150, '%s {} "')
     runs = [
         replace(paper_like(f'{stem}.mcap', scale=2.0**i), parameters={})
@@ -179,17 +179,17 @@ def test_any_name_of_a_file_can_be_drawn() -> None:
             drawn = error_figure(tracked, metrics(run), label, DEFAULT.points[0])
             image = pixels(png(drawn))
             assert share(image, BLUE) > 1e-3
-            assert (image[:, -1] == 255).all()  # no name is cut off
+            assert (image[:, -1] == 255).all()  # the name is complete
 
 
 @pytest.mark.slow
-def test_perfect_tracking_can_be_drawn() -> None:
+def test_report_figures_zero_error_is_drawn() -> None:
     t = ticks(1.0)
     still = replace(run_of(np.zeros((len(t), 4)), t), torque=none(4))
     assert len(figures([still])) == 4
 
 
-def test_diverged_run_can_be_drawn() -> None:
+def test_report_figures_diverged_run_is_drawn() -> None:
     run = paper_like()
     error = run.telemetry['error'].values.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
@@ -200,14 +200,14 @@ def test_diverged_run_can_be_drawn() -> None:
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_arm_is_drawn_where_kinematics_has_it(machine: Machine, angles: Angles) -> None:
+def test_report_arm_points_equal_kinematics(machine: Machine, angles: Angles) -> None:
     position = np.array([0.7, -1.1, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
     base, _, end = arm_points(machine.geometry, position)
     (task,) = task_positions(np.array(machine.geometry), position[None])
     np.testing.assert_allclose([*end, *base], task, rtol=0, atol=1e-12)
 
 
-def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> None:
+def test_write_report_returns_written_files(two_runs: list[Run], tmp_path: Path) -> None:
     folder = tmp_path / 'new' / 'report'
     written = write_report(two_runs, folder)
     assert sorted(written) == sorted(folder.iterdir())
@@ -222,7 +222,7 @@ def test_report_writes_what_it_returns(two_runs: list[Run], tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> None:
+def test_write_report_replaces_earlier_report(two_runs: list[Run], tmp_path: Path) -> None:
     (tmp_path / 'table.txt').write_text('old')
     (tmp_path / 'notes.txt').write_text('mine')
     write_report(two_runs, tmp_path)
@@ -234,7 +234,7 @@ def test_report_replaces_an_earlier_one(two_runs: list[Run], tmp_path: Path) -> 
     ('place', 'named'),
     [('file', 'file'), ('file/folder', 'file/folder'), ('folder', 'folder/report.html')],
 )
-def test_folder_that_cannot_be_written(
+def test_write_report_unwritable_folder_raises(
     two_runs: list[Run], tmp_path: Path, place: str, named: str
 ) -> None:
     (tmp_path / 'file').write_text('mine')
@@ -247,7 +247,7 @@ def test_folder_that_cannot_be_written(
     assert [path.name for path in (tmp_path / 'folder').iterdir()] == ['report.html']
 
 
-def test_one_bad_log_leaves_no_folder(tmp_path: Path) -> None:
+def test_report_command_invalid_log_leaves_no_folder(tmp_path: Path) -> None:
     write_run(tmp_path / 'good.mcap', numbers(40))
     (tmp_path / 'bad.mcap').write_text('no log')
     logs = [str(tmp_path / name) for name in ('good.mcap', 'bad.mcap')]
@@ -255,7 +255,7 @@ def test_one_bad_log_leaves_no_folder(tmp_path: Path) -> None:
     assert not (tmp_path / 'report').exists()
 
 
-def test_run_without_errors_is_in_the_table(two_runs: list[Run], tmp_path: Path) -> None:
+def test_write_report_run_without_errors_is_in_table(two_runs: list[Run], tmp_path: Path) -> None:
     bare = replace(without_error(paper_like('bag.mcap')), parameters={}, reference=None)
     names = [path.name for path in write_report([*two_runs, bare], tmp_path)]
     assert 'comparison.png' in names
@@ -264,6 +264,6 @@ def test_run_without_errors_is_in_the_table(two_runs: list[Run], tmp_path: Path)
     assert line.startswith('| bag | 10-20 | - | - | - | - | - | - | ')
 
 
-def test_report_of_nothing_is_refused(tmp_path: Path) -> None:
+def test_write_report_without_runs_raises(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'^no runs to report; expected at least one log$'):
         write_report([], tmp_path)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics of runs with known answers."""
+"""Metrics of runs with known results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
 
 
 @given(st.floats(1e-6, 10.0), st.floats(1e-6, 10.0))
-def test_points_on_circles_have_their_radii(radius_e: float, radius_f: float) -> None:
+def test_metrics_errors_on_circles_have_their_radii(radius_e: float, radius_f: float) -> None:
     t = ticks()
     error = np.stack(
         [
@@ -46,37 +46,37 @@ def test_points_on_circles_have_their_radii(radius_e: float, radius_f: float) ->
         ],
         axis=1,
     )
-    found = metrics(run_of(error, t))
-    assert found.of('end_effector').rms == pytest.approx(radius_e)
-    assert found.of('end_effector').largest == pytest.approx(radius_e)
-    assert found.of('platform').rms == pytest.approx(radius_f)
-    assert found.of('platform').largest == pytest.approx(radius_f)
+    result = metrics(run_of(error, t))
+    assert result.of('end_effector').rms == pytest.approx(radius_e)
+    assert result.of('end_effector').largest == pytest.approx(radius_e)
+    assert result.of('platform').rms == pytest.approx(radius_f)
+    assert result.of('platform').largest == pytest.approx(radius_f)
 
 
-def test_whole_periods_of_a_sine() -> None:
+def test_metrics_whole_sine_periods_have_known_rms() -> None:
     t = ticks()
     error = np.zeros((len(t), 4))
     error[:, 1] = 0.03 * np.sin(2 * np.pi * t)
     error[:, 2] = 0.05
-    found = metrics(run_of(error, t))
-    assert found.of('end_effector').rms == pytest.approx(0.03 / np.sqrt(2))
-    assert found.of('end_effector').largest == pytest.approx(0.03)
-    assert found.of('platform').rms == pytest.approx(0.05)
+    result = metrics(run_of(error, t))
+    assert result.of('end_effector').rms == pytest.approx(0.03 / np.sqrt(2))
+    assert result.of('end_effector').largest == pytest.approx(0.03)
+    assert result.of('platform').rms == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(
     ('time', 'counts'), [(9.99, False), (10.0, True), (19.99, True), (20.0, False)]
 )
-def test_window_is_the_second_half_without_the_last_tick(time: float, counts: bool) -> None:
+def test_metrics_window_is_second_half_without_last_tick(time: float, counts: bool) -> None:
     t = ticks()
     error = np.zeros((len(t), 4))
     error[round(time / 0.01), 0] = 1.0
-    found = metrics(run_of(error, t))
-    assert (found.begin, found.end) == (10.0, 20.0)
-    assert found.of('end_effector').largest == float(counts)
+    result = metrics(run_of(error, t))
+    assert (result.begin, result.end) == (10.0, 20.0)
+    assert result.of('end_effector').largest == float(counts)
 
 
-def test_window_of_choice() -> None:
+def test_metrics_selected_window_applies() -> None:
     t = ticks()
     error = np.zeros((len(t), 4))
     error[t < 1.0] = 0.5
@@ -85,69 +85,69 @@ def test_window_of_choice() -> None:
     assert metrics(run_of(error, t), window=(1.0, 20.0)).of('platform').rms == 0.0
 
 
-def test_stamps_of_the_wall_clock_change_nothing() -> None:
+def test_metrics_real_time_stamps_change_nothing() -> None:
     run = paper_like()
     shifted = later(run, 1.7e9)
-    found, right = metrics(shifted), metrics(run)
-    assert found.of('end_effector').rms == pytest.approx(right.of('end_effector').rms, rel=1e-3)
-    assert found.torque_variation == pytest.approx(right.torque_variation, rel=1e-3)
-    assert found.end == pytest.approx(20.0, abs=1e-6)
+    result, right = metrics(shifted), metrics(run)
+    assert result.of('end_effector').rms == pytest.approx(right.of('end_effector').rms, rel=1e-3)
+    assert result.torque_variation == pytest.approx(right.torque_variation, rel=1e-3)
+    assert result.end == pytest.approx(20.0, abs=1e-6)
 
 
-def test_torque_that_chatters() -> None:
+def test_metrics_chattering_torque_has_known_variation() -> None:
     t = ticks()
     sign = np.where(np.arange(len(t)) % 2, 1.0, -1.0)
     torque = sign[:, None] * [1.0, 2.0, 3.0, 4.0]
-    found = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
+    result = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
     samples = 1000
-    assert found.torque_rms == pytest.approx(np.sqrt(1 + 4 + 9 + 16))
-    assert found.torque_variation == pytest.approx((samples - 1) * 2 * 10 / 10.0)
+    assert result.torque_rms == pytest.approx(np.sqrt(1 + 4 + 9 + 16))
+    assert result.torque_variation == pytest.approx((samples - 1) * 2 * 10 / 10.0)
 
 
-def test_steady_torque_varies_by_nothing() -> None:
+def test_metrics_constant_torque_has_zero_variation() -> None:
     t = ticks()
     torque = np.full((len(t), 4), 3.0)
     torque[t < 10.0] = 50.0
-    found = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
-    assert found.torque_variation == 0.0
-    assert found.torque_rms == pytest.approx(6.0)
+    result = metrics(run_of(np.zeros((len(t), 4)), t, torque=torque))
+    assert result.torque_variation == 0.0
+    assert result.torque_rms == pytest.approx(6.0)
 
 
 @given(hnp.arrays(float, st.tuples(st.integers(2, 20), st.just(4)), elements=st.floats(-9, 9)))
-def test_variation_is_at_least_the_way_from_first_to_last(samples: np.ndarray) -> None:
-    way = np.abs(samples[-1] - samples[0]).sum()
-    assert total_variation(samples) >= way - 1e-9
+def test_total_variation_is_at_least_end_to_end_difference(samples: np.ndarray) -> None:
+    difference = np.abs(samples[-1] - samples[0]).sum()
+    assert total_variation(samples) >= difference - 1e-9
     assert total_variation(samples[::-1]) == pytest.approx(total_variation(samples))
-    # It is the way itself for samples in order.
+    # For ordered samples it equals this difference.
     ordered = np.sort(samples, axis=0)
     assert total_variation(ordered) == pytest.approx((ordered[-1] - ordered[0]).sum())
 
 
-def test_log_without_commands_and_estimates() -> None:
+def test_metrics_log_without_commands_has_none() -> None:
     run = replace(paper_like(), torque=none(4))
-    found = metrics(run)
-    assert found.torque_rms is None
-    assert found.torque_variation is None
-    assert found.estimate_norm is None
+    result = metrics(run)
+    assert result.torque_rms is None
+    assert result.torque_variation is None
+    assert result.estimate_norm is None
 
 
-def test_norm_of_the_last_estimate() -> None:
+def test_metrics_estimate_norm_uses_last_estimate() -> None:
     estimate = np.array([[9.0] * 7, [3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 12.0]])
     run = telling(paper_like(), estimate=(np.array([0.0, 1.0]), estimate))
     assert metrics(run).estimate_norm == pytest.approx(13.0)
 
 
-def test_run_of_one_state_has_no_window() -> None:
-    found = metrics(run_of(np.zeros((1, 4)), np.zeros(1)))
-    assert found.of('end_effector').rms is None
-    assert found.of('platform').largest is None
-    assert found.torque_rms is None
-    assert found.of('end_effector').settling == 0.0
+def test_metrics_single_state_has_no_window() -> None:
+    result = metrics(run_of(np.zeros((1, 4)), np.zeros(1)))
+    assert result.of('end_effector').rms is None
+    assert result.of('platform').largest is None
+    assert result.torque_rms is None
+    assert result.of('end_effector').settling == 0.0
 
 
 @pytest.fixture(scope='module')
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Return a second of the paper's experiment, with a robot other than the default."""
+    """Return one second of the paper's experiment with a robot other than the default."""
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
     values = load_scenario(str(PAPER), ['duration=1.0', 'robot.link_2_length=0.4'])
     simulation = Simulation(values)
@@ -157,16 +157,16 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return read_run(path)
 
 
-def test_error_from_the_states_is_the_controllers_own(simulated: Run) -> None:
-    told, computed = tracking(simulated), tracking(without_error(simulated))
-    np.testing.assert_array_equal(told.times, computed.times)
-    np.testing.assert_allclose(computed.error, told.error, rtol=0, atol=1e-13)
-    # The robot did move, so that there is something to agree on.
-    assert np.ptp(told.error, axis=0).min() > 1e-3
+def test_tracking_error_from_states_equals_logged_error(simulated: Run) -> None:
+    logged, computed = tracking(simulated), tracking(without_error(simulated))
+    np.testing.assert_array_equal(logged.times, computed.times)
+    np.testing.assert_allclose(computed.error, logged.error, rtol=0, atol=1e-13)
+    # The robot moved; otherwise the agreement would prove nothing.
+    assert np.ptp(logged.error, axis=0).min() > 1e-3
 
 
 @pytest.mark.parametrize('missing', ['reference', 'parameters'])
-def test_positions_follow_from_error_and_the_other(simulated: Run, missing: str) -> None:
+def test_tracking_missing_positions_follow_from_error(simulated: Run, missing: str) -> None:
     whole = tracking(simulated)
     assert whole.actual is not None
     assert whole.desired is not None
@@ -175,39 +175,39 @@ def test_positions_follow_from_error_and_the_other(simulated: Run, missing: str)
         if missing == 'reference'
         else replace(simulated, parameters={})
     )
-    found = tracking(lacking)
-    assert found.actual is not None
-    assert found.desired is not None
-    np.testing.assert_allclose(found.actual, whole.actual, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(found.desired, whole.desired, rtol=0, atol=1e-13)
+    result = tracking(lacking)
+    assert result.actual is not None
+    assert result.desired is not None
+    np.testing.assert_allclose(result.actual, whole.actual, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(result.desired, whole.desired, rtol=0, atol=1e-13)
 
 
-def test_states_before_the_reference_do_not_count() -> None:
+def test_tracking_states_before_reference_are_ignored() -> None:
     run = without_error(paper_like())
     assert run.reference is not None
     reference = run.reference.copy()
     reference[:300] = np.nan
-    found = tracking(replace(run, reference=reference))
-    assert found.times[0] == 3.0
-    assert np.isfinite(found.error).all()
+    result = tracking(replace(run, reference=reference))
+    assert result.times[0] == 3.0
+    assert np.isfinite(result.error).all()
 
 
 @pytest.mark.parametrize('change', [{'reference': None}, {'parameters': {}}])
-def test_log_that_does_not_tell_the_error(change: dict[str, Any]) -> None:
+def test_tracking_log_without_error_sources_is_empty(change: dict[str, Any]) -> None:
     run = replace(without_error(paper_like()), **change)
     tracked = tracking(run)
     assert tracked.times.shape == (0,)
     assert tracked.error.shape == (0, 4)
     assert (tracked.desired is None) == ('reference' in change)
     assert (tracked.actual is None) == ('parameters' in change)
-    found = metrics(run)
-    assert found.of('end_effector').rms is None
-    assert found.of('platform').settling is None
-    assert found.torque_rms is not None
+    result = metrics(run)
+    assert result.of('end_effector').rms is None
+    assert result.of('platform').settling is None
+    assert result.torque_rms is not None
 
 
-def test_a_simulated_plant_knows_the_real_lengths() -> None:
+def test_tracking_uses_lengths_of_plant_not_controller() -> None:
     run = without_error(paper_like())
-    believed = {**PARAMETERS, 'robot.link_2_length': 0.1}
-    both = replace(run, parameters={'controller': believed, 'plant': PARAMETERS})
+    assumed = {**PARAMETERS, 'robot.link_2_length': 0.1}
+    both = replace(run, parameters={'controller': assumed, 'plant': PARAMETERS})
     np.testing.assert_array_equal(tracking(both).error, tracking(run).error)

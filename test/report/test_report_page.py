@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report's page: what is in it, and that it needs nothing else."""
+"""Report page: contents, and independence of external resources."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def html(*runs: Run) -> str:
 
 
 def page(*runs: Run) -> Page:
-    """Return the report of runs as a parser takes it."""
+    """Return the report of runs, parsed."""
     return Page(html(*runs))
 
 
 def with_telemetry(run: Run) -> Run:
-    """Return a run with a surface and estimates at every second state."""
+    """Return a run with surface and estimates at every second state."""
     random = np.random.default_rng(7)
     times = run.times[::2]
     return telling(
@@ -77,7 +77,7 @@ def both(changed: Run) -> Page:
     return page(changed, paper_like('b.mcap', law='rasmc', scale=0.5))
 
 
-def test_page_refers_to_nothing_outside(both: Page) -> None:
+def test_report_page_has_no_external_references(both: Page) -> None:
     assert both.addresses()
     assert all(address.startswith('#') for address in both.addresses())
     scripts = [e for e in both.root.find_all('script') if 'type' not in e.attributes]
@@ -87,26 +87,29 @@ def test_page_refers_to_nothing_outside(both: Page) -> None:
     (style,) = both.root.find_all('style')
     assert 'url(' not in style.text
     assert '@import' not in style.text
-    # plotly's own script has addresses for what is not used here: the policy forbids them.
+    # plotly's script contains addresses for unused functions: the policy forbids them.
     (plotly,) = (e for e in scripts if 'plotly.js v' in e.text)
-    everything = both.root.text.replace(plotly.text, '')
-    assert not NETWORK.findall(everything)
+    content = both.root.text.replace(plotly.text, '')
+    assert not NETWORK.findall(content)
     (policy,) = both.root.find_all('meta', **{'http-equiv': 'Content-Security-Policy'})
     rules = dict(rule.split(maxsplit=1) for rule in policy.attributes['content'].split('; '))
     assert rules.pop('default-src') == "'none'"
     assert not any(NETWORK.search(rule) or '*' in rule for rule in rules.values())
 
 
-def test_links_within_the_page_lead_somewhere(both: Page) -> None:
+def test_report_page_internal_links_have_targets(both: Page) -> None:
     names = [e.attributes['id'] for e in both.root.within if 'id' in e.attributes]
     assert len(set(names)) == len(names)
     assert {address[1:] for address in both.addresses()} <= set(names)
-    told = [e.attributes['aria-labelledby'] for e in both.root.within if 'aria-labelledby' in
-            e.attributes]  # fmt: skip
-    assert set(told) <= set(names)
+    labels_used = {
+        e.attributes['aria-labelledby']
+        for e in both.root.within
+        if 'aria-labelledby' in e.attributes
+    }
+    assert labels_used <= set(names)
 
 
-def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
+def test_report_page_plots_have_titles_and_units(both: Page) -> None:
     assert len(both.figures()) == 2 + 6 + 4
     for name in both.figures():
         (title,) = both.root.find_all('figcaption', id=f'{name}-title')
@@ -123,7 +126,7 @@ def test_every_plot_has_a_title_and_axes_with_units(both: Page) -> None:
         assert len(set(drawn)) == len(drawn)
 
 
-def test_all_time_axes_are_one(both: Page) -> None:
+def test_report_page_time_axes_have_equal_range(both: Page) -> None:
     plots = both.root.find_all('div', **{'class': 'plot over-time'})
     over_time = [plot.attributes['id'] for plot in plots]
     assert len(over_time) == len(both.figures()) - 2
@@ -131,7 +134,7 @@ def test_all_time_axes_are_one(both: Page) -> None:
         assert both.figure(name)['layout']['xaxis']['range'] == [0.0, 20.0]
 
 
-def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
+def test_report_page_table_has_every_run_and_metric(both: Page, changed: Run) -> None:
     head, first, second = both.table(id='metrics')
     assert head[:3] == ['run', 'window (s)', 'E RMS (mm)']
     assert (first[0], second[0]) == ('smc, tanh δ 0.2, changed', 'rasmc, tanh δ 0.2')
@@ -154,7 +157,7 @@ def test_table_has_every_run_and_number(both: Page, changed: Run) -> None:
         ('estimate', 'estimate', 1.0),
     ],
 )
-def test_plots_draw_the_logs_numbers(
+def test_report_page_plots_equal_log(
     both: Page, changed: Run, name: str, signal: str, scale: float
 ) -> None:
     drawn = list(lines(both.figure(f'run-1-{name}')).values())
@@ -167,7 +170,7 @@ def test_plots_draw_the_logs_numbers(
         np.testing.assert_array_equal(samples['y'], (values * scale).astype(np.float32))
 
 
-def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
+def test_report_page_path_plot_shows_both_points(both: Page, changed: Run) -> None:
     tracked = tracking(changed)
     traces = lines(both.figure('run-1-path'))
     for name, values, first in (
@@ -182,10 +185,10 @@ def test_paths_are_those_of_both_points(both: Page, changed: Run) -> None:
             np.testing.assert_array_equal(samples[axis], column.astype(np.float32))
     assert not traces
     layout = both.figure('run-1-path')['layout']
-    assert layout['yaxis']['scaleanchor'] == 'x'  # a metre is as long in x as in y
+    assert layout['yaxis']['scaleanchor'] == 'x'  # equal scales of x and y
 
 
-def test_changes_stand_in_every_plot_over_time(both: Page) -> None:
+def test_report_page_changes_are_marked_in_time_plots(both: Page) -> None:
     for name in both.figures():
         figure = both.figure(name)
         marks = [t for t in figure['data'] if t['mode'] != 'lines']
@@ -204,7 +207,7 @@ def test_changes_stand_in_every_plot_over_time(both: Page) -> None:
         ]
 
 
-def test_changes_and_start_values_are_in_tables(both: Page) -> None:
+def test_report_page_tables_list_changes_and_start_values(both: Page) -> None:
     _, *rows = both.table(**{'class': 'changes'})
     assert rows == [
         ['5.000', '500', 'controller', 'k_s1', '100.0', '[1.0, 2.0, 3.0, 4.0]'],
@@ -220,25 +223,25 @@ def test_changes_and_start_values_are_in_tables(both: Page) -> None:
     assert ('law', '"smc"', '') in starts
 
 
-def test_changes_count_from_the_first_state_of_a_wall_clock() -> None:
+def test_report_page_changes_are_relative_to_first_state() -> None:
     run = later(paper_like(), 1.7e9)
-    found = page(with_change(run, 5.0, 'controller', k_s1=1.0)).figure('run-1-torque')
-    (mark,) = (t for t in found['data'] if t['mode'] != 'lines')
+    figure = page(with_change(run, 5.0, 'controller', k_s1=1.0)).figure('run-1-torque')
+    (mark,) = (t for t in figure['data'] if t['mode'] != 'lines')
     assert numbers(mark['x']) == pytest.approx([5.0], abs=1e-6)
-    assert next(iter(lines(found).values()))['x'][-1] == pytest.approx(20.0, abs=1e-6)
+    assert next(iter(lines(figure).values()))['x'][-1] == pytest.approx(20.0, abs=1e-6)
 
 
-def test_origin_is_told(changed: Run) -> None:
-    told = replace(
+def test_report_page_shows_origin_of_log(changed: Run) -> None:
+    described = replace(
         changed,
         topics={'/joint_states': 2001, '/odom': 101},
         metadata={'versions': [{'masmc_ros': '9.8.7', 'numpy': '6.5.4'}]},
         attachments={'paper.yaml': b'12345'},
     )
-    found = page(told)
-    _, *rows = found.table(**{'class': 'topics'})
+    parsed = page(described)
+    _, *rows = parsed.table(**{'class': 'topics'})
     assert rows == [['/joint_states', '2001'], ['/odom', '101']]
-    details = [e.text for e in found.root.find_all('dd')]
+    details = [e.text for e in parsed.root.find_all('dd')]
     assert details == ['a.mcap', '9.8.7', '6.5.4', '5 bytes']
 
 
@@ -246,7 +249,7 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
 
 
 @pytest.mark.parametrize(
-    ('run', 'plots', 'said'),
+    ('run', 'plots', 'message'),
     [
         (without_error(paper_like()), ['path', 'error_E', 'error_F', 'torque'], 'computed from'),
         (
@@ -267,31 +270,33 @@ BARE: dict[str, Any] = {'parameters': {}, 'reference': None}
         ),
     ],
 )
-def test_what_is_missing_is_said(run: Run, plots: list[str], said: str) -> None:
-    found = page(run)
-    assert [n.removeprefix('run-1-') for n in found.figures() if n.startswith('run')] == plots
-    (box,) = found.root.find_all('div', **{'class': 'missing'})
-    assert said in box.text
+def test_report_page_missing_signals_are_named(run: Run, plots: list[str], message: str) -> None:
+    parsed = page(run)
+    assert [n.removeprefix('run-1-') for n in parsed.figures() if n.startswith('run')] == plots
+    (box,) = parsed.root.find_all('div', **{'class': 'missing'})
+    assert message in box.text
     for name in plots:
-        assert found.figure(f'run-1-{name}')['data']
+        assert parsed.figure(f'run-1-{name}')['data']
 
 
-def test_log_of_nothing_but_states(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_report_page_log_with_states_only_is_complete(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log, folder = tmp_path / 'lab.mcap', tmp_path / 'report'
-    told = numbers_of_a_run(40)
-    write_run(log, told, '/left/', everything=False)
+    recorded = numbers_of_a_run(40)
+    write_run(log, recorded, '/left/', everything=False)
     assert main(['report', str(log), '--output', str(folder)]) == 0
     assert 'report.html' in capsys.readouterr().out
-    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
-    assert found.figures() == ['run-1-path', 'run-1-torque']
-    (path,) = lines(found.figure('run-1-path')).values()
-    np.testing.assert_array_equal(path['x'], told.position[:, 0].astype(np.float32))
-    wheel = lines(found.figure('run-1-torque'))['right wheel']
-    np.testing.assert_array_equal(wheel['y'], told.effort[:, 3].astype(np.float32))
-    assert len(found.root.find_all('li')) == 7
+    parsed = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    assert parsed.figures() == ['run-1-path', 'run-1-torque']
+    (path,) = lines(parsed.figure('run-1-path')).values()
+    np.testing.assert_array_equal(path['x'], recorded.position[:, 0].astype(np.float32))
+    wheel = lines(parsed.figure('run-1-torque'))['right wheel']
+    np.testing.assert_array_equal(wheel['y'], recorded.effort[:, 3].astype(np.float32))
+    assert len(parsed.root.find_all('li')) == 7
 
 
-def test_a_log_whose_topics_were_renamed_says_what_it_needs(
+def test_report_renamed_topics_prints_expected_names(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log, folder = tmp_path / 'base.mcap', tmp_path / 'report'
@@ -307,48 +312,48 @@ def test_a_log_whose_topics_were_renamed_says_what_it_needs(
             writer.write(commands, stamp, command.to_bytes())
             writer.write(twists, stamp, TwistCdr().to_bytes())
     assert main(['report', str(log), '--output', str(folder)]) == 0
-    (line,) = [each for each in capsys.readouterr().err.splitlines() if 'Not read' in each]
+    (line,) = [text for text in capsys.readouterr().err.splitlines() if 'Not read' in text]
     assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
     assert 'controller/tracking_error' in line
     assert 'cmd_vel, arm_velocity_commands' in line
     assert line.endswith('beside /joint_states.')
-    found = Page((folder / 'report.html').read_text(encoding='utf-8'))
-    (box,) = found.root.find_all('div', **{'class': 'missing'})
+    parsed = Page((folder / 'report.html').read_text(encoding='utf-8'))
+    (box,) = parsed.root.find_all('div', **{'class': 'missing'})
     assert 'Not read are /arm_controller/commands' in box.text
 
 
-def test_a_node_that_was_started_again_is_told() -> None:
+def test_report_page_restarted_node_is_named() -> None:
     (box,) = page(replace(paper_like(), restarted=('controller',))).root.find_all(
         'div', **{'class': 'missing'}
     )
     assert 'controller was restarted' in box.text
 
 
-def test_whole_log_lacks_nothing(both: Page) -> None:
+def test_report_page_complete_log_has_no_warning(both: Page) -> None:
     boxes = both.root.find_all('div', **{'class': 'missing'})
-    assert len(boxes) == 1  # only the second run lacks surface and estimates
+    assert len(boxes) == 1  # only the second run has no surface and estimates
     assert 'controller/sliding_surface' in boxes[0].text
 
 
 @pytest.mark.parametrize('count', [1, 2])
-def test_shortest_runs_have_a_page(count: int) -> None:
+def test_report_page_shortest_runs_are_plotted(count: int) -> None:
     run = run_of(np.ones((count, 4)), TIMES[:count])
     assert 'run-1-error_E' in page(run).figures()
 
 
-def test_diverged_run_has_a_page() -> None:
+def test_report_page_diverged_run_is_plotted() -> None:
     run = paper_like()
     error = run.telemetry['error'].values.copy()
     error[1500:1700], error[1700:] = np.inf, np.nan
-    found = lines(page(telling(run, error=(run.times, error))).figure('run-1-error_E'))
-    for samples, column in zip(found.values(), error.T[:2], strict=True):
+    plotted = lines(page(telling(run, error=(run.times, error))).figure('run-1-error_E'))
+    for samples, column in zip(plotted.values(), error.T[:2], strict=True):
         np.testing.assert_array_equal(samples['y'], (1e3 * column).astype(np.float32))
 
 
 EVIL = '</script><script>alert(1)</script><!-- "\' & <b>'
 
 
-def test_texts_of_logs_are_no_markup() -> None:
+def test_report_page_texts_of_logs_are_escaped() -> None:
     run = replace(paper_like(f'{EVIL.replace("/", "∕")}.mcap', law=EVIL, **{EVIL: EVIL}))
     run = with_change(run, 5.0, EVIL.replace('/', ''), **{EVIL: EVIL})
     run = replace(
@@ -357,13 +362,13 @@ def test_texts_of_logs_are_no_markup() -> None:
         metadata={'versions': [{EVIL: EVIL}]},
         attachments={EVIL: b''},
     )
-    found, plain = page(run), page(with_change(paper_like(), 5.0, 'controller', k_s1=1.0))
-    assert len(found.root.find_all('script')) == len(plain.root.find_all('script'))
-    assert not found.root.find_all('b')
-    assert EVIL in found.root.text
-    # plotly takes texts for markup too.
-    for name in found.figures():
-        for trace in found.figure(name)['data']:
+    parsed, plain = page(run), page(with_change(paper_like(), 5.0, 'controller', k_s1=1.0))
+    assert len(parsed.root.find_all('script')) == len(plain.root.find_all('script'))
+    assert not parsed.root.find_all('b')
+    assert EVIL in parsed.root.text
+    # plotly also interprets markup in texts.
+    for name in parsed.figures():
+        for trace in parsed.figure(name)['data']:
             for text in (trace['name'], *trace.get('text', ()), *trace.get('hovertext', ())):
                 assert not set(re.findall(r'<(\w+)', text)) - {'sub', 'br'}
 
@@ -371,16 +376,16 @@ def test_texts_of_logs_are_no_markup() -> None:
 @pytest.mark.parametrize(
     'name', ['{{ 7 * 7 }}', '&amp;', '%s {} {0}', '\\u003c', '=cmd', 'δ 机器人']
 )
-def test_any_name_of_a_file_comes_back(name: str) -> None:
+def test_report_page_any_file_name_is_shown(name: str) -> None:
     run = replace(paper_like(f'{name}.mcap'), parameters={})
     assert page(run).table(id='metrics')[1][0] == name
 
 
-def test_same_runs_give_the_same_page(changed: Run) -> None:
+def test_report_page_equal_runs_give_equal_page(changed: Run) -> None:
     assert html(changed) == html(changed)
 
 
-def test_page_of_two_long_runs_is_of_moderate_size() -> None:
+def test_report_page_two_long_runs_stay_below_10_mb() -> None:
     t = ticks(20.0, 0.001)
     chatter = np.where(np.arange(len(t)) % 2, 90.0, -90.0)[:, None] * np.ones(4)
     random = np.random.default_rng(3)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the report's page holds of a line: every sample, or the bounds of every stretch."""
+"""Lines of the report page: every sample, or the bounds of every section."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 def single(values: np.ndarray) -> np.ndarray:
-    """Return float32; what is finite stays so."""
+    """Return float32 values; finite values stay finite."""
     clipped = np.where(np.isfinite(values), np.clip(values, -LARGEST, LARGEST), values)
     return clipped.astype(np.float32)
 
@@ -28,7 +28,7 @@ def times_of(values: np.ndarray) -> np.ndarray:
 
 
 @given(SAMPLES)
-def test_every_sample_is_there(values: np.ndarray) -> None:
+def test_packed_signal_short_has_every_sample(values: np.ndarray) -> None:
     times = times_of(values)
     packed = packed_signal(times, values)
     assert set(packed) == {'x', 'y'}
@@ -37,37 +37,37 @@ def test_every_sample_is_there(values: np.ndarray) -> None:
 
 
 @given(SAMPLES, st.integers(1, 119))
-def test_every_stretch_has_its_bounds(values: np.ndarray, most: int) -> None:
+def test_packed_signal_long_has_bounds_of_every_section(values: np.ndarray, limit: int) -> None:
     times = times_of(values)
-    packed = packed_signal(times, values, most)
-    if len(values) <= most:
+    packed = packed_signal(times, values, limit)
+    if len(values) <= limit:
         assert set(packed) == {'x', 'y'}
         return
     x = unpacked(packed['x'], is_times=True)
     low, high = unpacked(packed['low']), unpacked(packed['high'])
-    assert len(x) == len(low) + 1 == len(high) + 1 <= most + 1
-    size = -(-len(values) // most)
+    assert len(x) == len(low) + 1 == len(high) + 1 <= limit + 1
+    size = -(-len(values) // limit)
     for number, first in enumerate(range(0, len(values), size)):
-        stretch = single(values[first:first + size])
+        section = single(values[first:first + size])
         np.testing.assert_allclose(x[number], times[first], rtol=0, atol=1e-9)
-        if np.isnan(stretch).all():
+        if np.isnan(section).all():
             assert np.isnan([low[number], high[number]]).all()
         else:
-            assert (low[number], high[number]) == (np.nanmin(stretch), np.nanmax(stretch))
+            assert (low[number], high[number]) == (np.nanmin(section), np.nanmax(section))
 
 
 @given(hnp.arrays(float, st.tuples(st.integers(1, 120), st.just(2)), elements=ANY),
        st.integers(1, 130))  # fmt: skip
-def test_a_path_has_both_its_ends(points: np.ndarray, most: int) -> None:
-    packed = packed_path(points, most)
-    kept = np.stack([unpacked(packed[axis]) for axis in 'xy'], axis=1)
-    assert len(kept) <= most + 1
-    np.testing.assert_array_equal(kept[[0, -1]], single(points[[0, -1]]))
-    if len(points) <= most:
-        np.testing.assert_array_equal(kept, single(points))
+def test_packed_path_keeps_both_ends(points: np.ndarray, limit: int) -> None:
+    packed = packed_path(points, limit)
+    path = np.stack([unpacked(packed[axis]) for axis in 'xy'], axis=1)
+    assert len(path) <= limit + 1
+    np.testing.assert_array_equal(path[[0, -1]], single(points[[0, -1]]))
+    if len(points) <= limit:
+        np.testing.assert_array_equal(path, single(points))
 
 
-def test_chatter_of_an_hour_stays_small() -> None:
+def test_packed_signal_of_one_hour_stays_below_3_mb() -> None:
     times = 1e-3 * np.arange(3_600_000)
     values = np.random.default_rng(3).standard_normal(len(times))
     packed = packed_signal(times, values)

@@ -46,34 +46,34 @@ KNOWN = Metrics(
         ({'law': 'mine', 'switching': None}, 'mine'),
     ],
 )
-def test_label_tells_the_law(parameters: dict[str, Any], label: str) -> None:
+def test_label_names_law_and_reaching_term(parameters: dict[str, Any], label: str) -> None:
     assert labels([paper_like(**parameters)]) == [label]
 
 
-def test_label_tells_that_parameters_were_changed() -> None:
+def test_label_parameters_changed_is_marked() -> None:
     run = paper_like()
     changed = with_change(run, 5.0, 'controller', k_s1=150.0)
     assert labels([changed]) == ['smc, tanh δ 0.2, changed']
 
 
-def test_runs_under_one_law_are_told_apart_by_file() -> None:
+def test_labels_runs_of_equal_law_contain_file_name() -> None:
     runs = [paper_like('a.mcap'), paper_like('b.mcap'), paper_like('c.mcap', law='rasmc')]
     assert labels(runs) == ['smc, tanh δ 0.2 (a)', 'smc, tanh δ 0.2 (b)', 'rasmc, tanh δ 0.2']
 
 
-def test_log_of_another_recorder_goes_by_its_file() -> None:
+def test_label_log_without_parameters_is_file_name() -> None:
     assert labels([replace(paper_like('bags/lab.mcap'), parameters={})]) == ['lab']
 
 
 @given(st.lists(st.sampled_from(['a', 'x/a', 'y/a', 'b', 'q' * 60, 'x/' + 'q' * 60]), min_size=1))
-def test_labels_differ(paths: list[str]) -> None:
-    found = labels([paper_like(f'{path}.mcap') for path in paths])
-    assert len(set(found)) == len(paths)
-    assert max(map(len, found)) < 80
+def test_labels_of_several_runs_are_unique(paths: list[str]) -> None:
+    run_labels = labels([paper_like(f'{path}.mcap') for path in paths])
+    assert len(set(run_labels)) == len(paths)
+    assert max(map(len, run_labels)) < 80
 
 
 @given(st.floats(-1e12, 1e12))
-def test_number_keeps_five_digits(value: float) -> None:
+def test_number_text_keeps_five_digits(value: float) -> None:
     assert float(number(value)) == pytest.approx(value, rel=5.1e-5, abs=0.0)
     assert len(number(value)) <= 12
 
@@ -82,11 +82,11 @@ def test_number_keeps_five_digits(value: float) -> None:
     ('value', 'text'),
     [(24.2834, '24.283'), (0.774, '0.77400'), (236554.4, '236550'), (0.0218352, '0.021835')],
 )
-def test_number_reads_plainly(value: float, text: str) -> None:
+def test_number_text_has_no_exponent(value: float, text: str) -> None:
     assert number(value) == text
 
 
-def test_text_table_is_aligned() -> None:
+def test_text_table_columns_are_aligned() -> None:
     text = text_table({'smc, sign': KNOWN, 'a much longer label of a run': metrics(paper_like())})
     head, units, rule, first, second = text.splitlines()[:5]
     ends = [len(head.rstrip()), len(units), len(rule), len(first), len(second)]
@@ -95,7 +95,7 @@ def test_text_table_is_aligned() -> None:
         'smc,', 'sign', '10-20', '20.688', '75.200', '39.566', '60.186', '1.9340', 'does', 'not',
         '3.4239', '236550', '-',
     ]  # fmt: skip
-    # Every column ends where its rule ends.
+    # Every column ends with its rule.
     edges = [
         i for i, letter in enumerate(rule) if letter == '-' and rule[i + 1:i + 2] in (' ', '')
     ]
@@ -103,7 +103,7 @@ def test_text_table_is_aligned() -> None:
         assert all(line[i] != ' ' for i in edges[1:])
 
 
-def test_markdown_table_has_a_cell_for_every_head() -> None:
+def test_markdown_table_has_one_cell_per_column() -> None:
     lines = markdown_table({'a|b': KNOWN}).splitlines()
     assert len(lines) == 3
     assert {line.replace(r'\|', '').count('|') for line in lines} == {12}
@@ -111,7 +111,7 @@ def test_markdown_table_has_a_cell_for_every_head() -> None:
 
 
 @given(st.floats(0.0, 1e6), st.floats(0.0, 1e6) | st.none())
-def test_csv_keeps_every_bit(rms: float, variation: float | None) -> None:
+def test_csv_table_restores_numbers_exactly(rms: float, variation: float | None) -> None:
     reached = replace(KNOWN.points[F], rms=rms)
     row = replace(KNOWN, points={**KNOWN.points, F: reached}, torque_variation=variation)
     (read,) = csv.DictReader(io.StringIO(csv_table({'smc, "x"': row})))
@@ -121,7 +121,7 @@ def test_csv_keeps_every_bit(rms: float, variation: float | None) -> None:
     assert list(read)[4] == 'platform_rms (m)'
 
 
-def test_aligned_columns_left_and_right_have_one_width() -> None:
+def test_aligned_columns_have_equal_widths() -> None:
     rows = [['law', 'RMS'], ['rasmc', '1'], ['', '10.25']]
     assert aligned(rows, left=(0,)) == ['law      RMS', 'rasmc      1', '       10.25']
     assert aligned(rows, left=range(2)) == ['law    RMS', 'rasmc  1', '       10.25']

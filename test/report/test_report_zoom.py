@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the report's plots draw of a log, near and far, in a real browser: nothing is invented."""
+"""Report plots at several zoom levels in a browser: drawn samples are those of the log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from report_runs import run_of, ticks
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
 BEGIN, END = 10.0, 10.1
 
-# What is drawn of the torques, of the whole run and of a tenth of a second; then of the path.
+# Samples drawn of the torques, for the whole run and for 0.1 s; then of the path.
 ZOOM = """
   const chart = document.getElementById('run-1-torque');
   const drawn = (of) => of.data.filter((trace) => trace.mode === 'lines').map((trace) => ({
@@ -61,7 +61,7 @@ ZOOM = """
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Return the run of a law that switches at every tick."""
+    """Return a run with a law that switches at every tick."""
     log = tmp_path_factory.mktemp('run') / 'sign.mcap'
     settings = ('controller.law=smc', 'controller.switching=sign', 'duration=12')
     options = [option for setting in settings for option in ('--set', setting)]
@@ -69,85 +69,85 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return read_run(log)
 
 
-def looked(
-    run: Run, folder: Path, begin: float, end: float, box: list[float]
+def zoomed_report(
+    run: Run, folder: Path, start: float, end: float, box: list[float]
 ) -> Mapping[str, Any]:
-    """Write a report and return what ZOOM finds in it."""
+    """Write a report and return the results of ZOOM in it."""
     write_report([run], folder / 'report')
-    script = ZOOM % (begin, end, json.dumps(box))
+    script = ZOOM % (start, end, json.dumps(box))
     return look(folder / 'report' / 'report.html', script, folder, '--window-size=1400,900')
 
 
 @pytest.fixture(scope='module')
-def found(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+def zoom(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     actual = tracking(run).actual
     assert actual is not None
     x, y = actual[np.searchsorted(run.times, 11.0), :2]
     box = [x - 5e-3, x + 5e-3, y - 5e-3, y + 5e-3]
-    return looked(run, tmp_path_factory.mktemp('sign'), BEGIN, END, box)
+    return zoomed_report(run, tmp_path_factory.mktemp('sign'), BEGIN, END, box)
 
 
 def changes_of_sign(values: Any) -> int:
-    """Return how often a signal crosses zero."""
+    """Return the number of zero crossings of a signal."""
     return int(np.count_nonzero(np.diff(np.sign(np.asarray(values, dtype=float)))))
 
 
 @pytest.mark.slow
 @needs_chromium
-def test_of_a_tenth_of_a_second_every_sample_is_drawn(run: Run, found: Mapping[str, Any]) -> None:
-    assert found['problems'] == []
+def test_report_zoom_short_section_draws_every_sample(run: Run, zoom: Mapping[str, Any]) -> None:
+    assert zoom['problems'] == []
     is_seen = (run.torque.times >= BEGIN) & (run.torque.times <= END)
-    most = 0
+    crossings = 0
     for drawn, torque, line in zip(
-        found['near'], run.torque.values.T, found['corners'], strict=True
+        zoom['near'], run.torque.values.T, zoom['corners'], strict=True
     ):
         x, y = np.array(drawn['x']), np.array(drawn['y'])
         inside = (x >= BEGIN) & (x <= END)
         np.testing.assert_array_equal(x[inside], run.torque.times[is_seen])
         np.testing.assert_array_equal(y[inside], torque[is_seen].astype(np.float32))
-        assert (x[0], x[-1]) < (BEGIN, END + 1e-9)  # on the left it comes from outside
-        # The picture itself: as many corners.
+        assert (x[0], x[-1]) < (BEGIN, END + 1e-9)  # the line enters from the left
+        # The drawn polyline has at least as many corners.
         assert len(re.findall('[ML]', line)) >= np.count_nonzero(is_seen)
-        most = max(most, changes_of_sign(y[inside]))
-    assert most > 80, 'the law does not switch'
+        crossings = max(crossings, changes_of_sign(y[inside]))
+    assert crossings > 80, 'the law does not switch'
 
 
 @pytest.mark.slow
 @needs_chromium
 @pytest.mark.parametrize('which', ['whole', 'again'])
-def test_of_everything_each_column_of_pixels_has_its_least_and_greatest(
-    run: Run, found: Mapping[str, Any], which: str
+def test_report_zoom_whole_run_draws_extremes_per_pixel(
+    run: Run, zoom: Mapping[str, Any], which: str
 ) -> None:
-    times, width = run.torque.times, found['width']
+    times, width = run.torque.times, zoom['width']
     assert len(times) > 4 * width
     columns = np.floor((times - times[0]) * (width / (times[-1] - times[0])))
-    for drawn, torque in zip(found[which], run.torque.values.T, strict=True):
+    for drawn, torque in zip(zoom[which], run.torque.values.T, strict=True):
         values = dict(zip(times.tolist(), torque.astype(np.float32).tolist(), strict=True))
         x, y = np.array(drawn['x']), np.array(drawn['y'])
         assert [values[time] for time in x.tolist()] == y.tolist()  # samples of the log
         assert len(x) <= 2 * (width + 1)
-        where = columns[np.searchsorted(times, x)]
+        sample_columns = columns[np.searchsorted(times, x)]
         for column in np.unique(columns):
             whole = torque[columns == column].astype(np.float32)
-            left = y[where == column]
+            left = y[sample_columns == column]
             assert (left.min(), left.max()) == (whole.min(), whole.max())
 
 
 def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return how far each of the points is from the nearest corner of a line."""
+    """Return the distance of every point from the nearest corner of a line."""
     return np.array([np.linalg.norm(line - point, axis=1).min() for point in points])
 
 
 @needs_chromium
-def test_a_path_is_drawn_to_a_pixel_near_and_far(run: Run, found: Mapping[str, Any]) -> None:
+def test_report_zoom_path_is_accurate_to_one_pixel(run: Run, zoom: Mapping[str, Any]) -> None:
     actual = tracking(run).actual
     assert actual is not None
     points = actual[:, :2]
-    (line,) = (np.array([d['x'], d['y']], dtype=float).T for d in found['path'][:1])
+    (line,) = (np.array([d['x'], d['y']], dtype=float).T for d in zoom['path'][:1])
     assert len(line) < len(points) / 2
-    assert distances(points[::7], line).max() < found['pixel']
-    piece = np.array([found['piece'][0]['x'], found['piece'][0]['y']], dtype=float).T
-    (left, right), (bottom, top) = found['pieceRanges']
+    assert distances(points[::7], line).max() < zoom['pixel']
+    piece = np.array([zoom['piece'][0]['x'], zoom['piece'][0]['y']], dtype=float).T
+    (left, right), (bottom, top) = zoom['pieceRanges']
     seen = points[
         (points[:, 0] > left)
         & (points[:, 0] < right)
@@ -155,26 +155,26 @@ def test_a_path_is_drawn_to_a_pixel_near_and_far(run: Run, found: Mapping[str, A
         & (points[:, 1] < top)
     ]
     assert len(seen) > 20
-    assert distances(seen, piece).max() < (right - left) / found['width']
+    assert distances(seen, piece).max() < (right - left) / zoom['width']
     assert len(piece) < len(points) / 10
 
 
 @needs_chromium
 @pytest.mark.slow
-def test_of_more_samples_than_a_page_holds_no_course_is_invented(tmp_path: Path) -> None:
+def test_report_zoom_too_many_samples_draws_boxes(tmp_path: Path) -> None:
     times = ticks(45.0, 1e-4)
     assert len(times) > 2 * MOST
     chatter = np.where(np.arange(len(times)) % 2, 80.0, -80.0)[:, None] * np.ones(4)
     run = run_of(np.ones((len(times), 4)), times, torque=chatter)
-    found = looked(run, tmp_path, BEGIN, BEGIN + 0.01, [0.0, 1.0, 0.0, 1.0])
-    assert found['problems'] == []
-    for drawn in found['near']:
+    zoom = zoomed_report(run, tmp_path, BEGIN, BEGIN + 0.01, [0.0, 1.0, 0.0, 1.0])
+    assert zoom['problems'] == []
+    for drawn in zoom['near']:
         assert drawn['fill'] == 'toself'  # boxes, not a line
         x, y = np.array(drawn['x'], dtype=float), np.array(drawn['y'], dtype=float)
         boxes = np.stack((x, y), axis=1).reshape(-1, 6, 2)
         np.testing.assert_array_equal(np.nanmin(boxes[:, :, 1], axis=1), -80.0)
         np.testing.assert_array_equal(np.nanmax(boxes[:, :, 1], axis=1), 80.0)
-        begins, ends = boxes[:, 0, 0], boxes[:, 2, 0]
-        np.testing.assert_array_equal(ends[:-1], begins[1:])
-        assert begins[0] <= BEGIN < BEGIN + 0.01 <= ends[-1]
-    assert {drawn['fill'] for drawn in found['whole']} == {'none'}
+        starts, ends = boxes[:, 0, 0], boxes[:, 2, 0]
+        np.testing.assert_array_equal(ends[:-1], starts[1:])
+        assert starts[0] <= BEGIN < BEGIN + 0.01 <= ends[-1]
+    assert {drawn['fill'] for drawn in zoom['whole']} == {'none'}

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""RViz's configuration reads what a run publishes, in the way it is published."""
+"""RViz configuration against the topics of a run and their QoS."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ import yaml
 
 PLUGINS = 'rviz_default_plugins/'
 KIND = {'RobotModel': 'std_msgs/msg/String', 'Path': 'nav_msgs/msg/Path'}
-"""What displays read from the topic that they name."""
+"""Message type that a display reads."""
 
 
 @pytest.fixture(scope='module')
 def manager() -> dict[str, Any]:
     text = (ROOT / 'config' / 'masmc.rviz').read_text(encoding='utf-8')
-    found: dict[str, Any] = yaml.safe_load(text)['Visualization Manager']
-    return found
+    content: dict[str, Any] = yaml.safe_load(text)['Visualization Manager']
+    return content
 
 
 def displays(manager: dict[str, Any], kind: str) -> list[dict[str, Any]]:
-    return [each for each in manager['Displays'] if each['Class'] == PLUGINS + kind]
+    return [display for display in manager['Displays'] if display['Class'] == PLUGINS + kind]
 
 
-def test_everything_is_shown(manager: dict[str, Any]) -> None:
-    kinds = sorted(each['Class'].removeprefix(PLUGINS) for each in manager['Displays'])
+def test_rviz_displays_are_complete_and_enabled(manager: dict[str, Any]) -> None:
+    kinds = sorted(display['Class'].removeprefix(PLUGINS) for display in manager['Displays'])
     assert kinds == ['Grid', 'Path', 'Path', 'RobotModel', 'TF']
-    assert all(each['Enabled'] for each in manager['Displays'])
+    assert all(display['Enabled'] for display in manager['Displays'])
     assert TRANSFORMS.name == '/tf'
 
 
-def test_it_stands_in_a_frame_of_the_robot(
+def test_rviz_fixed_frame_is_published(
     manager: dict[str, Any], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     log = computed_run(tmp_path_factory.mktemp('run'), 0.01)
@@ -49,10 +49,13 @@ def test_it_stands_in_a_frame_of_the_robot(
     assert ODOM_FRAME in frames
 
 
-def test_what_is_sent_once_is_asked_for_in_retrospect(manager: dict[str, Any]) -> None:
+def test_rviz_latched_topics_have_transient_local_qos(manager: dict[str, Any]) -> None:
     topics = {topic.name: topic for topic in TOPICS}
-    read = [(each['Topic'], 'Path') for each in displays(manager, 'Path')]
-    read += [(each['Description Topic'], 'RobotModel') for each in displays(manager, 'RobotModel')]
+    read = [(display['Topic'], 'Path') for display in displays(manager, 'Path')]
+    read += [
+        (display['Description Topic'], 'RobotModel')
+        for display in displays(manager, 'RobotModel')
+    ]
     assert len({topic['Value'] for topic, _ in read}) == 3
     for topic, kind in read:
         published = topics[topic['Value']]

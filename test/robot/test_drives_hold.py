@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where nobody commands the drives hold, and who comes back does so without a jump."""
+"""Drives that hold zero velocity without commands, and a smooth restart of the controller."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HELD = slice(3, 7)
 
 
 def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
-    """Return the paper's run in which the controller stops and starts at ticks in turn."""
+    """Return the paper's run with the controller deactivated and activated at alternate ticks."""
     events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
     changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]
     void = 'controller.fault_action=void'
@@ -45,33 +45,33 @@ def robot(*settings: str) -> SimulatedRobot:
 
 @pytest.mark.parametrize('settings', [(), LIMITS, ('controller.switching=implicit',)])
 @pytest.mark.parametrize('ticks', [QUICK, SLOWER, LONG])
-def test_disabled_it_stands_and_enabled_it_does_not_jump(
+def test_controller_deactivated_and_activated_does_not_jump(
     ticks: tuple[int, ...], settings: tuple[str, ...]
 ) -> None:
-    """Free under this disturbance the arm turned by 87 rad, and enabling it kicked by 649 N m."""
+    """A free arm turned by 87 rad under this disturbance, and activation caused 649 N·m."""
     run = computed(ticks, *settings)
-    # The wheels are braked from the path's speed.
-    moved = np.ptp(run.position[ticks[0]:ticks[1], HELD], axis=0)
-    assert (moved < [0.5, 0.5, 0.05, 0.1]).all()
+    # The drives brake the wheels from their speed on the path.
+    travel = np.ptp(run.position[ticks[0]:ticks[1], HELD], axis=0)
+    assert (travel < [0.5, 0.5, 0.05, 0.1]).all()
     assert not run.torque[ticks[0]:ticks[1]].any()
     torque = np.abs(run.torque[ticks[1]:]).max(axis=0)
     assert (torque < [3.0, 3.0, 7.0, 5.0]).all()
     assert np.abs(run.error[-1]).max() < 0.05
-    # What the drives do to hold is no torque that is applied.
+    # The holding torques of the drives do not count as applied torques.
     assert not run.applied[ticks[0] + 1:ticks[1] + 1].any()
 
 
 @pytest.mark.parametrize('ticks', [QUICK, SLOWER, LONG])
-def test_the_torque_comes_back_within_the_limits_in_force(ticks: tuple[int, ...]) -> None:
+def test_controller_activated_torque_stays_within_limits(ticks: tuple[int, ...]) -> None:
     run = computed(ticks, *LIMITS)
     step = np.abs(np.diff(run.torque, axis=0))
-    # To no torque it falls at once.
+    # A torque may fall to zero at once.
     falls = ~run.active[1:]
     assert (step[~falls] <= 1.0 + 1e-9).all()
     assert (np.abs(run.torque) <= [6.0, 6.0, 20.0, 10.0]).all()
 
 
-def test_a_controller_that_begins_inactive_is_enabled_softly() -> None:
+def test_controller_inactive_at_start_is_activated_softly() -> None:
     values = load_scenario(
         str(PAPER), ['duration=1.0', 'controller.active_on_start=false']
     )
@@ -91,30 +91,30 @@ def test_a_controller_that_begins_inactive_is_enabled_softly() -> None:
         ('control_period=0.01', 'plant.integrator_step=0.01', 'robot.link_2_mass=0.1'),
     ],
 )
-def test_drives_brake_a_robot_that_moves(settings: tuple[str, ...]) -> None:
-    """Whatever the arm's posture and the step of integration: the robot loses its energy."""
+def test_drives_moving_robot_without_commands_brake_it(settings: tuple[str, ...]) -> None:
+    """The robot loses its energy for any posture of the arm and any integration step."""
     plant = robot(
         'plant.initial_velocity=[5.0, 4.0, 1.0, -1.5]',
         'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
         *settings,
     )
-    begun = plant.position.copy()
+    start = plant.position.copy()
     ticks = round(1.5 / plant.period)
     for _ in range(ticks):
         plant.advance(None)
         assert not plant.applied.any()
         assert (np.abs(plant.velocity[HELD]) < 20.0).all()
     assert np.abs(plant.velocity[HELD]).max() < 1e-2
-    # It stays near where it was.
-    assert np.abs(plant.position[HELD] - begun[HELD]).max() < 2.0
+    # The robot stays near its position.
+    assert np.abs(plant.position[HELD] - start[HELD]).max() < 2.0
 
 
-def test_drives_let_go_at_once() -> None:
+def test_drives_torque_command_end_holding_at_once() -> None:
     plant = robot('plant.disturbance.amplitude=[0.0, 0.0, 3.0, 0.0]')
     for _ in range(1000):
         plant.advance(None)
     assert plant.memory['wound'].any()
-    # A torque is a torque: of what the drives did nothing is left.
+    # After a torque command the drives keep no holding torque.
     plant.advance(np.zeros(4))
     assert not plant.memory['wound'].any()
     assert not plant.applied.any()

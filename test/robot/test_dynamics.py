@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dynamics (10)-(12): properties 1 to 3 of the paper, the inverse inertia, power and energy."""
+"""Dynamics (10)-(12): properties 1 to 3 of the paper, inverse inertia, power and energy."""
 
 from __future__ import annotations
 
@@ -56,49 +56,49 @@ from scenario import law_records, Scenario
 ROBOT = Machine(DEFAULT)
 
 
-def real(angles: Angles) -> Posture:
-    """Posture of angles at rest."""
+def kinematics_at_rest(angles: Angles) -> Posture:
+    """Return the kinematics of angles at rest."""
     return posture(angles.yaw, angles.arm_1, angles.arm_2)
 
 
-def inertia_matrix(robot: Machine, bend: Posture) -> Any:
-    """H in quasi-velocities (4 x 4)."""
-    h = inertia(robot.theta, robot.geometry, bend)
+def inertia_matrix(robot: Machine, kinematics: Posture) -> Any:
+    """Return H in quasi-velocities (4 x 4)."""
+    h = inertia(robot.theta, robot.geometry, kinematics)
     return columns(lambda *v: inertia_times(h, *v))
 
 
-def coriolis_matrix(robot: Machine, bend: Posture, velocity: Quad) -> Array:
-    """V(v) in quasi-velocities (4 x 4)."""
-    return columns(lambda *v: coriolis(robot.theta, robot.geometry, bend, velocity, v))
+def coriolis_matrix(robot: Machine, kinematics: Posture, velocity: Quad) -> Array:
+    """Return V(v) in quasi-velocities (4 x 4)."""
+    return columns(lambda *v: coriolis(robot.theta, robot.geometry, kinematics, velocity, v))
 
 
-def task_matrix(robot: Machine, bend: Posture, force: Callable[[Quad], Quad]) -> Any:
-    """J^-T (force of J^-1 x), column by column (4 x 4)."""
+def task_matrix(robot: Machine, kinematics: Posture, force: Callable[[Quad], Quad]) -> Any:
+    """Return J^-T (force of J^-1 x), column by column (4 x 4)."""
     geometry = robot.geometry
     return columns(
         lambda *x: task_force_from_quasi(
-            geometry, bend, *force(quasi_from_task(geometry, bend, *x))
+            geometry, kinematics, *force(quasi_from_task(geometry, kinematics, *x))
         )
     )
 
 
-def inertia_x(robot: Machine, bend: Posture) -> Any:
-    """H_x = J^-T H J^-1 of (11)."""
-    h = inertia(robot.theta, robot.geometry, bend)
-    return task_matrix(robot, bend, lambda v: inertia_times(h, *v))
+def inertia_x(robot: Machine, kinematics: Posture) -> Any:
+    """Return H_x = J^-T H J^-1 of (11)."""
+    h = inertia(robot.theta, robot.geometry, kinematics)
+    return task_matrix(robot, kinematics, lambda v: inertia_times(h, *v))
 
 
-def test_base_parameters_of_the_default_robot() -> None:
+def test_base_parameters_default_robot_equal_known_values() -> None:
     expected = (21.35300031, 0.36151294, 0.42108, 1.1951, 0.26001, 0.59325996, 0.08598243)
     assert ROBOT.theta == pytest.approx(expected, abs=5e-9)
 
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_property_1_reduced_inertia_is_symmetric_positive_definite(
+def test_reduced_inertia_is_symmetric_positive_definite(
     robot: Machine, angles: Angles
 ) -> None:
-    h = inertia_matrix(robot, real(angles))
+    h = inertia_matrix(robot, kinematics_at_rest(angles))
     assert (h == h.T).all()
     np.linalg.cholesky(h)
     q = quasi_map(robot.geometry)
@@ -107,10 +107,10 @@ def test_property_1_reduced_inertia_is_symmetric_positive_definite(
 
 @PROPERTY
 @given(machines(), regular_angles())
-def test_property_1_task_inertia_is_symmetric_positive_definite(
+def test_task_inertia_is_symmetric_positive_definite(
     robot: Machine, angles: Angles
 ) -> None:
-    h_x = inertia_x(robot, real(angles))
+    h_x = inertia_x(robot, kinematics_at_rest(angles))
     assert_agree(h_x, h_x.T, 1e-13)
     np.linalg.cholesky(0.5 * (h_x + h_x.T))
 
@@ -118,35 +118,39 @@ def test_property_1_task_inertia_is_symmetric_positive_definite(
 @PROPERTY
 @given(machines(), all_angles())
 @example(ROBOT, Angles(0.0, 0.3, 0.0))
-def test_task_inertia_of_the_control_tick(robot: Machine, angles: Angles) -> None:
+def test_control_tick_task_inertia_equals_definition(robot: Machine, angles: Angles) -> None:
     settings, _ = law_records(Scenario('smc', 'implicit', robot=robot, model_scale=1.0))
-    now = records.signals(TWO_LINK)
-    fill(now, 'position', [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
+    signals = records.signals(TWO_LINK)
+    fill(signals, 'position', [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
     gains = {'sigma': np.full(AXES, 2.0)}
-    found = tick_input(settings, now, gains, np.zeros(BASE_PARAMETERS), np.zeros(AXES))
-    assert_agree(found.task_inertia, inertia_x(robot, real(angles)), 1e-14)
+    tick = tick_input(settings, signals, gains, np.zeros(BASE_PARAMETERS), np.zeros(AXES))
+    assert_agree(tick.task_inertia, inertia_x(robot, kinematics_at_rest(angles)), 1e-14)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads())
-def test_property_2_in_reduced_coordinates(robot: Machine, angles: Angles, velocity: Quad) -> None:
+def test_reduced_inertia_rate_minus_2_coriolis_is_skew_symmetric(
+    robot: Machine, angles: Angles, velocity: Quad
+) -> None:
     rate = np.imag(inertia_matrix(robot, angles.moving(velocity))) / STEP
-    v = coriolis_matrix(robot, real(angles), velocity)
+    v = coriolis_matrix(robot, kinematics_at_rest(angles), velocity)
     skew = rate - 2.0 * v
     assert_agree(skew + skew.T, np.zeros((4, 4)), 1e-14, scale=np.abs(v).max() + 1e-9)
 
 
 @PROPERTY
 @given(machines(), regular_angles(), quads())
-def test_property_2_in_task_space(robot: Machine, angles: Angles, velocity: Quad) -> None:
-    bend, geometry = real(angles), robot.geometry
-    h = inertia(robot.theta, geometry, bend)
+def test_task_inertia_rate_minus_2_coriolis_is_skew_symmetric(
+    robot: Machine, angles: Angles, velocity: Quad
+) -> None:
+    kinematics, geometry = kinematics_at_rest(angles), robot.geometry
+    h = inertia(robot.theta, geometry, kinematics)
 
     def force(v_r: Quad) -> Quad:
-        """(V - H J^-1 Jdot) v_r of (11)."""
-        drift = task_drift(geometry, bend, velocity, v_r)
-        turning = inertia_times(h, *quasi_from_task(geometry, bend, *drift))
-        own = coriolis(robot.theta, geometry, bend, velocity, v_r)
+        """Return (V - H J^-1 Jdot) v_r of (11)."""
+        drift = task_drift(geometry, kinematics, velocity, v_r)
+        turning = inertia_times(h, *quasi_from_task(geometry, kinematics, *drift))
+        own = coriolis(robot.theta, geometry, kinematics, velocity, v_r)
         return (
             own[0] - turning[0],
             own[1] - turning[1],
@@ -154,30 +158,30 @@ def test_property_2_in_task_space(robot: Machine, angles: Angles, velocity: Quad
             own[3] - turning[3],
         )
 
-    v_x = task_matrix(robot, bend, force)
+    v_x = task_matrix(robot, kinematics, force)
     rate = np.imag(inertia_x(robot, angles.moving(velocity))) / STEP
     skew = rate - 2.0 * v_x
-    # J^-1 of an arm that is almost straight takes digits away.
+    # J^-1 of an almost straight arm loses digits.
     limit = 1e-12 / abs(math.sin(angles.arm_2))
     assert_agree(skew + skew.T, np.zeros((4, 4)), limit, scale=np.abs(v_x).max() + 1e-9)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(), quads(5.0))
-def test_property_3_the_dynamics_are_linear_in_the_base_parameters(
+def test_dynamics_are_linear_in_base_parameters(
     robot: Machine, angles: Angles, velocity: Quad, reference: Quad, acceleration: Quad
 ) -> None:
-    bend, geometry, theta = real(angles), robot.geometry, robot.theta
-    y = regressor(geometry, bend, velocity, reference, acceleration)
-    inertial = np.array(inertia_times(inertia(theta, geometry, bend), *acceleration))
-    forces = inertial + coriolis(theta, geometry, bend, velocity, reference)
+    kinematics, geometry, theta = kinematics_at_rest(angles), robot.geometry, robot.theta
+    y = regressor(geometry, kinematics, velocity, reference, acceleration)
+    inertial = np.array(inertia_times(inertia(theta, geometry, kinematics), *acceleration))
+    forces = inertial + coriolis(theta, geometry, kinematics, velocity, reference)
     size = np.abs(inertial).max() + np.abs(forces).max() + 1e-9
     assert_agree(regressor_times(y, theta), forces, 1e-13, scale=size)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(), quads(5.0), quads(), st.integers(0, 6))
-def test_the_transposed_regressor_is_the_regressors_transpose(
+def test_regressor_transpose_equals_transposed_regressor(
     robot: Machine,
     angles: Angles,
     velocity: Quad,
@@ -186,7 +190,7 @@ def test_the_transposed_regressor_is_the_regressors_transpose(
     motion: Quad,
     column: int,
 ) -> None:
-    y = regressor(robot.geometry, real(angles), velocity, reference, acceleration)
+    y = regressor(robot.geometry, kinematics_at_rest(angles), velocity, reference, acceleration)
     unit = BaseParameters(*(float(j == column) for j in range(BASE_PARAMETERS)))
     force = regressor_times(y, unit)
     gradient = regressor_transpose_times(y, *motion)
@@ -196,14 +200,14 @@ def test_the_transposed_regressor_is_the_regressors_transpose(
 
 @PROPERTY
 @given(machines(), st.integers(0, 2**32 - 1))
-def test_every_base_parameter_matters(robot: Machine, seed: int) -> None:
-    """The seven are a minimal set: some motion tells each of them from all the others."""
+def test_base_parameters_are_a_minimal_set(robot: Machine, seed: int) -> None:
+    """The seven parameters are a minimal set: some motions distinguish each of them."""
     rng = np.random.default_rng(seed)
     rows = []
     for _ in range(12):
-        bend = posture(*rng.uniform(-3.0, 3.0, 3).tolist())
+        kinematics = posture(*rng.uniform(-3.0, 3.0, 3).tolist())
         v, v_r, a_r = (tuple(rng.uniform(-2.0, 2.0, 4).tolist()) for _ in range(3))
-        y = regressor(robot.geometry, bend, v, v_r, a_r)
+        y = regressor(robot.geometry, kinematics, v, v_r, a_r)
         units = np.eye(BASE_PARAMETERS).tolist()
         rows.append(np.array([regressor_times(y, BaseParameters(*u)) for u in units]).T)
     assert np.linalg.matrix_rank(np.vstack(rows), tol=1e-6) == BASE_PARAMETERS
@@ -212,43 +216,43 @@ def test_every_base_parameter_matters(robot: Machine, seed: int) -> None:
 @PROPERTY
 @given(machines(), all_angles(), quads(50.0))
 def test_inertia_solve_inverts_inertia_times(robot: Machine, angles: Angles, force: Quad) -> None:
-    h: Inertia = inertia(robot.theta, robot.geometry, real(angles))
+    h: Inertia = inertia(robot.theta, robot.geometry, kinematics_at_rest(angles))
     solved = inertia_solve(h, *force)
     size = np.abs(np.array(h)).max() * np.abs(solved).max() + 1e-9
     assert_agree(inertia_times(h, *solved), force, 1e-13, scale=size)
 
 
 def plant_state(angles: Angles, rates: Quad) -> PlantState:
-    """State at the origin of the world."""
+    """Return a state at the origin of the world."""
     return PlantState(0.0, 0.0, angles.yaw, 0.1, -0.2, angles.arm_1, angles.arm_2, *rates)
 
 
 def kinetic_energy(robot: Machine, state: PlantState) -> Any:
-    """Kinetic energy in J."""
+    """Return the kinetic energy in J."""
     v = np.array(quasi_velocity(robot.geometry, *state[7:]))
-    bend = posture(state.yaw, state.arm_1, state.arm_2)
-    return 0.5 * v @ inertia_matrix(robot, bend) @ v
+    kinematics = posture(state.yaw, state.arm_1, state.arm_2)
+    return 0.5 * v @ inertia_matrix(robot, kinematics) @ v
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(10.0))
-def test_power_is_what_the_torques_bring_in(
+def test_plant_power_equals_power_of_torques(
     robot: Machine, angles: Angles, rates: Quad, torque: Quad
 ) -> None:
     state = plant_state(angles, rates)
     rate = derivative(robot.theta, robot.geometry, state, torque)
     v = np.array(quasi_velocity(robot.geometry, *rates))
     v_dot = np.array(quasi_velocity(robot.geometry, *rate[7:]))
-    h = inertia_matrix(robot, real(angles))
+    h = inertia_matrix(robot, kinematics_at_rest(angles))
     h_dot = np.imag(inertia_matrix(robot, angles.moving(tuple(v.tolist())))) / STEP
-    gained = v @ h @ v_dot + 0.5 * v @ h_dot @ v
+    power = v @ h @ v_dot + 0.5 * v @ h_dot @ v
     size = np.abs(h).max() * np.abs(v).max() * np.abs(v_dot).max() + np.abs(torque).max() * 3.0
-    assert_agree(gained, np.dot(torque, rates), 1e-12, scale=size + 1e-9)
+    assert_agree(power, np.dot(torque, rates), 1e-12, scale=size + 1e-9)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(10.0))
-def test_the_plant_rolls_without_slipping(
+def test_plant_wheels_roll_without_slip(
     robot: Machine, angles: Angles, rates: Quad, torque: Quad
 ) -> None:
     rate = derivative(robot.theta, robot.geometry, plant_state(angles, rates), torque)
@@ -263,15 +267,15 @@ def test_the_plant_rolls_without_slipping(
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(10.0), between(0.1, 10.0))
-def test_a_heavier_robot_needs_as_much_more_torque(
+def test_plant_masses_and_torques_scaled_keep_motion(
     robot: Machine, angles: Angles, rates: Quad, torque: Quad, factor: float
 ) -> None:
-    """Scaling every inertial parameter and the torque leaves the motion as it is."""
+    """Scaled inertial parameters and scaled torques leave the motion unchanged."""
     heavier = replace(robot, physical=dict(robot.physical))
     inertial = [n for n in DEFAULT if n.endswith(('_mass', '_inertia'))]
     heavier.physical.update({name: factor * robot.physical[name] for name in inertial})
-    more = tuple(factor * value for value in torque)
+    scaled_torque = tuple(factor * value for value in torque)
     state = plant_state(angles, rates)
     one = derivative(robot.theta, robot.geometry, state, torque)
-    two = derivative(heavier.theta, heavier.geometry, state, more)
+    two = derivative(heavier.theta, heavier.geometry, state, scaled_torque)
     assert_agree(two, one, 1e-10, scale=1e-3)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever time a viewer jumps to, the frames are those of the state of that time."""
+"""Frames of the robot: transforms equal the kinematics of the state at any seek time."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def matrix(translation: Array, quaternion: Array) -> Array:
 
 
 def chained(transforms: dict[str, tuple[str, Array]], frame: str) -> Array:
-    """Return a frame's place in the one that has no parent."""
+    """Return the pose of a frame in the root frame."""
     if frame not in transforms:
         return np.eye(4)
     parent, place = transforms[frame]
@@ -55,7 +55,7 @@ def chained(transforms: dict[str, tuple[str, Array]], frame: str) -> Array:
 
 @PROPERTY
 @given(machines(), POSITION)
-def test_chained_transforms_are_the_kinematics(
+def test_frame_transforms_chained_equal_kinematics(
     machine: Machine, position: tuple[float, ...]
 ) -> None:
     lengths = np.array(machine.geometry)
@@ -71,7 +71,7 @@ def test_chained_transforms_are_the_kinematics(
     np.testing.assert_allclose(arm[:2, 3], task[2:], rtol=0.0, atol=1e-12)
     robot = Robot(TWO_LINK, {}, lengths, np.array(machine.theta))
     assert np.isclose(tip[2, 3], robot.height, rtol=1e-14)
-    # The end effector looks along link 2; a wheel that turns forward carries its top forward.
+    # The end effector points along link 2; a wheel that turns forward carries its top forward.
     heading = position[2] + position[5] + position[6]
     np.testing.assert_allclose(tip[:2, 0], [np.cos(heading), np.sin(heading)], atol=1e-13)
     top = transforms['wheel_left'][1] @ np.array([0.0, 0.0, 1.0, 0.0])
@@ -80,33 +80,35 @@ def test_chained_transforms_are_the_kinematics(
 
 
 @pytest.mark.parametrize('prefix', ['', 'left/'])
-def test_frames_at_any_seek_time(tmp_path: Path, prefix: str) -> None:
-    """Read with the definitions in the file, by somebody else's reader."""
+def test_logged_frames_any_seek_time_match_latest_state(tmp_path: Path, prefix: str) -> None:
+    """A third-party reader decodes the log with the definitions in the file."""
     log = tmp_path / 'run.mcap'
     settings = ['--set', 'duration=1.2', '--set', f"frame_prefix='{prefix}'"]
     assert main(['simulate', str(PAPER), '--output', str(log), *settings]) == 0
-    found: dict[str, list[tuple[int, object]]] = {'/tf': [], '/joint_states': []}
+    messages_by_topic: dict[str, list[tuple[int, object]]] = {'/tf': [], '/joint_states': []}
     with AnyReader([log]) as reader:
-        chosen = [each for each in reader.connections if each.topic in found]
-        for connection, time, raw in reader.messages(connections=chosen):
+        connections = [c for c in reader.connections if c.topic in messages_by_topic]
+        for connection, time, raw in reader.messages(connections=connections):
             message = reader.deserialize(raw, connection.msgtype)
-            found[connection.topic].append((time, message))
-    times = {topic: [time for time, _ in messages] for topic, messages in found.items()}
+            messages_by_topic[connection.topic].append((time, message))
+    times = {
+        topic: [time for time, _ in messages] for topic, messages in messages_by_topic.items()
+    }
     lengths = np.array(Machine(DEFAULT).geometry)
     random = np.random.default_rng(0)
     seeks = [0, 1_200_000_000, *random.integers(0, 1_300_000_000, 300).tolist()]
     for seek in seeks:
         latest = {
             topic: messages[bisect_right(times[topic], seek) - 1][1]
-            for topic, messages in found.items()
+            for topic, messages in messages_by_topic.items()
         }
         transforms, state = latest['/tf'].transforms, latest['/joint_states']
         tree = {}
-        for each in transforms:
-            assert each.header.stamp == state.header.stamp
-            t, q = each.transform.translation, each.transform.rotation
+        for transform in transforms:
+            assert transform.header.stamp == state.header.stamp
+            t, q = transform.transform.translation, transform.transform.rotation
             place = matrix(np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w]))
-            tree[each.child_frame_id] = (each.header.frame_id, place)
+            tree[transform.child_frame_id] = (transform.header.frame_id, place)
         assert {frame for frame in tree if not frame.startswith(prefix)} == set()
         assert tree[f'{prefix}base_link'][0] == f'{prefix}odom'
         task = task_positions(lengths, state.position[None])[0]
@@ -128,7 +130,7 @@ def state_at(tick: int) -> bytes:
     return state.to_bytes()
 
 
-def test_transforms_of_states_are_decimated_as_the_plant_does() -> None:
+def test_state_transforms_are_decimated_as_in_plant() -> None:
     values = load_scenario(str(PAPER), ['duration=0.01', 'plant.tf_decimation=4'])['plant']
     transforms = StateTransforms(values)
     made = [transforms.of_state(state_at(tick)) is not None for tick in range(11)]
@@ -137,7 +139,7 @@ def test_transforms_of_states_are_decimated_as_the_plant_does() -> None:
     assert none.of_state(state_at(0)) is None
 
 
-def test_a_state_of_other_joints_gives_no_transforms() -> None:
+def test_state_transforms_other_joints_return_none() -> None:
     transforms = StateTransforms(load_scenario(str(PAPER))['plant'])
     other = state_at(0).replace(b'arm_joint_1', b'elbow_joint')
     assert transforms.of_state(other) is None
@@ -145,7 +147,7 @@ def test_a_state_of_other_joints_gives_no_transforms() -> None:
 
 
 @pytest.mark.parametrize('prefix', ['/left/', 'my robot/', 'left\n', '\x00'])
-def test_a_prefix_that_tf2_would_not_take_is_refused(
+def test_frame_prefix_invalid_for_tf2_is_rejected(
     prefix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(InputError, match='frame_prefix'):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The compiled model against the same robot's equations derived from its Lagrangian."""
+"""Compiled model against equations derived from the Lagrangian of the same robot."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ TOLERANCE = 1e-11
 
 
 def derived(robot: Machine, angles: Angles, rates: Quad) -> Matrices:
-    """Return the derived matrices at a state of the robot, somewhere in the world."""
+    """Return the derived matrices at a state of the robot."""
     q = np.array([0.3, -0.7, angles.yaw, 0.2, 0.9, angles.arm_1, angles.arm_2])
     return matrices(robot.physical, q, np.array(rates))
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads())
-def test_the_derivation_fulfils_its_own_constraints(
+def test_lagrangian_null_space_fulfils_constraints(
     robot: Machine, angles: Angles, rates: Quad
 ) -> None:
-    """A S = 0, S is 7 x 4 of full rank, and there is no other motion: A is of rank 3."""
+    """A S = 0 with S of shape 7 x 4 and full rank; A of rank 3 leaves no other motion."""
     m = derived(robot, angles, rates)
     assert_agree(m.constraints @ m.null_space, np.zeros((4, 4)), 1e-14, scale=1.0)
     assert m.null_space.shape == (7, 4)
@@ -62,38 +62,38 @@ def test_the_derivation_fulfils_its_own_constraints(
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_reduced_inertia(robot: Machine, angles: Angles) -> None:
+def test_reduced_inertia_equals_lagrangian(robot: Machine, angles: Angles) -> None:
     h = inertia(robot.theta, robot.geometry, posture(angles.yaw, angles.arm_1, angles.arm_2))
     q = quasi_map(robot.geometry)
-    found = q.T @ columns(lambda *v: inertia_times(h, *v)) @ q
+    actual = q.T @ columns(lambda *v: inertia_times(h, *v)) @ q
     expected = derived(robot, angles, (0.0, 0.0, 0.0, 0.0)).reduced_inertia
-    assert_agree(found, expected, TOLERANCE)
+    assert_agree(actual, expected, TOLERANCE)
 
 
-def in_joints(robot: Machine, bend: Array, rates: Quad) -> Array:
-    """V(v) of the kernel on reduced velocities (4 x 4)."""
+def reduced_coriolis(robot: Machine, kinematics: Array, rates: Quad) -> Array:
+    """Return V(v) of the kernel in reduced velocities (4 x 4)."""
     geometry = robot.geometry
     velocity = quasi_velocity(geometry, *rates)
     return columns(
         lambda *v_r: joint_torque(
             geometry,
-            *coriolis(robot.theta, geometry, bend, velocity, quasi_velocity(geometry, *v_r)),
+            *coriolis(robot.theta, geometry, kinematics, velocity, quasi_velocity(geometry, *v_r)),
         )
     )
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads())
-def test_coriolis_matrix(robot: Machine, angles: Angles, rates: Quad) -> None:
-    found = in_joints(robot, posture(angles.yaw, angles.arm_1, angles.arm_2), rates)
+def test_coriolis_matrix_equals_lagrangian(robot: Machine, angles: Angles, rates: Quad) -> None:
+    actual = reduced_coriolis(robot, posture(angles.yaw, angles.arm_1, angles.arm_2), rates)
     m = derived(robot, angles, rates)
     size = np.abs(m.printed_coriolis).max() + np.abs(m.reduced_inertia).max() * 1e-3
-    assert_agree(found, m.reduced_coriolis, TOLERANCE, scale=size)
+    assert_agree(actual, m.reduced_coriolis, TOLERANCE, scale=size)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(), quads(5.0))
-def test_regressor(
+def test_regressor_equals_lagrangian(
     robot: Machine, angles: Angles, rates: Quad, reference: Quad, acceleration: Quad
 ) -> None:
     geometry = robot.geometry
@@ -104,23 +104,23 @@ def test_regressor(
         quasi_velocity(geometry, *reference),
         quasi_velocity(geometry, *acceleration),
     )
-    found = joint_torque(geometry, *regressor_times(y, robot.theta))
+    actual = joint_torque(geometry, *regressor_times(y, robot.theta))
     m = derived(robot, angles, rates)
     inertial = m.reduced_inertia @ np.array(acceleration)
     expected = inertial + m.reduced_coriolis @ np.array(reference)
-    assert_agree(found, expected, TOLERANCE, scale=np.abs(inertial).max() + 1e-9)
+    assert_agree(actual, expected, TOLERANCE, scale=np.abs(inertial).max() + 1e-9)
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(10.0))
-def test_equations_of_motion_with_multipliers(
+def test_plant_acceleration_equals_lagrange_multipliers(
     robot: Machine, angles: Angles, rates: Quad, torque: Quad
 ) -> None:
-    """The plant's acceleration is that of (6) and (7), solved with their multipliers."""
+    """The plant's acceleration equals that of (6) and (7), solved with their multipliers."""
     m = derived(robot, angles, rates)
     v = np.array(rates)
     q_dot = m.null_space @ v
-    # Three of the four rows of A are independent; their span is what counts.
+    # Three of the four rows of A are independent; only their span matters.
     rows = np.linalg.svd(m.constraints)[2][:3]
     a_dot_q_dot = -rows @ m.null_space_rate @ v
     effort = np.concatenate([np.zeros(3), torque])
@@ -128,27 +128,32 @@ def test_equations_of_motion_with_multipliers(
     known = np.concatenate([effort - m.christoffel @ q_dot, -a_dot_q_dot])
     expected = np.linalg.solve(matrix, known)[3:7]
     state = PlantState(0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2, *rates)
-    found = derivative(robot.theta, robot.geometry, state, torque)[7:]
-    assert_agree(found, expected, 1e-9, scale=1.0)
+    actual = derivative(robot.theta, robot.geometry, state, torque)[7:]
+    assert_agree(actual, expected, 1e-9, scale=1.0)
 
 
 @PROPERTY
 @given(machines(), regular_angles(), quads(), quads())
-def test_task_jacobian(robot: Machine, angles: Angles, rates: Quad, reference: Quad) -> None:
+def test_task_jacobian_inverse_and_drift_equal_lagrangian(
+    robot: Machine, angles: Angles, rates: Quad, reference: Quad
+) -> None:
     geometry = robot.geometry
-    bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
     m = derived(robot, angles, rates)
     jacobian = m.jacobian
-    found = columns(lambda *v: task_velocity(geometry, bend, *quasi_velocity(geometry, *v)))
-    assert_agree(found, jacobian, TOLERANCE)
+    actual = columns(lambda *v: task_velocity(geometry, kinematics, *quasi_velocity(geometry, *v)))
+    assert_agree(actual, jacobian, TOLERANCE)
     q = quasi_map(geometry)
-    back = columns(lambda *x: quasi_from_task(geometry, bend, *x))
+    back = columns(lambda *x: quasi_from_task(geometry, kinematics, *x))
     assert_agree(q @ np.linalg.inv(jacobian), back, 1e-10)
     transposed = columns(
-        lambda *f: joint_torque(geometry, *quasi_force_from_task(geometry, bend, *f))
+        lambda *f: joint_torque(geometry, *quasi_force_from_task(geometry, kinematics, *f))
     )
     assert_agree(transposed, jacobian.T, TOLERANCE)
     drift = task_drift(
-        geometry, bend, quasi_velocity(geometry, *rates), quasi_velocity(geometry, *reference)
+        geometry,
+        kinematics,
+        quasi_velocity(geometry, *rates),
+        quasi_velocity(geometry, *reference),
     )
     assert_agree(drift, m.jacobian_rate @ np.array(reference), TOLERANCE, scale=10.0)

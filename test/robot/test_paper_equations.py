@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What the paper prints where it disagrees with the mechanism, and what is right instead.
+Equations of the paper that contradict the mechanism, and their corrections.
 
-docs/model.md discusses each of these; (15)-(23) are in test_lyapunov.py.
+docs/model.md discusses each of them; (15)-(23) are in test_lyapunov.py.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from robots import (
 )
 
 SWAP = [1, 0, 2, 3]
-"""Exchanges the columns of the right and of the left wheel."""
+"""Index that exchanges the columns of the right and of the left wheel."""
 
 
 def printed_1(robot: Machine, yaw: float) -> Array:
-    """(1) as printed: velocity of F from the rates of the right and the left wheel."""
+    """Return (1) as printed: velocity of F from the velocities of right and left wheel."""
     r, b, l, _, _ = robot.geometry  # noqa: E741 - the paper's d + L_a
     c, s = np.cos(yaw), np.sin(yaw)
     rows = [[b * c + l * s, b * c - l * s], [b * s - l * c, b * s + l * c]]
@@ -39,7 +39,7 @@ def printed_1(robot: Machine, yaw: float) -> Array:
 
 
 def printed_3(robot: Machine, angles: Angles) -> Array:
-    """(3) as printed: R J_a."""
+    """Return (3) as printed: R J_a."""
     r, b, l, length_1, length_2 = robot.geometry  # noqa: E741
     c, s = np.cos(angles.yaw), np.sin(angles.yaw)
     c1, s1 = np.cos(angles.arm_1), np.sin(angles.arm_1)
@@ -61,7 +61,7 @@ def printed_3(robot: Machine, angles: Angles) -> Array:
 
 
 def printed_9(robot: Machine, yaw: float) -> Array:
-    """(9) as printed: five rows, those of theta_R and theta_L missing."""
+    """Return (9) as printed: five rows, without those of theta_R and theta_L."""
     r, b, d = (robot.physical[n] for n in ('wheel_radius', 'half_track', 'com_offset'))
     c, s = np.cos(yaw), np.sin(yaw)
     k = r / (2.0 * b)
@@ -77,14 +77,14 @@ def printed_9(robot: Machine, yaw: float) -> Array:
 
 
 def sideways(yaw: float, velocity: Array) -> Array:
-    """Component to the left of the heading of velocities (2, n) in the world."""
+    """Return the component to the left of the heading of world velocities (2, n)."""
     return np.array([-np.sin(yaw), np.cos(yaw)]) @ velocity
 
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_rows_of_9_contradict_each_other(robot: Machine, angles: Angles) -> None:
-    """C lies d ahead of the axle, so it moves sideways at d phidot; rows 1-2 give -d phidot."""
+def test_equation_9_rows_contradict_each_other(robot: Machine, angles: Angles) -> None:
+    """C lies d ahead of the axle and moves sideways at d phidot; rows 1-2 give -d phidot."""
     d, printed = robot.physical['com_offset'], printed_9(robot, angles.yaw)
     yaw_rate = printed[2]
     assert_agree(sideways(angles.yaw, printed[:2]), -d * yaw_rate, 1e-12, scale=1.0)
@@ -94,8 +94,8 @@ def test_rows_of_9_contradict_each_other(robot: Machine, angles: Angles) -> None
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_1_and_3_contradict_row_3_of_9(robot: Machine, angles: Angles) -> None:
-    """F lies l ahead of the axle, so it moves sideways at l phidot; they give -l phidot."""
+def test_equations_1_and_3_contradict_row_3_of_9(robot: Machine, angles: Angles) -> None:
+    """F lies l ahead of the axle and moves sideways at l phidot; (1) and (3) give -l phidot."""
     turning = robot.geometry.arm_base * printed_9(robot, angles.yaw)[2]
     one = printed_1(robot, angles.yaw)
     three = printed_3(robot, angles)[2:]
@@ -105,17 +105,19 @@ def test_1_and_3_contradict_row_3_of_9(robot: Machine, angles: Angles) -> None:
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_3_is_right_with_the_wheels_exchanged(robot: Machine, angles: Angles) -> None:
+def test_equation_3_wheels_exchanged_equals_kinematics(robot: Machine, angles: Angles) -> None:
     geometry = robot.geometry
-    bend = posture(angles.yaw, angles.arm_1, angles.arm_2)
-    found = columns(lambda *v: task_velocity(geometry, bend, *quasi_velocity(geometry, *v)))
-    assert_agree(found, printed_3(robot, angles)[:, SWAP], 1e-12)
-    assert_agree(found[2:, :2], printed_1(robot, angles.yaw)[:, [1, 0]], 1e-12)
+    kinematics = posture(angles.yaw, angles.arm_1, angles.arm_2)
+    jacobian = columns(
+        lambda *v: task_velocity(geometry, kinematics, *quasi_velocity(geometry, *v))
+    )
+    assert_agree(jacobian, printed_3(robot, angles)[:, SWAP], 1e-12)
+    assert_agree(jacobian[2:, :2], printed_1(robot, angles.yaw)[:, [1, 0]], 1e-12)
 
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_9_is_right_with_the_wheels_exchanged_and_two_rows_more(
+def test_equation_9_corrected_equals_null_space(
     robot: Machine, angles: Angles
 ) -> None:
     q = np.array([0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2])
@@ -124,7 +126,7 @@ def test_9_is_right_with_the_wheels_exchanged_and_two_rows_more(
     corrected = np.vstack([printed[:2, SWAP], printed[2], np.eye(4)])
     assert corrected.shape == (7, 4)
     assert_agree(corrected, m.null_space, 1e-12)
-    # With the rows as printed the wheels slip.
+    # With the printed rows the wheels slip.
     as_printed = np.vstack([printed[:3], np.eye(4)])
     slip = np.abs(m.constraints @ as_printed).max()
     r, b, d = (robot.physical[n] for n in ('wheel_radius', 'half_track', 'com_offset'))
@@ -133,8 +135,8 @@ def test_9_is_right_with_the_wheels_exchanged_and_two_rows_more(
 
 @PROPERTY
 @given(machines(), all_angles())
-def test_driving_straight_hides_the_sign(robot: Machine, angles: Angles) -> None:
-    """Both signs agree as long as the wheels turn alike, so the slip of the pen is easy."""
+def test_equation_3_straight_motion_hides_sign_error(robot: Machine, angles: Angles) -> None:
+    """Both signs agree for equal wheel velocities, which hides the error."""
     straight = np.array([1.0, 1.0, 0.0, 0.0])
     assert_agree(
         printed_3(robot, angles) @ straight, printed_3(robot, angles)[:, SWAP] @ straight, 1e-12
@@ -152,8 +154,8 @@ def reduced_inertia_rate(parameters: dict[str, float], q: Array, v: Array) -> Ar
     return (later - earlier) / (2.0 * h)
 
 
-def test_property_2_needs_the_christoffel_symbols() -> None:
-    """V = S'HSdot alone, as (10) prints it, violates Property 2; S'HSdot + S'CS fulfils it."""
+def test_equation_10_without_christoffel_violates_property_2() -> None:
+    """V = S'HSdot alone, as printed in (10), violates Property 2; S'HSdot + S'CS fulfils it."""
     parameters = {**DEFAULT, 'com_offset': 0.1}
     for state in STATES:
         q, v = state[:7], state[7:]
@@ -165,8 +167,8 @@ def test_property_2_needs_the_christoffel_symbols() -> None:
         assert np.abs(printed + printed.T).max() > 1e-3
 
 
-def test_the_velocity_terms_are_no_gravity() -> None:
-    """G = S'V of (10) vanishes at rest and is quadratic in v: it belongs with V v."""
+def test_equation_10_gravity_term_is_quadratic_in_velocity() -> None:
+    """G = S'V of (10) vanishes at rest and is quadratic in v: it is part of V v."""
     for state in STATES:
         q, v = state[:7], state[7:]
 
@@ -180,8 +182,8 @@ def test_the_velocity_terms_are_no_gravity() -> None:
         assert_agree(velocity_terms(-v), velocity_terms(v), 1e-12)
 
 
-def test_torques_act_on_the_reduced_velocities_as_they_are() -> None:
-    """E takes torques to the rows of wheels and arm, so S'E = 1 in (10)."""
+def test_equation_10_torque_map_is_identity() -> None:
+    """E maps torques to the rows of wheels and arm; therefore S'E = 1 in (10)."""
     e = np.vstack([np.zeros((3, 4)), np.eye(4)])
     for state in STATES:
         m = matrices(DEFAULT, state[:7], state[7:])

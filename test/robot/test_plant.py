@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant over a control period: energy, order of integration, disturbance, torque limit."""
+"""Plant over a control period: energy, order of integration, disturbance, torque limit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STILL = np.zeros(4)
 
 
 def plant_of(robot: Machine) -> Array:
-    """Return the settings of a robot that is measured exactly."""
+    """Return the settings of a robot with exact measurements."""
     plant = records.plant_settings(TWO_LINK)
     fill(plant, 'geometry', np.array(robot.geometry))
     fill(plant, 'theta', np.array(robot.theta))
@@ -52,20 +52,20 @@ def plant_of(robot: Machine) -> Array:
 
 
 class Plant:
-    """A plant of one robot, stepped from Python."""
+    """Plant of one robot, advanced from Python."""
 
     def __init__(self, robot: Machine, angles: Angles, rates: Quad) -> None:
-        """Start at the origin with these angles and reduced velocities."""
+        """Initialise the plant at the origin with these angles and reduced velocities."""
         self.robot = robot
         self._plant, self._memory = plant_of(robot), records.plant_memory(TWO_LINK)
-        self._now = records.signals(TWO_LINK)
+        self._signals = records.signals(TWO_LINK)
         self.position, self.velocity = (
             self._memory[name][0, :, 0] for name in ('position', 'velocity')
         )
         self.position[:] = [0.0, 0.0, angles.yaw, 0.0, 0.0, angles.arm_1, angles.arm_2]
         fill(self._memory, 'rates', rates)
-        self.applied = self._now['applied'][0, :, 0]
-        plant_start(self._plant, self._memory, np.zeros((1, 14, 1)), self._now)
+        self.applied = self._signals['applied'][0, :, 0]
+        plant_start(self._plant, self._memory, np.zeros((1, 14, 1)), self._signals)
 
     def tick(
         self,
@@ -77,7 +77,7 @@ class Plant:
         disturbance: tuple[Array, Array, Array] = (STILL, STILL, STILL),
         limit: Array = STILL,
     ) -> None:
-        """Advance by one control period."""
+        """Advance the plant by one control period."""
         amplitude, frequency, phase = disturbance
         plant = self._plant
         for name, value in {
@@ -89,21 +89,21 @@ class Plant:
             'steps': steps,
         }.items():
             fill(plant, name, value)
-        fill(self._now, 'torque', command)
-        plant_tick(plant, self._memory, np.zeros((1, 14, 1)), 0, self._now)
+        fill(self._signals, 'torque', command)
+        plant_tick(plant, self._memory, np.zeros((1, 14, 1)), 0, self._signals)
 
     @property
     def energy(self) -> float:
         """Kinetic energy in J."""
         v = quasi_velocity(self.robot.geometry, *self.velocity[3:].tolist())
-        bend = posture(*self.position[[2, 5, 6]].tolist())
-        h = inertia(self.robot.theta, self.robot.geometry, bend)
+        kinematics = posture(*self.position[[2, 5, 6]].tolist())
+        h = inertia(self.robot.theta, self.robot.geometry, kinematics)
         return 0.5 * float(np.dot(v, inertia_times(h, *v)))
 
 
 @PROPERTY
 @given(machines(), all_angles(), quads(1.0))
-def test_undriven_the_plant_keeps_its_energy(robot: Machine, angles: Angles, rates: Quad) -> None:
+def test_plant_without_torque_keeps_energy(robot: Machine, angles: Angles, rates: Quad) -> None:
     plant = Plant(robot, angles, rates)
     start = plant.energy
     for _ in range(100):
@@ -111,7 +111,7 @@ def test_undriven_the_plant_keeps_its_energy(robot: Machine, angles: Angles, rat
     assert plant.energy == pytest.approx(start, rel=1e-8)
 
 
-def test_integration_is_of_fourth_order() -> None:
+def test_plant_integration_is_of_fourth_order() -> None:
     angles, rates = Angles(0.3, 0.7, -1.1), (4.0, -2.0, 1.5, -3.0)
     amplitude, frequency = np.array([0.5, -0.3, 0.2, 0.1]), np.array([5.0, 3.0, 7.0, 2.0])
     shaking = (amplitude, frequency, np.array([0.0, 1.0, 2.0, 3.0]))
@@ -130,26 +130,29 @@ def test_integration_is_of_fourth_order() -> None:
 
 @PROPERTY
 @given(machines(), all_angles(), quads(), quads(5.0), quads(5.0), st.integers(1, 4))
-def test_a_constant_disturbance_adds_to_the_command(
-    robot: Machine, angles: Angles, rates: Quad, command: Quad, push: Quad, steps: int
+def test_plant_constant_disturbance_adds_to_command(
+    robot: Machine, angles: Angles, rates: Quad, command: Quad, disturbance: Quad, steps: int
 ) -> None:
-    apart, together = Plant(robot, angles, rates), Plant(robot, angles, rates)
+    disturbed, commanded = Plant(robot, angles, rates), Plant(robot, angles, rates)
     right_angle = np.full(4, math.pi / 2)
-    apart.tick(0.001, steps, np.array(command), disturbance=(np.array(push), STILL, right_angle))
-    together.tick(0.001, steps, np.array(command) + push)
-    assert_agree(apart.position, together.position, 1e-13, scale=1.0)
-    assert_agree(apart.velocity, together.velocity, 1e-12, scale=1.0)
-    assert apart.applied.tolist() == list(command)
+    constant = (np.array(disturbance), STILL, right_angle)
+    disturbed.tick(0.001, steps, np.array(command), disturbance=constant)
+    commanded.tick(0.001, steps, np.array(command) + disturbance)
+    assert_agree(disturbed.position, commanded.position, 1e-13, scale=1.0)
+    assert_agree(disturbed.velocity, commanded.velocity, 1e-12, scale=1.0)
+    assert disturbed.applied.tolist() == list(command)
 
 
 @PROPERTY
 @given(quads(10.0), quads(5.0))
-def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push: Quad) -> None:
+def test_plant_torque_limit_clips_command_not_disturbance(
+    command: Quad, disturbance: Quad
+) -> None:
     limit = np.array([1.0, 2.5, 0.0, 4.0])
     clipped = np.array(
         [np.clip(c, -m, m) if m > 0.0 else c for c, m in zip(command, limit, strict=True)]
     )
-    shaking = (np.array(push), np.full(4, 3.0), np.full(4, 1.0))
+    shaking = (np.array(disturbance), np.full(4, 3.0), np.full(4, 1.0))
     angles, rates = Angles(0.3, 0.7, -1.1), (0.1, 0.2, 0.3, 0.4)
     limited, free = Plant(ROBOT, angles, rates), Plant(ROBOT, angles, rates)
     limited.tick(0.001, 2, np.array(command), disturbance=shaking, limit=limit)
@@ -161,17 +164,17 @@ def test_the_limit_clips_the_command_and_not_the_disturbance(command: Quad, push
 
 @PROPERTY
 @given(machines(), between(-3.0, 3.0), quads(2.0), quads())
-def test_the_initial_pose_is_that_of_the_centre_of_mass(
+def test_plant_initial_pose_is_pose_of_centre_of_mass(
     robot: Machine, yaw: float, joints: Quad, rates: Quad
 ) -> None:
     offset = robot.physical['com_offset']
     pose = np.array([0.4, -0.6, yaw])
     start = {'initial_pose': pose, 'initial_joints': joints, 'initial_velocity': rates}
-    memory, now = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
+    memory, signals = records.plant_memory(TWO_LINK), records.signals(TWO_LINK)
     machine = Robot(TWO_LINK, robot.physical, np.array(robot.geometry), np.array(robot.theta))
     write_start(memory, machine, start)
-    assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), now)
-    position, velocity = now['position'][0, :, 0], now['velocity'][0, :, 0]
+    assert plant_start(plant_of(robot), memory, np.zeros((1, 14, 1)), signals)
+    position, velocity = signals['position'][0, :, 0], signals['velocity'][0, :, 0]
     heading = np.array([math.cos(yaw), math.sin(yaw)])
     assert_agree(position[:2] + offset * heading, pose[:2], 1e-14)
     assert position[2:].tolist() == [yaw, *joints]
@@ -181,11 +184,11 @@ def test_the_initial_pose_is_that_of_the_centre_of_mass(
 
 
 @pytest.mark.slow
-def test_what_is_measured_is_finite_or_an_error() -> None:
-    """An angle beyond 1e9 rad has no sine: a finite state whose velocities are none."""
+def test_plant_huge_angles_raise_or_stay_finite() -> None:
+    """The sine of an angle beyond 1e9 rad is NaN; then the state has NaN velocities."""
     random = np.random.default_rng(1)
     values = load_scenario(PAPER)['plant']
-    wrong = 0
+    errors = 0
     for _ in range(2000):
         rate = 10.0 ** random.uniform(3.0, 12.0)
         turned = 1e-3 * rate * random.uniform(0.0, 1.2) * 0.0508 / 0.182
@@ -195,8 +198,8 @@ def test_what_is_measured_is_finite_or_an_error() -> None:
             plant = SimulatedRobot(robot_of(values), 0.001, values)
             plant.advance(10.0 ** random.uniform(0.0, 12.0) * random.standard_normal(4))
         except InputError:
-            wrong += 1
+            errors += 1
             continue
         assert np.isfinite(plant.position).all()
         assert np.isfinite(plant.velocity).all()
-    assert 0 < wrong < 2000
+    assert 0 < errors < 2000

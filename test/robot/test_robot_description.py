@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The URDF is valid, and is the robot that the equations are about."""
+"""Robot description: valid URDF, equal to the equations in kinematics and inertia."""
 
 from __future__ import annotations
 
@@ -34,66 +34,66 @@ def numbers(text: str | None) -> Array:
 
 
 def link_of(joint: Xml.Element, end: str) -> str:
-    """Return the parent or the child of a joint."""
+    """Return the name of the parent or child link of a joint."""
     element = joint.find(end)
     assert element is not None
     return element.attrib['link']
 
 
 def origin(element: Xml.Element) -> Array:
-    """Return the place of an element that is not rotated."""
-    found = element.find('origin')
-    assert found is not None
-    assert not numbers(found.get('rpy', '0 0 0')).any()
-    return numbers(found.get('xyz'))
+    """Return the position of an element without rotation."""
+    element_origin = element.find('origin')
+    assert element_origin is not None
+    assert not numbers(element_origin.get('rpy', '0 0 0')).any()
+    return numbers(element_origin.get('xyz'))
 
 
 def rotation(axis: Array, angle: float) -> Array:
-    """Return the matrix of a rotation about a unit vector, by Rodrigues."""
+    """Return the matrix of a rotation about a unit vector, by the formula of Rodrigues."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
 
 
 def places(root: Xml.Element, angles: dict[str, float]) -> dict[str, Array]:
-    """Return where each link is in the root link (4 x 4), by the URDF's joints alone."""
+    """Return the pose of every link in the root link (4 x 4), from the URDF's joints."""
     joints = {link_of(joint, 'child'): joint for joint in root.findall('joint')}
 
     def place(link: str) -> Array:
         if link not in joints:
             return np.eye(4)
         joint = joints[link]
-        here = np.eye(4)
-        here[:3, 3] = origin(joint)
+        pose = np.eye(4)
+        pose[:3, 3] = origin(joint)
         if joint.get('type') != 'fixed':
             axis = joint.find('axis')
             assert axis is not None
-            here[:3, :3] = rotation(numbers(axis.get('xyz')), angles[joint.attrib['name']])
-        return np.asarray(place(link_of(joint, 'parent')) @ here)
+            pose[:3, :3] = rotation(numbers(axis.get('xyz')), angles[joint.attrib['name']])
+        return np.asarray(place(link_of(joint, 'parent')) @ pose)
 
     return {link.attrib['name']: place(link.attrib['name']) for link in root.findall('link')}
 
 
 @PROPERTY
 @given(machines(), POSITIONS)
-def test_its_kinematics_are_those_of_the_equations(
+def test_description_kinematics_equal_equations(
     machine: Machine, position: tuple[float, ...]
 ) -> None:
     root = description(machine)
-    found = places(root, dict(zip(DRIVEN_JOINTS, position[3:], strict=True)))
+    link_poses = places(root, dict(zip(DRIVEN_JOINTS, position[3:], strict=True)))
     base = np.eye(4)
     base[:2, 3] = position[:2]
     base[:3, :3] = rotation(np.array([0.0, 0.0, 1.0]), position[2])
     task = task_positions(np.array(machine.geometry), np.array([position]))[0]
     for link, expected in (('end_effector', task[:2]), ('link_1', task[2:])):
-        actual = (base @ found[link])[:2, 3]
+        actual = (base @ link_poses[link])[:2, 3]
         np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-12 + 1e-15 * 50.0)
 
 
 @PROPERTY
 @given(machines())
-def test_its_inertias_are_those_of_the_equations(machine: Machine) -> None:
-    """Base parameters from the URDF's masses, places and inertias about the vertical."""
+def test_description_inertias_equal_base_parameters(machine: Machine) -> None:
+    """Compare base parameters from the URDF's masses, positions and vertical inertias."""
     root = description(machine)
     mass, centre, about_z = {}, {}, {}
     for link in root.findall('link'):
@@ -113,7 +113,7 @@ def test_its_inertias_are_those_of_the_equations(machine: Machine) -> None:
     for side, sign in (('right', -1.0), ('left', 1.0)):
         wheel = joint[f'wheel_{side}'][:3, 3]
         assert wheel.tolist() == [0.0, sign * p['half_track'], p['wheel_radius']]
-    found = base_parameters(
+    parameters = base_parameters(
         **{
             **p,
             'com_offset': centre['base_link'][0],
@@ -127,12 +127,12 @@ def test_its_inertias_are_those_of_the_equations(machine: Machine) -> None:
             **{f'{link}_inertia': about_z[link] for link in ('link_1', 'link_2')},
         }
     )
-    np.testing.assert_allclose(found, machine.theta, rtol=1e-12)
+    np.testing.assert_allclose(parameters, machine.theta, rtol=1e-12)
 
 
 @PROPERTY
 @given(machines())
-def test_it_is_valid(machine: Machine) -> None:
+def test_description_any_robot_is_valid_urdf(machine: Machine) -> None:
     root = description(machine)
     assert root.tag == 'robot'
     assert root.get('name')
@@ -142,7 +142,7 @@ def test_it_is_valid(machine: Machine) -> None:
     assert [j.attrib['name'] for j in joints if j.get('type') == 'continuous'] == list(
         DRIVEN_JOINTS
     )
-    # A tree: each link but the root is the child of one joint, and every one can be reached.
+    # A tree: every link except the root is the child of one joint and reachable.
     assert sorted([*(link_of(joint, 'child') for joint in joints), 'base_link']) == sorted(links)
     assert set(places(root, dict.fromkeys(DRIVEN_JOINTS, 0.0))) == set(links)
     materials = {material.get('name') for material in root.findall('material')}
@@ -158,26 +158,26 @@ def test_it_is_valid(machine: Machine) -> None:
         assert element is not None
         moments = np.array([float(element.attrib[name]) for name in ('ixx', 'iyy', 'izz')])
         assert (moments >= 0.0).all()
-        # No body has a moment of inertia larger than the sum of the two others.
-        # Half of the least number there is is none.
+        # No moment of inertia of a body exceeds the sum of the two others. Half of the smallest
+        # subnormal number rounds to zero.
         assert (2.0 * moments <= moments.sum() * (1.0 + 1e-12) + 1e-300).all()
 
 
 @PROPERTY
 @given(machines())
-def test_the_wheels_stand_on_the_ground(machine: Machine) -> None:
+def test_description_wheels_touch_the_ground(machine: Machine) -> None:
     root = description(machine)
-    where = places(root, dict.fromkeys(DRIVEN_JOINTS, 0.0))
+    link_poses = places(root, dict.fromkeys(DRIVEN_JOINTS, 0.0))
     lowest = []
     for link in root.findall('link'):
         for visual in link.findall('visual'):
-            place = visual.find('origin')
+            visual_origin = visual.find('origin')
             (shape,) = visual.findall('geometry/*')
-            assert place is not None
-            height = where[link.attrib['name']][2, 3] + numbers(place.get('xyz'))[2]
+            assert visual_origin is not None
+            height = link_poses[link.attrib['name']][2, 3] + numbers(visual_origin.get('xyz'))[2]
             if shape.tag == 'box':
                 height -= 0.5 * numbers(shape.get('size'))[2]
-            elif shape.tag == 'cylinder' and place.get('rpy', '').startswith('0.0 '):
+            elif shape.tag == 'cylinder' and visual_origin.get('rpy', '').startswith('0.0 '):
                 height -= 0.5 * numbers(shape.get('length'))[0]
             else:
                 height -= numbers(shape.get('radius'))[0]
@@ -186,7 +186,7 @@ def test_the_wheels_stand_on_the_ground(machine: Machine) -> None:
     assert math.isclose(min(lowest)[0], 0.0, abs_tol=1e-15)
 
 
-def test_a_prefix_is_before_every_link_and_no_joint() -> None:
+def test_description_prefix_applies_to_links_only() -> None:
     plain = robot_description({f'robot.{n}': v for n, v in DEFAULT.items()})
     root = description(Machine(DEFAULT), 'left/')
     for joint in root.findall('joint'):
@@ -198,7 +198,7 @@ def test_a_prefix_is_before_every_link_and_no_joint() -> None:
     assert Xml.tostring(Xml.fromstring(plain), encoding='unicode') == prefixed.replace('left/', '')
 
 
-def test_a_robot_that_cannot_be_is_refused() -> None:
+def test_description_arm_on_axle_raises() -> None:
     on_the_axle = {**DEFAULT, 'arm_offset': 0.0}
     with pytest.raises(InputError, match=r'robot\.com_offset \+ robot\.arm_offset'):
         description(Machine(on_the_axle))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotation vectors against the exponential series of matrices, and against differences."""
+"""Rotation vectors against the matrix exponential and against finite differences."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ANGLE = st.one_of(
     between(0.0, math.pi),
     between(0.0, 1e-6),
     st.builds(lambda short: math.pi - short, between(0.0, 1e-6)),
-    # Where series give way to quotients.
+    # Series are replaced by quotients at this angle.
     st.builds(lambda off: 0.5 + off, between(-1e-9, 1e-9)),
 )
 RATE = st.tuples(*[between(-3.0, 3.0)] * 3)
@@ -53,7 +53,7 @@ def hat(v: Array) -> Array:
 
 
 def exponential(matrix: Array) -> Array:
-    """Return exp of a matrix by its series, of a small part of it, squared."""
+    """Return exp of a matrix by scaling, series and squaring."""
     small, term, total = matrix / 64.0, np.eye(3), np.eye(3)
     for k in range(1, 20):
         term = term @ small / k
@@ -64,38 +64,41 @@ def exponential(matrix: Array) -> Array:
 
 
 def rotation(phi: Array) -> Array:
-    """Return the rotation of a vector as a matrix."""
+    """Return the rotation matrix of a rotation vector."""
     return np.reshape(rotation_of(tuple(phi.tolist())), (3, 3))
 
 
-def derivative(of: Callable[[float], Array]) -> Array:
+def derivative(function: Callable[[float], Array]) -> Array:
     """Return the derivative at zero, by differences of fourth order."""
-    return (8.0 * (of(H) - of(-H)) - (of(2.0 * H) - of(-2.0 * H))) / (12.0 * H)
+    inner, outer = function(H) - function(-H), function(2.0 * H) - function(-2.0 * H)
+    return (8.0 * inner - outer) / (12.0 * H)
 
 
 @PROPERTY
 @given(AXIS, between(0.0, 6.0))
-def test_the_rotation_is_the_exponential(axis: tuple[float, float, float], angle: float) -> None:
+def test_rotation_equals_matrix_exponential(
+    axis: tuple[float, float, float], angle: float
+) -> None:
     phi = vector(axis, angle)
     assert rotation(phi) == pytest.approx(exponential(hat(phi)), abs=1e-13)
 
 
 @PROPERTY
 @given(AXIS, ANGLE)
-def test_the_vector_of_a_rotation_is_its_own(
+def test_rotation_vector_of_rotation_is_recovered(
     axis: tuple[float, float, float], angle: float
 ) -> None:
     turned = rotation(vector(axis, angle))
-    found = np.array(vector_of(tuple(turned.ravel().tolist())))
-    assert np.linalg.norm(found) <= math.pi + 1e-12
-    assert rotation(found) == pytest.approx(turned, abs=1e-13)
+    recovered = np.array(vector_of(tuple(turned.ravel().tolist())))
+    assert np.linalg.norm(recovered) <= math.pi + 1e-12
+    assert rotation(recovered) == pytest.approx(turned, abs=1e-13)
     if angle < 3.14:
-        assert found == pytest.approx(vector(axis, angle), abs=1e-12)
+        assert recovered == pytest.approx(vector(axis, angle), abs=1e-12)
 
 
 @PROPERTY
 @given(AXIS, between(0.0, 5.0), RATE, RATE)
-def test_angular_velocity_and_acceleration_are_derivatives(
+def test_angular_motion_equals_derivatives_of_rotation(
     axis: tuple[float, float, float],
     angle: float,
     rate: tuple[float, float, float],
@@ -107,7 +110,7 @@ def test_angular_velocity_and_acceleration_are_derivatives(
         return phi + time * first + 0.5 * time * time * second, first + time * second
 
     def velocity(time: float) -> Array:
-        where, speed = (tuple(each.tolist()) for each in at(time))
+        where, speed = (tuple(entry.tolist()) for entry in at(time))
         return np.array(angular_motion(where, speed, acceleration)[0])
 
     omega, alpha = angular_motion(tuple(phi.tolist()), rate, acceleration)
@@ -118,7 +121,7 @@ def test_angular_velocity_and_acceleration_are_derivatives(
 
 @PROPERTY
 @given(AXIS, between(0.0, 3.0), AXIS, ANGLE, RATE, RATE)
-def test_the_orientation_error_is_an_axis_times_the_sine_of_the_angle(
+def test_orientation_error_is_axis_times_sine_of_angle(
     axis: tuple[float, float, float],
     angle: float,
     around: tuple[float, float, float],
@@ -137,7 +140,7 @@ def test_the_orientation_error_is_an_axis_times_the_sine_of_the_angle(
         )
 
     assert error(0.0) == pytest.approx(math.sin(off) * np.array(around), abs=1e-13)
-    found = orientation_error_rate(
+    error_rate = orientation_error_rate(
         tuple(actual.ravel().tolist()), omega, tuple(desired.ravel().tolist()), desired_omega
     )
-    assert np.array(found) == pytest.approx(derivative(error), abs=1e-9)
+    assert np.array(error_rate) == pytest.approx(derivative(error), abs=1e-9)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits of the joints' speeds and positions: of a URDF, and by `robot.speed_limits`."""
+"""Speed and position limits of joints, from a URDF and from `robot.speed_limits`."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ UNLIMITED = (-math.inf, math.inf)
 
 
 def mechanism(*settings: str, **values: Any) -> Mechanism:
-    """Return the small robot with limits that the parameter names."""
+    """Return the small robot with the speed limits of the parameter."""
     return chosen({**parameters(), 'robot.speed_limits': settings, **values})
 
 
-def test_limits_of_urdf_are_per_driven_joint() -> None:
+def test_limits_of_urdf_apply_per_driven_joint() -> None:
     small = mechanism()
     assert small.speed_limits == (math.inf, math.inf, 3.0, 3.0, 3.0, 3.0, 3.0)
     assert small.position_limits == (UNLIMITED, UNLIMITED, *((-3.0, 3.0),) * 5)
 
 
-def test_speed_of_zero_in_urdf_is_no_limit() -> None:
+def test_speed_limit_zero_in_urdf_is_no_limit() -> None:
     unknown = URDF.replace('velocity="3"', 'velocity="0"')
     missing = URDF.replace(' velocity="3"', '')
     for text in (unknown, missing):
         assert mechanism(**{'robot.urdf': text}).speed_limits == (math.inf,) * 7
 
 
-def test_speed_limits_replace_those_of_urdf() -> None:
+def test_speed_limits_parameter_replaces_urdf_limits() -> None:
     limits = mechanism('lift_joint 0.07', 'wheel_left_joint 9', 'hand_joint 0').speed_limits
     assert limits == (math.inf, 9.0, 3.0, 0.07, 3.0, 3.0, math.inf)
 
 
-def test_base_without_wheels_has_speed_limits() -> None:
+def test_speed_limits_base_without_wheels_apply_to_base_joint() -> None:
     values = {
         'robot.base': 'omnidirectional',
         'robot.wheels': (),
@@ -53,14 +53,14 @@ def test_base_without_wheels_has_speed_limits() -> None:
     assert limits[:4] == (math.inf, math.inf, 0.5, 3.0)
 
 
-def test_planar_robot_has_no_limits_unless_named() -> None:
+def test_speed_limits_planar_robot_apply_only_if_configured() -> None:
     assert chosen({}) is DEFAULT
     assert DEFAULT.speed_limits == (math.inf,) * 4
     assert DEFAULT.position_limits == (UNLIMITED,) * 4
     limited = chosen({'robot.speed_limits': ['arm_joint_2 1.5']})
     assert limited.speed_limits == (math.inf, math.inf, math.inf, 1.5)
     assert limited.tag == DEFAULT.tag
-    # Another process that is told this choice makes the same mechanism of it.
+    # Another process that receives this choice creates an equal mechanism.
     assert chosen(limited.choice) is limited
 
 
@@ -75,7 +75,7 @@ def test_planar_robot_has_no_limits_unless_named() -> None:
         ('lift_joint inf', 'a speed >= 0'),
     ],
 )
-def test_wrong_speed_limit_is_one_line(setting: str, expected: str) -> None:
+def test_speed_limits_invalid_setting_raises_one_line(setting: str, expected: str) -> None:
     for values in ({'robot.urdf': URDF}, {}):
         name = 'lift_joint' if values else 'arm_joint_1'
         with pytest.raises(InputError) as raised:
@@ -89,12 +89,12 @@ def test_wrong_speed_limit_is_one_line(setting: str, expected: str) -> None:
                 assert joint.name in str(raised.value)
 
 
-def test_speed_limit_given_twice_is_rejected() -> None:
+def test_speed_limits_joint_named_twice_raises() -> None:
     with pytest.raises(InputError, match=r"'lift_joint 2\.0' again"):
         mechanism('lift_joint 1.0', 'lift_joint 2.0')
 
 
-def test_speed_limits_are_set_by_file_and_command_line(tmp_path: Path) -> None:
+def test_speed_limits_file_and_command_line_set_them(tmp_path: Path) -> None:
     path = write_scenario(tmp_path, [0.0] * 6, 1.0)
     text = path.read_text(encoding='utf-8')
     path.write_text(
@@ -111,7 +111,7 @@ def test_speed_limits_are_set_by_file_and_command_line(tmp_path: Path) -> None:
     assert chosen(values['controller']).speed_limits[2] == 2.0
 
 
-def test_empty_setting_of_a_dump_is_no_speed_limit() -> None:
-    """A ROS parameter file writes an empty list as one empty string."""
+def test_speed_limits_empty_string_of_dump_is_no_limit() -> None:
+    """A ROS parameter file contains an empty list as one empty string."""
     limits = chosen({'robot.speed_limits': ('',)}).speed_limits
     assert all(limit == float('inf') for limit in limits)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trees of bodies: their dynamics against themselves, closed forms, energy and differences."""
+"""Dynamics of trees: consistency, closed forms, energy and finite differences."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ trees = st.builds(
 
 
 class Drawn:
-    """A random robot of so many bodies, and random states of it, in columns."""
+    """A random robot and random states of it, in columns."""
 
     def __init__(self, seed: int, bodies: int, base: int) -> None:
-        """Draw them."""
+        """Draw the robot and its states."""
         draw = np.random.default_rng(seed)
         joints = max(bodies - 1, 1 if base == FIXED else 0)
         bodies = joints + 1
@@ -54,7 +54,7 @@ class Drawn:
         turns = np.linalg.qr(draw.normal(size=(bodies, 3, 3)))[0]
         turns *= np.linalg.det(turns)[:, None, None]
         axes = draw.normal(size=(bodies, 3))
-        # Rotors of wheels couple the base's rates, those of joints nothing.
+        # Rotors of wheels couple the velocities of the base; rotors of joints couple none.
         root = np.diag(draw.normal(size=size))
         root[:base, :base] = draw.normal(size=(base, base))
         self.tree = Tree(
@@ -74,7 +74,7 @@ class Drawn:
         self.velocity, self.reference, self.acceleration = draw.normal(size=(3, size, STATES))
 
     def postures(self, position: Array | None = None) -> list[Posture]:
-        """Place the bodies."""
+        """Return the kinematics of every state."""
         columns = (self.position if position is None else position).T
         first = 3 if self.tree.base else 0
         return [
@@ -85,7 +85,7 @@ class Drawn:
         ]
 
     def thetas(self) -> Array:
-        """Return the moments of the bodies in every state."""
+        """Return the inertial parameters of the bodies in every state."""
         return np.ascontiguousarray(self.moments.reshape(-1, self.moments.shape[2]).T)
 
     def forces(
@@ -97,7 +97,7 @@ class Drawn:
         position: Array | None = None,
     ) -> Array:
         """Return H a_r + C nu_r + g."""
-        columns = (each.T.copy() for each in (velocity, reference, acceleration))
+        columns = (rows.T.copy() for rows in (velocity, reference, acceleration))
         return np.array([
             dynamics.inverse_dynamics(self.model, posture, theta, *motion, gravity)
             for posture, theta, *motion in zip(
@@ -107,14 +107,14 @@ class Drawn:
 
     def inertia(self, position: Array | None = None) -> Array:
         """Return H."""
-        found = [
+        matrices = [
             dynamics.inertia(self.model, posture, theta)
             for posture, theta in zip(self.postures(position), self.thetas(), strict=True)
         ]
-        return np.stack(found, axis=2)
+        return np.stack(matrices, axis=2)
 
     def position_rates(self, position: Array, velocity: Array) -> Array:
-        """Return the derivative of the positions."""
+        """Return the time derivative of the positions."""
         base = self.tree.base
         if base == FIXED:
             return velocity
@@ -124,10 +124,10 @@ class Drawn:
         return np.array([c * u - s * v, s * u + c * v, omega, *velocity[base:]])
 
     def acceleration_of(self, position: Array, velocity: Array, forces: Array) -> Array:
-        """Return the acceleration under forces."""
+        """Return the accelerations under generalised forces."""
         return np.array([
-            articulated.forward_dynamics(self.model, posture, theta, nu, pushed, GRAVITY)
-            for posture, theta, nu, pushed in zip(
+            articulated.forward_dynamics(self.model, posture, theta, nu, applied_forces, GRAVITY)
+            for posture, theta, nu, applied_forces in zip(
                 self.postures(position),
                 self.thetas(),
                 velocity.T.copy(),
@@ -146,7 +146,7 @@ class Drawn:
 
 
 def _moments(draw: Any) -> list[float]:
-    """Draw the moments of some points of mass: those of a body that can exist."""
+    """Draw inertial parameters of several mass points, which form a possible body."""
     masses, points = draw.uniform(0.1, 2.0, 6), draw.normal(size=(6, 3))
     second = np.einsum('p,pi,pj->ij', masses, points, points)
     first = masses @ points
@@ -157,7 +157,7 @@ def _moments(draw: Any) -> list[float]:
 
 @FEW
 @given(trees)
-def test_inertia_is_what_accelerations_take(robot: Drawn) -> None:
+def test_tree_inertia_columns_equal_forces_of_accelerations(robot: Drawn) -> None:
     still, inertia = np.zeros_like(robot.velocity), robot.inertia()
     for column in range(len(still)):
         unit = still.copy()
@@ -170,7 +170,7 @@ def test_inertia_is_what_accelerations_take(robot: Drawn) -> None:
 
 @FEW
 @given(trees)
-def test_rate_of_inertia_less_twice_coriolis_is_skew(robot: Drawn) -> None:
+def test_tree_inertia_rate_minus_2_coriolis_is_skew_symmetric(robot: Drawn) -> None:
     still, columns = np.zeros_like(robot.velocity), []
     for row in range(len(still)):
         unit = still.copy()
@@ -188,13 +188,13 @@ def test_rate_of_inertia_less_twice_coriolis_is_skew(robot: Drawn) -> None:
 
 @FEW
 @given(trees)
-def test_power_is_moments_times_gradients(robot: Drawn) -> None:
+def test_tree_moment_gradients_times_moments_equal_power(robot: Drawn) -> None:
     error = robot.velocity - robot.reference
     columns = (robot.velocity, robot.reference, robot.acceleration, error)
     gradients = np.array([
         dynamics.moment_gradients(robot.model, posture, *moved, GRAVITY, sigma)
         for posture, *moved, sigma in zip(
-            robot.postures(), *(each.T.copy() for each in columns), strict=True
+            robot.postures(), *(rows.T.copy() for rows in columns), strict=True
         )
     ])
     forces = robot.forces(robot.velocity, robot.reference, robot.acceleration)
@@ -205,23 +205,23 @@ def test_power_is_moments_times_gradients(robot: Drawn) -> None:
 
 @FEW
 @given(trees)
-def test_forward_dynamics_undo_inverse_dynamics(robot: Drawn) -> None:
+def test_tree_forward_dynamics_invert_inverse_dynamics(robot: Drawn) -> None:
     forces = robot.forces(robot.velocity, robot.velocity, robot.acceleration)
-    found = robot.acceleration_of(robot.position, robot.velocity, forces)
-    assert found == pytest.approx(robot.acceleration, rel=1e-7, abs=1e-7)
+    accelerations = robot.acceleration_of(robot.position, robot.velocity, forces)
+    assert accelerations == pytest.approx(robot.acceleration, rel=1e-7, abs=1e-7)
 
 
 @settings(max_examples=10)
 @given(trees)
-def test_energy_of_a_tree_that_nothing_drives_is_kept(robot: Drawn) -> None:
+def test_tree_without_forces_keeps_energy(robot: Drawn) -> None:
     position, velocity = robot.position.copy(), robot.velocity.copy()
-    none, step = np.zeros_like(velocity), 2.0e-4
+    no_forces, step = np.zeros_like(velocity), 2.0e-4
     before = robot.energy(position, velocity)
 
     def rates(position: Array, velocity: Array) -> tuple[Array, Array]:
         return (
             robot.position_rates(position, velocity),
-            robot.acceleration_of(position, velocity, none),
+            robot.acceleration_of(position, velocity, no_forces),
         )
 
     for _ in range(50):
@@ -237,14 +237,14 @@ def test_energy_of_a_tree_that_nothing_drives_is_kept(robot: Drawn) -> None:
 
 @FEW
 @given(trees, st.integers(0, 2**32 - 1))
-def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: int) -> None:
+def test_tree_jacobian_and_rate_equal_differences(robot: Drawn, seed: int) -> None:
     draw = np.random.default_rng(seed)
     body = int(draw.integers(0, len(robot.tree.parent)))
     point = tuple(draw.normal(size=3).tolist())
     model = model_of(robot.tree, body, point)
 
     def at(position: Array) -> tuple[Array, Array, Array]:
-        """Return pose, Jacobian and derivative in the first state, in the world's frame."""
+        """Return pose, Jacobian and its derivative in the first state, in the world frame."""
         posture, nu = robot.postures(position)[0], robot.velocity[:, 0].copy()
         rotation, origin = frame_pose(model, posture, 0)
         jacobian = kinematics.point_jacobian(model, posture, body, point)
@@ -262,15 +262,15 @@ def test_jacobian_and_its_derivative_are_those_of_the_point(robot: Drawn, seed: 
     moved = (after - before) / (2.0 * step)
     assert np.abs(moved[:3] - motion[:3]).max() < 1e-7 * scale
     spin = moved[3:].reshape(3, 3) @ place[3:].reshape(3, 3).T
-    found = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
-    assert np.abs(found - motion[3:]).max() < 1e-7 * scale
+    angular_velocity = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    assert np.abs(angular_velocity - motion[3:]).max() < 1e-7 * scale
     rate = (jacobian_after - jacobian_before) / (2.0 * step)
     assert np.abs(rate - derivative).max() < 1e-6 * scale
 
 
 @FEW
 @given(trees)
-def test_a_robot_side_by_side_with_others_has_the_bits_of_it_alone(robot: Drawn) -> None:
+def test_tree_lane_among_others_equals_single_robot(robot: Drawn) -> None:
     together = Drawn.__new__(Drawn)
     together.__dict__.update(robot.__dict__)
     numbers = robot.model.numbers
@@ -280,18 +280,18 @@ def test_a_robot_side_by_side_with_others_has_the_bits_of_it_alone(robot: Drawn)
     forces = robot.forces(*moved)
     assert together.forces(*moved).tobytes() == forces.tobytes()
     assert together.inertia().tobytes() == robot.inertia().tobytes()
-    found = together.acceleration_of(robot.position, robot.velocity, forces)
+    lane_accelerations = together.acceleration_of(robot.position, robot.velocity, forces)
     free = robot.acceleration_of(robot.position, robot.velocity, forces)
-    assert found.tobytes() == free.tobytes()
+    assert lane_accelerations.tobytes() == free.tobytes()
 
 
 @FEW
 @given(machines(), st.integers(0, 2**32 - 1))
-def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: int) -> None:
+def test_tree_planar_robot_equals_closed_form(machine: Machine, seed: int) -> None:
     draw = np.random.default_rng(seed)
     # A link without mass has no inertia in a description.
     assume(machine.physical['wheel_mass'] > 0.0)
-    # The description gives a wheel at least what a disc has about its diameter.
+    # The description gives a wheel at least the diametral inertia of a disc.
     physical = dict(machine.physical)
     spin = physical['wheel_spin_inertia']
     physical['wheel_yaw_inertia'] = max(physical['wheel_yaw_inertia'], spin / 2.0)
@@ -308,14 +308,14 @@ def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: i
         wheel_radius=geometry.wheel_radius,
     )
     angles = draw.uniform(-3.0, 3.0, 3)
-    rates, wanted, pushed = draw.normal(size=(3, 4))
+    rates, wanted, applied_forces = draw.normal(size=(3, 4))
     r, b = geometry.wheel_radius, geometry.half_track
     to_tree = np.eye(4)
     to_tree[:2, :2] = [[r / 2.0, r / 2.0], [r / (2.0 * b), -r / (2.0 * b)]]
 
     posture = two_link.posture(geometry, (0.0, 0.0, angles[0], 0.0, 0.0, *angles[1:]))
     motion, reference, acceleration = (
-        two_link.motion(geometry, tuple(each)) for each in (rates, wanted, pushed)
+        two_link.motion(geometry, tuple(v)) for v in (rates, wanted, applied_forces)
     )
     y = two_link.regressor(geometry, posture, motion, reference, acceleration)
     torques = two_link.joint_torques(
@@ -324,7 +324,7 @@ def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: i
 
     model = model_of(robot)
     place = kinematics.place(model, 0.0, 0.0, angles[0], angles[1:], 0)
-    velocity, along, gained = (to_tree @ each for each in (rates, wanted, pushed))
+    velocity, along, gained = (to_tree @ v for v in (rates, wanted, applied_forces))
     forces = dynamics.inverse_dynamics(
         model, place, robot.moments.ravel(), velocity, along, gained, GRAVITY
     )
@@ -332,7 +332,7 @@ def test_the_planar_robot_as_a_tree_is_its_closed_form(machine: Machine, seed: i
     assert np.abs(to_tree.T @ forces - torques).max() < 1e-10 * scale
 
 
-def test_moments_of_the_bodies_are_those_of_bodies() -> None:
+def test_tree_planar_robot_bodies_are_consistent() -> None:
     values = {f'robot.{name}': value for name, value in DEFAULT.items()}
     robot = tree_robot(read_urdf(robot_description(values), 'x'), 'x')
     for moments in robot.moments[1:]:
@@ -341,13 +341,13 @@ def test_moments_of_the_bodies_are_those_of_bodies() -> None:
 
 
 RECORDED = 'da172e702aeef37631c61b963ac6bad5d84b30f5eb40cb04374562ec6cee4847'
-"""Digest as every machine must give it."""
+"""Digest that every machine must produce."""
 
 ADAPTED = '275cb56cdd8ddff1329564540dee44126855dbab9703ca773021c496c27fcb45'
-"""That of adapted moments."""
+"""Digest of adapted inertial parameters."""
 
 
-def test_this_machine_gives_the_recorded_bits() -> None:
+def test_tree_dynamics_on_this_machine_equal_recorded_digest() -> None:
     assert digest() == RECORDED
     assert adapted_digest() == ADAPTED
 
@@ -361,8 +361,10 @@ def test_this_machine_gives_the_recorded_bits() -> None:
     ],
     ids=['SSE2', 'interpreted'],
 )
-def test_another_machine_gives_the_same_bits(settings: dict[str, str], tmp_path: Path) -> None:
-    found = subprocess.run(
+def test_tree_dynamics_on_other_machine_equal_recorded_digest(
+    settings: dict[str, str], tmp_path: Path
+) -> None:
+    process = subprocess.run(
         [sys.executable, str(Path(tree_bits.__file__))],
         env={
             **os.environ,
@@ -375,4 +377,4 @@ def test_another_machine_gives_the_same_bits(settings: dict[str, str], tmp_path:
         check=True,
         timeout=600.0,
     )
-    assert found.stdout.split() == [RECORDED, ADAPTED]
+    assert process.stdout.split() == [RECORDED, ADAPTED]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contract of mechanisms as trees carry it out: dualities, derivatives, redundancy."""
+"""Mechanism interface of trees: dualities, derivatives, redundancy and limits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from small_tree import parameters, START
 
 Array = NDArray[np.float64]
 
-# Every formula is a kernel of its own here.
+# Every compiled function is compiled separately here.
 pytestmark = pytest.mark.slow
 
 FEW = settings(max_examples=20, deadline=None)
@@ -48,7 +48,7 @@ TASK = st.sampled_from((
     ('base', 'joints'),
     ('planar hand', 'base'),
 ))
-"""As many axes as velocities or fewer; those with base on a base that goes sideways."""
+"""Tasks with at most as many axes as velocities; `base` requires an omnidirectional base."""
 H = 1e-4
 
 VISCOUS = (0.1, 0.2, 3.0, 4.0, 0.5, 0.6, 0.7)
@@ -56,51 +56,55 @@ COULOMB = (0.7, 0.6, 0.5, 4.0, 3.0, 0.2, 0.1)
 
 
 class Drawn:
-    """The small robot in a random state that is not singular."""
+    """The small robot in a random regular state."""
 
     def __init__(
-        self, seed: int, task: tuple[str, ...] = ('pose',), friction: bool = False, **given: Any
+        self,
+        seed: int,
+        task: tuple[str, ...] = ('pose',),
+        friction: bool = False,
+        **settings_: Any,
     ) -> None:
-        """Draw it; `given` are parameters of the robot."""
+        """Draw the state; `settings_` are parameters of the robot."""
         values: dict[str, Any] = {**parameters(), 'robot.task': task}
         if friction:
             values |= {'robot.friction': 'parameters', 'robot.viscous_friction': VISCOUS}
             values |= {'robot.coulomb_friction': COULOMB}
-        rest = START
+        nominal_posture = START
         if 'base' in task:
-            # Of two wheels none could go sideways.
+            # A base on two wheels cannot move sideways.
             values |= {'robot.base': 'omnidirectional', 'robot.wheels': ()}
             values |= {'robot.held_joints': parameters()['robot.wheels']}
             values |= {'robot.joints': ('turret_joint', 'lift_joint', 'upper_joint')}
             values |= {'robot.posture': START[2:5]}
-            rest = (0.0, 0.0, 0.0, *START[2:5])
+            nominal_posture = (0.0, 0.0, 0.0, *START[2:5])
         self.mechanism = tree_mechanism(values)
         values = {p.name: p.default for p in self.mechanism.parameters} | values
-        self.values = values | {f'robot.{name}': each for name, each in given.items()}
+        self.values = values | {f'robot.{name}': value for name, value in settings_.items()}
         self.robot = robot_of(self.values)
         numbers = self.robot.geometry[:, None]
         axes = axes_of(numbers, 0, (0.0,) * len(self.mechanism.axes))
         self.model = TreeModel(numbers, 0, axes)
         draw = np.random.default_rng(seed)
-        self.position = np.array([0.0, 0.0, 0.0, *rest])
+        self.position = np.array([0.0, 0.0, 0.0, *nominal_posture])
         self.position += draw.uniform(-0.3, 0.3, len(self.position))
-        self.rates, self.force, self.torques = draw.normal(size=(3, len(rest)))
+        self.rates, self.force, self.torques = draw.normal(size=(3, len(nominal_posture)))
         self.twist, self.change, self.pull = draw.normal(size=(3, len(axes)))
-        # So slow that no speed limit matters.
+        # Too slow for any speed limit.
         self.twist *= 0.02
         self.theta = self.robot.theta
         self.like = tuple(self.rates.tolist())
 
     def posture(self, position: Array | None = None) -> Any:
-        """Return where the bodies are."""
+        """Return the kinematics of positions."""
         return mechanism.posture(self.model, numbers(self.at(position)))
 
     def at(self, position: Array | None = None) -> Array:
-        """Return positions, those of the state where none are given."""
+        """Return the positions, or those of the state for None."""
         return self.position if position is None else position
 
     def moved(self, time: float) -> Array:
-        """Return the positions a little later, at constant velocities nu, by Runge and Kutta."""
+        """Return the positions after `time` at constant velocities nu, by Runge and Kutta."""
         nu = mechanism.motion(self.model, numbers(self.rates))
 
         def slope(at: Array) -> Array:
@@ -115,7 +119,7 @@ class Drawn:
         return np.asarray(start + time / 6.0 * (one + 2.0 * two + 2.0 * three + four))
 
     def reference(self, time: float) -> tuple[Array, Array]:
-        """Return nu_r and a_r a little later, for a task whose velocity changes."""
+        """Return nu_r and a_r after `time`, for a task whose velocity changes."""
         at = self.moved(time)
         v, a, _ = mechanism.reference_motion(
             self.model,
@@ -143,20 +147,20 @@ class Drawn:
         ])
 
 
-def numbers(of: Array) -> tuple[float, ...]:
-    """Return an array as formulas take it."""
-    return tuple(of.tolist())
+def numbers(array: Array) -> tuple[float, ...]:
+    """Return an array as a tuple for compiled functions."""
+    return tuple(array.tolist())
 
 
-def derivative(of: Callable[[float], Array], step: float = H) -> Array:
+def derivative(function: Callable[[float], Array], step: float = H) -> Array:
     """Return the derivative at zero, by differences of fourth order."""
-    inner, outer = of(step) - of(-step), of(2.0 * step) - of(-2.0 * step)
+    inner, outer = function(step) - function(-step), function(2.0 * step) - function(-2.0 * step)
     return (8.0 * inner - outer) / (12.0 * step)
 
 
 @FEW
 @given(SEED)
-def test_velocities_and_forces_of_the_wheels_have_the_same_power(seed: int) -> None:
+def test_tree_wheel_velocity_and_force_maps_preserve_power(seed: int) -> None:
     drawn = Drawn(seed)
     model = drawn.model
     nu = np.array(mechanism.motion(model, numbers(drawn.rates)))
@@ -168,24 +172,24 @@ def test_velocities_and_forces_of_the_wheels_have_the_same_power(seed: int) -> N
 
 @FEW
 @given(SEED, TASK)
-def test_the_jacobian_is_that_of_the_task(
+def test_tree_jacobian_is_derivative_of_task_error(
     seed: int, task: tuple[str, ...]
 ) -> None:
-    """Origins, rotations and joints move as J nu says, and J' gives forces of the same power."""
+    """Origins, rotations and joints move at J nu; forces of J' have the same power."""
     drawn = Drawn(seed, task)
     nu = mechanism.motion(drawn.model, numbers(drawn.rates))
     twist = np.array(mechanism.task_velocity(drawn.model, drawn.posture(), nu))
     pose = mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
 
-    def off(time: float) -> Array:
+    def error(time: float) -> Array:
         at = drawn.moved(time)
         return np.array(
             mechanism.task_error(drawn.model, drawn.posture(at), numbers(at), pose)
         )
 
-    assert off(0.0) == pytest.approx(np.zeros(len(twist)), abs=1e-14)
-    # Near zero, the orientation error is the angle by which it has turned.
-    assert derivative(off) == pytest.approx(twist, abs=1e-8)
+    assert error(0.0) == pytest.approx(np.zeros(len(twist)), abs=1e-14)
+    # Near zero, the orientation error is the angle of the rotation.
+    assert derivative(error) == pytest.approx(twist, abs=1e-8)
     force = mechanism.forces_from_task(
         drawn.model, drawn.posture(), numbers(drawn.pull), drawn.like
     )
@@ -194,7 +198,7 @@ def test_the_jacobian_is_that_of_the_task(
 
 @FEW
 @given(SEED, TASK)
-def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
+def test_tree_reference_motion_fulfils_task_with_derivative(
     seed: int, task: tuple[str, ...]
 ) -> None:
     drawn = Drawn(seed, task, damping=0.0, base_mobility=0.3, posture_gain=0.02)
@@ -203,21 +207,22 @@ def test_the_reference_motion_fulfils_the_task_and_has_its_derivative(
     assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-11)
     size = 1.0 + np.abs(a_r).max()
     assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-6 * size)
-    # What damps is in proportion to what the motion is off by.
+    # The damping is proportional to the velocity error.
     damped = Drawn(seed, task, damping=3.0, base_mobility=0.3, posture_gain=0.02)
-    _, less, _ = mechanism.reference_motion(
+    _, damped_acceleration, _ = mechanism.reference_motion(
         damped.model, damped.posture(), numbers(damped.position), nu,
         numbers(damped.twist), numbers(damped.change),
     )  # fmt: skip
-    assert a_r - np.array(less) == pytest.approx(3.0 * (np.array(nu) - v_r), abs=1e-9)
+    damping = 3.0 * (np.array(nu) - v_r)
+    assert a_r - np.array(damped_acceleration) == pytest.approx(damping, abs=1e-9)
 
 
 @FEW
 @given(SEED, st.floats(0.02, 0.98), st.booleans())
-def test_near_its_end_a_joint_moves_less_for_the_task(
+def test_tree_reference_motion_near_joint_limit_slows_joint(
     seed: int, part: float, is_upper: bool
 ) -> None:
-    """Down to nothing at the end, and a_r is the derivative of what it does there."""
+    """The contribution vanishes at the end, and a_r is the derivative of the reduced motion."""
     drawn = Drawn(seed, ('position',), damping=0.0, limit_margin=0.1, posture_gain=0.02)
     lower, upper = (drawn.mechanism.joint_limits[name][5] for name in ('lower', 'upper'))
     margin = 0.1 * (upper - lower)
@@ -227,16 +232,16 @@ def test_near_its_end_a_joint_moves_less_for_the_task(
     assert drawn.jacobian() @ v_r == pytest.approx(drawn.twist, abs=1e-10)
     size = 1.0 + np.abs(a_r).max()
     assert a_r == pytest.approx(derivative(lambda time: drawn.reference(time)[0]), abs=1e-5 * size)
-    # At the end it does what the posture asks for, which leads back, and nothing else.
+    # At its end the joint only follows the posture term, which leads back.
     drawn.position[place] = upper if is_upper else lower
     v_r, _ = drawn.reference(0.0)
-    rest = parameters()['robot.posture'][3]
-    assert v_r[5] == pytest.approx(-0.02 * (drawn.position[place] - rest), abs=1e-12)
+    nominal = parameters()['robot.posture'][3]
+    assert v_r[5] == pytest.approx(-0.02 * (drawn.position[place] - nominal), abs=1e-12)
 
 
 @FEW
 @given(SEED, TASK)
-def test_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ...]) -> None:
+def test_tree_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ...]) -> None:
     drawn = Drawn(seed, task, speed_limits=('lift_joint 0.07',))
     drawn.twist *= 100.0
     v_r, _ = drawn.reference(0.0)
@@ -248,21 +253,21 @@ def test_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ...]) -
 
 @FEW
 @given(SEED)
-def test_limited_reference_motion_has_its_derivative(seed: int) -> None:
+def test_tree_reference_motion_limited_has_its_derivative(seed: int) -> None:
     limits = ('wheel_right_joint 0.01', 'wheel_left_joint 0.01')
     drawn = Drawn(seed, damping=0.0, posture_gain=0.02, speed_limits=limits)
     v_r, a_r = drawn.reference(0.0)
     rates = np.abs(mechanism.joint_rates(drawn.model, numbers(v_r)))
     assert rates[:2].max() == pytest.approx(0.009, rel=1e-9)
-    # Two steps show how far the differences have converged; they do not where the limit passes
-    # from one wheel to the other.
+    # Two steps bound the error of the differences. They do not converge at the transition of the
+    # limit from one wheel to the other.
     coarse, fine = (derivative(lambda time: drawn.reference(time)[0], step) for step in (H, H / 2))
-    size, rest = 1.0 + np.abs(a_r).max(), np.abs(fine - coarse).max()
-    assume(rest < 1e-3 * size)
-    assert a_r == pytest.approx(fine, abs=rest + 1e-6 * size)
+    size, difference = 1.0 + np.abs(a_r).max(), np.abs(fine - coarse).max()
+    assume(difference < 1e-3 * size)
+    assert a_r == pytest.approx(fine, abs=difference + 1e-6 * size)
 
 
-def test_path_out_of_reach_ends_at_rest_without_chatter() -> None:
+def test_tree_path_out_of_reach_ends_at_rest_without_chatter() -> None:
     drawn = Drawn(0, ('position',))
     drawn.position[:] = 0.0, 0.0, 0.0, *START
     still = numbers(np.zeros(7))
@@ -285,7 +290,7 @@ def test_path_out_of_reach_ends_at_rest_without_chatter() -> None:
 
 @FEW
 @given(SEED, TASK)
-def test_motion_that_the_task_does_not_see(seed: int, task: tuple[str, ...]) -> None:
+def test_tree_null_space_motion_does_not_move_task(seed: int, task: tuple[str, ...]) -> None:
     drawn = Drawn(seed, task)
     unseen = _unseen(drawn.model, drawn.posture(), drawn.like)
     assert drawn.jacobian() @ unseen == pytest.approx(np.zeros(len(drawn.twist)), abs=1e-9)
@@ -293,7 +298,7 @@ def test_motion_that_the_task_does_not_see(seed: int, task: tuple[str, ...]) -> 
     assert np.array(again) == pytest.approx(np.array(unseen), abs=1e-9)
 
 
-def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:
+def test_tree_joint_at_limit_stops_while_others_continue() -> None:
     reached = {}
     for margin in (0.0, 0.1):
         drawn = Drawn(0, ('position',), limit_margin=margin, posture_gain=0.0)
@@ -303,7 +308,7 @@ def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:
         start = np.array(
             mechanism.task_position(drawn.model, drawn.posture(), numbers(drawn.position))
         )
-        # Where that joint takes it, and nothing else did more.
+        # The direction in which this joint moves the hand.
         wanted = 0.1 * drawn.jacobian()[:, 5] / np.linalg.norm(drawn.jacobian()[:, 5])
         for _ in range(300):
             v_r, _, _ = mechanism.reference_motion(
@@ -324,7 +329,7 @@ def test_a_joint_does_not_pass_its_end_where_others_can_go_on() -> None:
 
 @FEW
 @given(SEED, TASK)
-def test_the_error_has_its_derivative(
+def test_tree_tracking_error_derivatives_equal_differences(
     seed: int, task: tuple[str, ...]
 ) -> None:
     drawn = Drawn(seed, task)
@@ -345,20 +350,20 @@ def test_the_error_has_its_derivative(
             drawn.model, drawn.posture(at), numbers(at), nu, tuple(map(numbers, desired))
         )
 
-    now = tracking(0.0)
-    assert np.array(now.error_derivative) == pytest.approx(
+    current = tracking(0.0)
+    assert np.array(current.error_derivative) == pytest.approx(
         derivative(lambda time: np.array(tracking(time).error)), abs=1e-7
     )
-    assert np.array(now.acceleration) == pytest.approx(
+    assert np.array(current.acceleration) == pytest.approx(
         derivative(lambda time: np.array(tracking(time).velocity)), abs=1e-7
     )
     twist = np.array(mechanism.task_velocity(drawn.model, drawn.posture(), nu))
-    assert now.velocity_error == pytest.approx(twist - np.array(now.velocity), abs=1e-12)
+    assert current.velocity_error == pytest.approx(twist - np.array(current.velocity), abs=1e-12)
 
 
 @FEW
 @given(SEED, TASK, st.booleans())
-def test_the_dynamics_agree_with_each_other(
+def test_tree_dynamics_functions_agree_with_each_other(
     seed: int, task: tuple[str, ...], friction: bool
 ) -> None:
     drawn = Drawn(seed, task, friction and 'base' not in task)
@@ -370,62 +375,64 @@ def test_the_dynamics_agree_with_each_other(
     total = np.array(mechanism.regressor_times(model, y, drawn.theta))
     bias = np.array(mechanism.coriolis(model, posture, drawn.theta, nu))
     assert total == pytest.approx(h @ np.array(a) + bias, abs=1e-9)
-    # The inertia of rotors and wheels is in H and no parameter: Y' sees the rest.
-    none = np.array(mechanism.regressor_times(model, y, np.zeros(len(drawn.theta))))
+    # The inertia of rotors and wheels is part of H and no parameter: Y' contains the remainder.
+    armature_forces = np.array(mechanism.regressor_times(model, y, np.zeros(len(drawn.theta))))
     gradient = mechanism.regressor_transpose_times(model, y, nu, drawn.theta)
-    assert np.dot(gradient, drawn.theta) == pytest.approx(np.dot(nu, total - none), abs=1e-8)
-    found = mechanism.inertia_solve(
+    power = np.dot(nu, total - armature_forces)
+    assert np.dot(gradient, drawn.theta) == pytest.approx(power, abs=1e-8)
+    acceleration = mechanism.inertia_solve(
         model, mechanism.inertia(model, posture, drawn.theta), numbers(drawn.torques)
     )
-    assert h @ np.array(found) == pytest.approx(drawn.torques, abs=1e-9)
+    assert h @ np.array(acceleration) == pytest.approx(drawn.torques, abs=1e-9)
     columns = mechanism.task_inertia(model, posture, drawn.theta, numbers(drawn.twist))
-    felt = np.array(columns).T @ (jacobian @ np.linalg.solve(h, jacobian.T))
-    assert felt == pytest.approx(np.eye(len(drawn.twist)), abs=1e-3)
+    product = np.array(columns).T @ (jacobian @ np.linalg.solve(h, jacobian.T))
+    assert product == pytest.approx(np.eye(len(drawn.twist)), abs=1e-3)
 
 
 @FEW
 @given(SEED)
-def test_friction_is_that_of_the_joints(seed: int) -> None:
-    """As dense matrices have it, in a law's torque and in the plant's acceleration."""
+def test_tree_friction_equals_joint_friction(seed: int) -> None:
+    """Friction equals dense matrices, in a law's torque and in the plant's acceleration."""
     drawn, smooth = Drawn(seed, friction=True), Drawn(seed)
     rates = drawn.rates
-    met = np.array(VISCOUS) * rates
-    met += np.array(COULOMB) * rates / np.sqrt(rates**2 + CREEP**2)
+    friction_torques = np.array(VISCOUS) * rates
+    friction_torques += np.array(COULOMB) * rates / np.sqrt(rates**2 + CREEP**2)
     nu = mechanism.motion(drawn.model, numbers(rates))
     differences = np.array(
         mechanism.coriolis(drawn.model, drawn.posture(), drawn.theta, nu)
     ) - np.array(mechanism.coriolis(smooth.model, smooth.posture(), smooth.theta, nu))
     torques = mechanism.joint_torques(drawn.model, numbers(differences))
-    assert torques == pytest.approx(met, abs=1e-9)
-    # The other way round: torques that make up for it leave the acceleration as it was.
-    of = drawn.model, drawn.posture(), drawn.theta, numbers(rates)
-    without = smooth.model, smooth.posture(), smooth.theta, numbers(rates)
-    accelerations = mechanism.joint_accelerations(*of, numbers(drawn.torques + met))
+    assert torques == pytest.approx(friction_torques, abs=1e-9)
+    # Conversely, torques that compensate the friction leave the acceleration unchanged.
+    rough_robot = drawn.model, drawn.posture(), drawn.theta, numbers(rates)
+    smooth_robot = smooth.model, smooth.posture(), smooth.theta, numbers(rates)
+    torques = numbers(drawn.torques + friction_torques)
+    accelerations = mechanism.joint_accelerations(*rough_robot, torques)
     assert accelerations == pytest.approx(
-        np.array(mechanism.joint_accelerations(*without, numbers(drawn.torques))), abs=1e-8
+        np.array(mechanism.joint_accelerations(*smooth_robot, numbers(drawn.torques))), abs=1e-8
     )
 
 
 @FEW
 @given(SEED)
-def test_coefficients_of_friction_go_down_the_gradient_and_not_below_zero(seed: int) -> None:
+def test_tree_friction_adaptation_keeps_coefficients_positive(seed: int) -> None:
     drawn = Drawn(seed, friction=True)
     draw = np.random.default_rng(seed)
     gradient, gamma = draw.normal(size=len(drawn.theta)), np.full(len(drawn.theta), 0.01)
-    found = adapted(drawn.model, drawn.theta, drawn.theta, gradient, gamma, 0.01, 5.0)
+    theta = adapted(drawn.model, drawn.theta, drawn.theta, gradient, gamma, 0.01, 5.0)
     bodies = len(drawn.theta) - 2 * len(VISCOUS)
     expected = np.maximum(0.0, drawn.theta[bodies:] - gradient[bodies:])
-    assert found[bodies:] == pytest.approx(expected, abs=1e-12)
+    assert theta[bodies:] == pytest.approx(expected, abs=1e-12)
     without = Drawn(seed)
-    alone = adapted(
+    bodies_only = adapted(
         without.model, without.theta, without.theta, gradient[:bodies], gamma[:bodies], 0.01, 5.0
     )
-    np.testing.assert_array_equal(found[:bodies], alone)
+    np.testing.assert_array_equal(theta[:bodies], bodies_only)
 
 
 @FEW
 @given(SEED)
-def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
+def test_tree_inconsistent_parameters_have_a_separating_normal(seed: int) -> None:
     drawn = Drawn(seed)
     theta = drawn.robot.theta
     assert mechanism.weakest_motion(drawn.model, theta)[0] > 0.0
@@ -438,13 +445,13 @@ def test_what_is_no_body_is_found_and_cut_off(seed: int) -> None:
         assert normal @ theta > 0.0
 
 
-def test_two_wheels_do_not_take_a_base_anywhere() -> None:
+def test_tree_base_task_on_two_wheels_raises() -> None:
     with pytest.raises(InputError, match=r'expected robot\.base omnidirectional or fixed'):
         tree_mechanism({**parameters(), 'robot.task': 'base'})
 
 
-def test_robots_with_other_tasks_have_formulas_of_their_own() -> None:
-    """In one process, whichever was made last."""
+def test_tree_robots_with_other_tasks_have_separate_functions() -> None:
+    """Both robots exist in one process, created in any order."""
     made = [
         tree_mechanism({**parameters(), 'robot.task': task}) for task in ('planar', 'position')
     ]

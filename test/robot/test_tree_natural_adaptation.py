@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Natural adaptation against linear algebra: what it does, and that bodies stay bodies."""
+"""Natural adaptation against linear algebra: update, and consistency of bodies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def body(seed: int) -> tuple[Array, Moments]:
-    """Draw the pseudo-inertia of some points of mass, on any scale, and its moments."""
+    """Draw the pseudo-inertia of mass points at any scale, and its inertial parameters."""
     draw = np.random.default_rng(seed)
     masses = draw.uniform(0.1, 1.0, 8) * 10.0 ** draw.uniform(-3.0, 3.0)
     points = draw.normal(size=(8, 3)) * 10.0 ** draw.uniform(-2.0, 0.0, 3)
@@ -36,20 +36,21 @@ def body(seed: int) -> tuple[Array, Moments]:
 
 def moments_of(p: Array) -> Moments:
     pairs = ((3, 3), (0, 3), (1, 3), (2, 3), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
-    found: Moments = tuple(float(p[i, j]) for i, j in pairs)  # type: ignore[assignment]  # ten of them
-    return found
+    # The tuple has ten entries.
+    entries: Moments = tuple(float(p[i, j]) for i, j in pairs)  # type: ignore[assignment]
+    return entries
 
 
 def gradient_of(seed: int) -> tuple[Array, Moments]:
-    """Draw a symmetric gradient, and its ten entries as derivatives by the moments."""
+    """Draw a symmetric gradient and its ten derivatives by the inertial parameters."""
     root = np.random.default_rng(seed).normal(size=(4, 4))
     matrix = root + root.T
     return matrix, moments_of(2.0 * matrix - np.diag(np.diag(matrix)))
 
 
 def is_of_a_body(moments: Moments) -> bool:
-    """Tell whether the pseudo-inertia of these numbers is positive definite, exactly."""
-    matrix = [[Fraction(float(each)) for each in row] for row in pseudo_inertia(moments)]
+    """Return True if the pseudo-inertia of the parameters is exactly positive definite."""
+    matrix = [[Fraction(float(entry)) for entry in row] for row in pseudo_inertia(moments)]
     for pivot in range(4):
         if matrix[pivot][pivot] <= 0:
             return False
@@ -62,39 +63,39 @@ def is_of_a_body(moments: Moments) -> bool:
 
 @MANY
 @given(seeds, seeds, st.floats(-6.0, 6.0))
-def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> None:
+def test_natural_step_equals_dense_algebra(seed: int, other: int, exponent: float) -> None:
     p, moments = body(seed)
     gradient, entries = gradient_of(other)
     assert np.dot(moments, entries) == pytest.approx(np.trace(gradient @ p), rel=1e-9, abs=1e-9)
     values, vectors = np.linalg.eigh(p)
-    # Any root will do; this one is symmetric.
+    # Any square root is valid; this one is symmetric.
     root = vectors * np.sqrt(values) @ vectors.T
     x = root @ gradient @ root
     length = np.linalg.norm(x)
     step = 10.0**exponent / length
     x *= min(step, 1.0 / length)
     expected = root @ np.linalg.inv(np.eye(4) + x + x @ x / 2.0) @ root
-    found = pseudo_inertia(natural_step(moments, entries, step))
+    updated = pseudo_inertia(natural_step(moments, entries, step))
     scale = np.sqrt(np.diag(expected))
-    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
-    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 1e-7
+    assert np.abs(updated - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.abs((updated - expected) / np.outer(scale, scale)).max() < 1e-7
 
 
 @MANY
 @given(seeds, seeds)
-def test_follows_the_natural_gradient(seed: int, other: int) -> None:
+def test_natural_step_small_step_follows_natural_gradient(seed: int, other: int) -> None:
     p, moments = body(seed)
     gradient, entries = gradient_of(other)
     change = p @ gradient @ p
     root = np.linalg.cholesky(p)
     step = 1.0e-5 / np.linalg.norm(root.T @ gradient @ root)
-    found = (pseudo_inertia(natural_step(moments, entries, step)) - p) / step
-    assert np.abs(found + change).max() < 1e-4 * np.abs(change).max() + 1e-10 * p.max() / step
+    rate = (pseudo_inertia(natural_step(moments, entries, step)) - p) / step
+    assert np.abs(rate + change).max() < 1e-4 * np.abs(change).max() + 1e-10 * p.max() / step
 
 
 @MANY
 @given(seeds, gradients, st.floats(0.0, allow_infinity=False))
-def test_bodies_stay_bodies_whatever_the_gradient(
+def test_natural_step_any_gradient_keeps_consistency(
     seed: int, entries: Moments, step: float
 ) -> None:
     moments = body(seed)[1]
@@ -104,7 +105,7 @@ def test_bodies_stay_bodies_whatever_the_gradient(
 
 @settings(max_examples=30)
 @given(seeds, st.tuples(*[st.floats(-1.0, 1.0)] * 10), st.floats(0.0, 100.0))
-def test_bodies_stay_bodies_however_long(seed: int, entries: Moments, step: float) -> None:
+def test_natural_step_500_steps_keep_consistency(seed: int, entries: Moments, step: float) -> None:
     moments = body(seed)[1]
     for _ in range(500):
         moments = natural_step(moments, entries, step)
@@ -113,7 +114,7 @@ def test_bodies_stay_bodies_however_long(seed: int, entries: Moments, step: floa
     assert min(moments[0], *moments[4:7]) > 0.0
 
 
-def test_what_is_no_body_or_no_number_changes_nothing() -> None:
+def test_natural_step_inconsistent_or_nan_changes_nothing() -> None:
     moments = body(1)[1]
     assert natural_step(MOMENTS, gradient_of(1)[1], 0.1) == MOMENTS
     flat = (1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0)
@@ -123,17 +124,17 @@ def test_what_is_no_body_or_no_number_changes_nothing() -> None:
     assert natural_step(moments, MOMENTS, 0.1) == pytest.approx(moments, rel=1e-13)
 
 
-def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
+def test_natural_step_half_of_masses_converges_to_true_body() -> None:
     p, true = body(3)
-    moments = tuple(each / 2.0 for each in true)
+    moments = tuple(moment / 2.0 for moment in true)
     back, rows = np.linalg.inv(np.linalg.cholesky(p)), []
     for seed in range(40):
-        # Motions that tell of all moments alike, in the body's own measures.
+        # Motions that excite all parameters equally, in the scale of the body.
         alike = back.T @ gradient_of(seed)[0] @ back
         rows.append(np.array(moments_of(2.0 * alike - np.diag(np.diag(alike)))) / 5.0)
     before = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
     for i in range(4_000):
-        # The gradient of the square of what is measured, half of it.
+        # Half of the gradient of the squared measurement error.
         error = rows[i % 40] @ np.subtract(moments, true)
         moments = natural_step(moments, tuple((rows[i % 40] * error).tolist()), 0.5)
     after = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
@@ -143,15 +144,15 @@ def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
 
 @MANY
 @given(seeds, seeds, st.floats(1.0, 10.0))
-def test_a_bounded_body_is_a_smaller_one_of_the_same_shape(
+def test_bounded_body_is_scaled_to_bound(
     seed: int, other: int, upper: float
 ) -> None:
     (_, moments), (_, nominal) = body(seed), body(other)
-    found = np.array(bounded(moments, nominal, upper))
-    part = found[0] / moments[0]
-    assert found == pytest.approx(part * np.array(moments), rel=1e-12)
+    scaled = np.array(bounded(moments, nominal, upper))
+    part = scaled[0] / moments[0]
+    assert scaled == pytest.approx(part * np.array(moments), rel=1e-12)
     assert part <= 1.0
-    grown = max(found[0] / nominal[0], found[4:7].sum() / sum(nominal[4:7])) / upper
-    assert grown <= 1.0 + 1e-12
-    # No smaller than it has to be.
-    assert part == 1.0 or grown >= 1.0 - 1e-12
+    ratio = max(scaled[0] / nominal[0], scaled[4:7].sum() / sum(nominal[4:7])) / upper
+    assert ratio <= 1.0 + 1e-12
+    # The body is scaled by no more than necessary.
+    assert part == 1.0 or ratio >= 1.0 - 1e-12

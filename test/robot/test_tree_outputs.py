@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Outputs of a tree's task: their axes, names and units, what reports show, what is refused."""
+"""Outputs of a tree's task: axes, names, units, report entries and rejected tasks."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ import pytest
 from small_tree import parameters, START
 
 
-def robot(*outputs: str, **given: Any) -> TreeMechanism:
+def robot(*outputs: str, **settings: Any) -> TreeMechanism:
     """Return the small robot with a task."""
-    return tree_mechanism({**parameters(), 'robot.task': outputs, **given})
+    return tree_mechanism({**parameters(), 'robot.task': outputs, **settings})
 
 
 def names(mechanism: TreeMechanism) -> list[str]:
-    """Return those of its axes."""
+    """Return the names of the axes."""
     return [axis.name for axis in mechanism.axes]
 
 
-def test_one_frame_is_the_tip_and_several_have_their_names() -> None:
+def test_task_axes_one_frame_is_tip_several_have_names() -> None:
     assert names(robot('planar')) == ['x_tip', 'y_tip']
     one = robot('planar', 'orientation')
     assert names(one) == ['x_tip', 'y_tip', 'rx_tip', 'ry_tip', 'rz_tip']
@@ -34,11 +34,11 @@ def test_one_frame_is_the_tip_and_several_have_their_names() -> None:
     assert [axis.unit for axis in two.axes] == ['m'] * 5 + ['rad']
 
 
-def test_a_string_is_a_task_too() -> None:
+def test_task_string_equals_list_of_one_output() -> None:
     assert tree_mechanism({**parameters(), 'robot.task': 'planar'}) is robot('planar')
 
 
-def test_joints_are_all_or_those_that_are_named() -> None:
+def test_task_joints_are_all_or_named_ones() -> None:
     joints = ['turret_joint', 'lift_joint', 'upper_joint', 'fore_joint', 'hand_joint']
     every = robot('joints')
     assert names(every) == joints
@@ -47,8 +47,8 @@ def test_joints_are_all_or_those_that_are_named() -> None:
     assert names(robot('position', 'joints lift_joint'))[3:] == ['lift_joint']
 
 
-def test_the_task_is_where_frames_and_joints_are() -> None:
-    """Axis by axis that of a task of one output, whichever come before it."""
+def test_task_positions_equal_those_of_single_outputs() -> None:
+    """Every axis equals that of a task of one output, for any preceding outputs."""
     position = np.array([[0.3, -0.2, 0.5, 1.0, 2.0, *START[2:]]])
 
     def at(*outputs: str) -> np.ndarray:
@@ -63,19 +63,19 @@ def test_the_task_is_where_frames_and_joints_are() -> None:
     assert at('joints') == pytest.approx(START[2:])
 
 
-def test_a_path_of_joints_begins_as_their_posture() -> None:
+def test_task_joints_default_path_starts_at_posture() -> None:
     mechanism = robot('planar', 'joints')
     assert mechanism.default('line_sine.offset', 'axes') == (0.0, 0.0, *START[2:])
 
 
-def test_reports_tell_of_every_output_in_its_unit() -> None:
+def test_task_points_name_outputs_with_their_units() -> None:
     (tip,) = robot('pose').points
     assert tip == ('T', 'tip', 'tip', 'the tip', 0, 2, 'm', True)
     (joints,) = robot('joints upper_joint fore_joint').points
     assert joints == ('q', 'joints', 'joints', 'the joints', 0, 2, 'rad', False)
     points = robot('joints', 'planar turret', 'heading').points
-    told = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
-    assert told == [
+    summaries = [(point.symbol, point.name, point.axes, point.small_unit) for point in points]
+    assert summaries == [
         ('A', 'turret_joint', slice(0, 1), 'mrad'),
         ('B', 'lift_joint', slice(1, 2), 'mm'),
         ('C', 'upper_joint to hand_joint', slice(2, 5), 'mrad'),
@@ -99,12 +99,12 @@ def test_reports_tell_of_every_output_in_its_unit() -> None:
         (('heading', 'base'), r'expected robot\.base omnidirectional or fixed'),
     ],
 )
-def test_what_is_no_task_is_refused(outputs: tuple[str, ...], text: str) -> None:
+def test_task_invalid_outputs_raise(outputs: tuple[str, ...], text: str) -> None:
     with pytest.raises(InputError, match=text):
         robot(*outputs)
 
 
-def test_more_axes_than_a_vector_has_entries_are_refused() -> None:
+def test_task_too_many_axes_raises() -> None:
     frames = ('turret', 'lift', 'upper', 'fore', 'hand', 'base_link', 'wheel_left', 'wheel_right')
     with pytest.raises(InputError, match=r'robot\.task: 53 axes; expected 1 to 48'):
         robot(*(f'pose {frame}' for frame in frames), 'joints')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files by URI: packages as ROS 2, ROS 1 and Python keep them."""
+"""Files by URI: packages of ROS 2, ROS 1 and Python."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _nothing_sourced(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def box_robot(folder: Path) -> Path:
-    """Make a package of a robot."""
+    """Write a package of a robot."""
     share = folder / 'box_robot'
     (share / 'meshes').mkdir(parents=True)
     (share / 'meshes/box.stl').write_bytes(b'')
@@ -35,8 +35,8 @@ def box_robot(folder: Path) -> Path:
     return share
 
 
-def found() -> Path:
-    """Return where the mesh is that the description names."""
+def mesh_path() -> Path:
+    """Return the path of the mesh in the description."""
     description = read_urdf_file('package://box_robot/box.urdf')
     mesh, _ = description.links['box'].meshes
     path = resource_path(mesh)
@@ -44,7 +44,7 @@ def found() -> Path:
     return path
 
 
-def test_an_ament_index_tells_where_a_package_is(
+def test_package_uri_ament_index_names_package_is_located(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     share = box_robot(tmp_path / 'ws/share')
@@ -52,33 +52,33 @@ def test_an_ament_index_tells_where_a_package_is(
     index.mkdir(parents=True)
     monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path / "other"}:{tmp_path / "ws"}')
     with pytest.raises(InputError):
-        found()
+        mesh_path()
     (index / 'box_robot').touch()
-    assert found() == share / 'meshes/box.stl'
-    # What is sourced comes before what Python has.
+    assert mesh_path() == share / 'meshes/box.stl'
+    # Sourced packages take precedence over those of Python.
     monkeypatch.setattr(sys, 'prefix', str(tmp_path / 'other'))
-    assert found() == share / 'meshes/box.stl'
+    assert mesh_path() == share / 'meshes/box.stl'
 
 
 @pytest.mark.parametrize('folder', ['src', 'src/box_robot'])
-def test_folders_of_packages_and_packages_themselves_are_in_ros_package_path(
+def test_package_uri_ros_package_path_is_searched(
     folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     share = box_robot(tmp_path / 'src')
     monkeypatch.setenv('ROS_PACKAGE_PATH', f'/nowhere::{tmp_path / folder}')
-    assert found() == share / 'meshes/box.stl'
+    assert mesh_path() == share / 'meshes/box.stl'
 
 
-def test_packages_of_python_are_found_and_not_imported(
+def test_package_uri_python_package_is_located_not_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     share = box_robot(tmp_path)
     (share / '__init__.py').write_text('raise RuntimeError("imported")', encoding='utf-8')
     monkeypatch.syspath_prepend(tmp_path)
-    assert found() == share / 'meshes/box.stl'
+    assert mesh_path() == share / 'meshes/box.stl'
 
 
-def test_prefixes_that_wheels_bring_are_looked_in(
+def test_package_uri_prefix_of_python_wheel_is_searched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     share = box_robot(tmp_path / 'cmeel.prefix/share')
@@ -86,10 +86,10 @@ def test_prefixes_that_wheels_bring_are_looked_in(
     index.mkdir(parents=True)
     (index / 'box_robot').touch()
     monkeypatch.syspath_prepend(tmp_path)
-    assert found() == share / 'meshes/box.stl'
+    assert mesh_path() == share / 'meshes/box.stl'
 
 
-def test_paths_and_files_are_what_they_say(tmp_path: Path) -> None:
+def test_resource_path_plain_paths_and_file_uris_are_resolved(tmp_path: Path) -> None:
     assert resource_path('/a/b.urdf') == Path('/a/b.urdf')
     assert resource_path('meshes/b.stl', tmp_path) == tmp_path / 'meshes/b.stl'
     assert resource_path('b.urdf') == Path('b.urdf')
@@ -112,11 +112,11 @@ def test_paths_and_files_are_what_they_say(tmp_path: Path) -> None:
         ('package://masmc_ros/a.urdf', 'masmc_ros/a.urdf: No such file or directory'),
     ],
 )
-def test_what_is_not_found_is_told_in_a_line(
+def test_package_uri_invalid_raises_one_line(
     uri: str, expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('AMENT_PREFIX_PATH', '/opt/none')
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as raised:
         read_urdf_file(uri)
-    assert expected in str(told.value)
-    assert '\n' not in str(told.value)
+    assert expected in str(raised.value)
+    assert '\n' not in str(raised.value)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trees of bodies against Pinocchio, on robots that others have described."""
+"""Dynamics of trees against Pinocchio, for published robot descriptions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STRETCH = 'package://stretch_urdf/SE3/stretch_description_SE3_eoa_wrist_dw3_tool
 
 @dataclass(frozen=True)
 class Case:
-    """A robot that others have described."""
+    """A published robot description and its configuration."""
 
     urdf: str
     base: str
@@ -49,7 +49,7 @@ class Case:
     held: Mapping[str, float] = field(default_factory=dict)
 
     def robot(self) -> TreeRobot:
-        """Read it."""
+        """Return the tree of the description."""
         if self.urdf == STRETCH and find_spec('stretch_urdf') is None:
             pytest.skip('needs hello-robot-stretch-urdf')
         return tree_robot(
@@ -107,7 +107,7 @@ CASES = {
 
 
 @pytest.mark.parametrize('case', CASES.values(), ids=CASES)
-def test_agrees_with_pinocchio(case: Case) -> None:
+def test_tree_dynamics_equal_pinocchio(case: Case) -> None:
     pin = pytest.importorskip('pinocchio')
     robot = case.robot()
     root = () if case.base == 'fixed' else (pin.JointModelPlanar(),)
@@ -128,7 +128,7 @@ def test_agrees_with_pinocchio(case: Case) -> None:
 
 
 @pytest.mark.parametrize('name', [name for name, case in CASES.items() if case.wheels])
-def test_the_base_feels_the_spin_that_pinocchio_gives_its_wheels(name: str) -> None:
+def test_tree_base_armature_equals_wheel_spin_of_pinocchio(name: str) -> None:
     pin, case = pytest.importorskip('pinocchio'), CASES[name]
     robot = case.robot()
     wheels, base = robot.wheels, robot.tree.base
@@ -140,7 +140,7 @@ def test_the_base_feels_the_spin_that_pinocchio_gives_its_wheels(name: str) -> N
     turning = [model.joints[model.getJointId(joint.name)] for joint in wheels.joints]
     for joint, row in zip(turning, wheels.matrix, strict=True):
         rolling[joint.idx_v] = row
-    # What is unbalanced cancels between a turn and half a turn.
+    # Unbalanced terms cancel between a turn and half a turn.
     for cosine in (1.0, -1.0):
         q = pin.neutral(model)
         for joint in turning:
@@ -148,12 +148,12 @@ def test_the_base_feels_the_spin_that_pinocchio_gives_its_wheels(name: str) -> N
         upper = np.triu(pin.crba(model, model.createData(), q))
         whole = upper + np.triu(upper, 1).T
         spin += (rolling.T @ whole @ rolling - gliding.T @ whole @ gliding) / 2.0
-    # The axles of Stretch are tilted by what its decimals leave out.
-    _near(robot.tree.armature[:base, :base], spin, 1e-6)
+    # The axles of Stretch are tilted by rounded decimals.
+    _assert_close(robot.tree.armature[:base, :base], spin, 1e-6)
 
 
 @pytest.mark.parametrize('name', ['tiago', 'tiago_pro', 'stretch', 'ur5'])
-def test_meshes_are_found(name: str) -> None:
+def test_tree_meshes_of_published_robots_exist(name: str) -> None:
     case = CASES[name]
     case.robot()
     folder = resource_path(case.urdf).parent
@@ -163,31 +163,31 @@ def test_meshes_are_found(name: str) -> None:
     assert all(mesh.is_file() for mesh in meshes)
 
 
-def test_the_example_in_the_documents_gives_what_they_say() -> None:
+def test_documented_robot_example_prints_documented_output() -> None:
     pytest.importorskip('pinocchio')
     text = (Path(__file__).resolve().parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
-    found = re.search(r'```python\n(.*?)```\n\n```text\n(.*?)```', text, re.DOTALL)
-    assert found is not None
-    told = subprocess.run(
-        [sys.executable, '-c', found[1]],
+    example = re.search(r'```python\n(.*?)```\n\n```text\n(.*?)```', text, re.DOTALL)
+    assert example is not None
+    process = subprocess.run(
+        [sys.executable, '-c', example[1]],
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))},
         capture_output=True,
         text=True,
         check=True,
         timeout=600.0,
     )
-    assert told.stdout == found[2]
+    assert process.stdout == example[2]
 
 
 def _compare(
     pin: Any, model: Any, robot: TreeRobot, tip: str, draw: np.random.Generator
 ) -> None:
-    """Compare everything in a random state."""
+    """Compare dynamics and kinematics in a random state."""
     base, bodies = robot.tree.base, len(robot.tree.parent)
     size = base + bodies - 1
     angles, pose = draw.uniform(-1.5, 1.5, bodies - 1), draw.uniform(-1.0, 1.0, 3)
     velocity, reference, acceleration, forces = draw.normal(size=(4, size))
-    # Pinocchio's planar base has u, v and omega in its own frame, too.
+    # Pinocchio's planar base also has u, v and omega in its own frame.
     select, q = np.zeros((model.nv, size)), pin.neutral(model)
     if base:
         q[:4] = [*pose[:2], np.cos(pose[2]), np.sin(pose[2])]
@@ -209,12 +209,12 @@ def _compare(
     frame = robot.frames[tip]
     tree_model = model_of(robot, frame.body, frame.offset)
     place = kinematics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
-    of = tree_model, place, robot.moments.ravel()
-    _near(dynamics.inertia(*of), inertia)
-    taken = dynamics.inverse_dynamics(*of, velocity, reference, acceleration, GRAVITY)
-    _near(taken, inertia @ acceleration + coriolis @ reference + gravity)
-    gained = articulated.forward_dynamics(*of, velocity, forces, GRAVITY)
-    _near(gained, np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
+    arguments = tree_model, place, robot.moments.ravel()
+    _assert_close(dynamics.inertia(*arguments), inertia)
+    torques = dynamics.inverse_dynamics(*arguments, velocity, reference, acceleration, GRAVITY)
+    _assert_close(torques, inertia @ acceleration + coriolis @ reference + gravity)
+    accelerations = articulated.forward_dynamics(*arguments, velocity, forces, GRAVITY)
+    _assert_close(accelerations, np.linalg.solve(inertia, forces - coriolis @ velocity - gravity))
 
     point = frame.body, frame.offset
     jacobian = kinematics.point_jacobian(tree_model, place, *point)
@@ -222,14 +222,14 @@ def _compare(
     number, world = model.getFrameId(tip), pin.LOCAL_WORLD_ALIGNED
     pin.computeJointJacobiansTimeVariation(model, data, q, v)
     pin.updateFramePlacements(model, data)
-    _near(jacobian.T, pin.getFrameJacobian(model, data, number, world) @ select)
+    _assert_close(jacobian.T, pin.getFrameJacobian(model, data, number, world) @ select)
     rates = pin.getFrameJacobianTimeVariation(model, data, number, world)
-    _near(derivative.T, rates @ select)
+    _assert_close(derivative.T, rates @ select)
     rotation, origin = frame_pose(tree_model, place, 0)
-    _near(np.array(origin), data.oMf[number].translation)
+    _assert_close(np.array(origin), data.oMf[number].translation)
     own = np.reshape(rotation, (3, 3)) @ np.reshape(frame.rotation, (3, 3))
-    _near(own, data.oMf[number].rotation)
+    _assert_close(own, data.oMf[number].rotation)
 
 
-def _near(found: Array, expected: Array, within: float = 1e-9) -> None:
-    assert np.abs(found - expected).max() < within * np.abs(expected).max()
+def _assert_close(actual: Array, expected: Array, within: float = 1e-9) -> None:
+    assert np.abs(actual - expected).max() < within * np.abs(expected).max()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wheels of a base: their linear map against what rolling means, the literature, and power."""
+"""Wheels of a base: linear map against rolling constraints, the literature, and power."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def mount(x: float, y: float, heading: float, spin: float = 0.002, name: str = 'w') -> Mount:
-    """Return a wheel whose axle has so much of a heading in the base's frame."""
+    """Return a wheel whose axle has a heading in the base frame."""
     axle = (math.cos(heading), math.sin(heading), 0.0)
     joint = Joint(name, 7, 'continuous', 'base', 'wheel', Pose(), (0.0, 0.0, 1.0))
     return Mount(joint, (x, y, RADIUS), axle, spin)
@@ -40,99 +40,101 @@ three = st.tuples(*[st.floats(-5.0, 5.0)] * 3).map(np.array)
 
 @given(driven, three, st.integers(0, 2**32 - 1))
 @example(
-    # All in one place, but for what is no distance.
+    # All in one place, up to rounding.
     [(mount(2.6e-161, 0.0, 0.0, 0.0), 0.0), (mount(0.0, 0.0, 1.0, 0.0), 0.0),
      (mount(0.0, 0.0, 2.0, 0.0), 0.0)],
     np.zeros(3), 0,
 )  # fmt: skip
-def test_nothing_slips_along_the_rollers_axes_and_power_is_kept(
+def test_driving_wheels_do_not_slip_and_preserve_power(
     drawn: list[tuple[Mount, float]], rates: Array, seed: int
 ) -> None:
     mounts, angles = zip(*drawn, strict=True)
     columns = np.array([
-        [a[0], a[1], np.cross(each.centre, a)[2]]
-        for each, angle in drawn
-        for a in [_roller_axis(each, angle) / math.cos(angle)]
+        [a[0], a[1], np.cross(wheel.centre, a)[2]]
+        for wheel, angle in drawn
+        for a in [_roller_axis(wheel, angle) / math.cos(angle)]
     ])
     try:
-        found = driving_wheels(OMNIDIRECTIONAL, mounts, 'x', roller_angles=angles)
-    except InputError as told:
-        assert 'x, line 7: robot.wheels' in str(told)
-        assert ' cannot drive the base ' in str(told)
+        drive = driving_wheels(OMNIDIRECTIONAL, mounts, 'x', roller_angles=angles)
+    except InputError as error:
+        assert 'x, line 7: robot.wheels' in str(error)
+        assert ' cannot drive the base ' in str(error)
         scale = np.linalg.norm(columns, axis=0)
         alike = columns / np.where(scale > 0.0, scale, 1.0)
         assert np.linalg.svd(alike)[1][-1] < 2.0e-3 or scale.min() < 1.01e-3 * scale.max()
         return
-    for each, angle, rate in zip(mounts, angles, found.matrix @ rates, strict=True):
-        centre = np.array([rates[0], rates[1], 0.0]) + np.cross(rates[2] * UP, each.centre)
-        rim = np.cross(rate * np.array(each.axle), -RADIUS * UP)
-        assert np.dot(centre + rim, _roller_axis(each, angle)) == pytest.approx(0.0, abs=1e-12)
-    assert found.matrix * RADIUS == pytest.approx(columns, abs=1e-12)
-    assert found.inverse @ found.matrix == pytest.approx(np.eye(3), abs=1e-8)
-    assert found.inverse == pytest.approx(np.linalg.pinv(found.matrix), rel=1e-6, abs=1e-6)
+    for wheel, angle, rate in zip(mounts, angles, drive.matrix @ rates, strict=True):
+        centre = np.array([rates[0], rates[1], 0.0]) + np.cross(rates[2] * UP, wheel.centre)
+        rim = np.cross(rate * np.array(wheel.axle), -RADIUS * UP)
+        assert np.dot(centre + rim, _roller_axis(wheel, angle)) == pytest.approx(0.0, abs=1e-12)
+    assert drive.matrix * RADIUS == pytest.approx(columns, abs=1e-12)
+    assert drive.inverse @ drive.matrix == pytest.approx(np.eye(3), abs=1e-8)
+    assert drive.inverse == pytest.approx(np.linalg.pinv(drive.matrix), rel=1e-6, abs=1e-6)
     torques = np.random.default_rng(seed).normal(size=len(mounts))
-    forces = found.matrix.T @ torques
-    assert forces @ rates == pytest.approx(torques @ (found.matrix @ rates), rel=1e-9, abs=1e-9)
-    energy = np.sum((found.spin + 0.01) * (found.matrix @ rates) ** 2)
-    assert rates @ found.inertia(0.01) @ rates == pytest.approx(energy, rel=1e-9, abs=1e-12)
-    assert np.array_equal(found.inertia(0.01), found.inertia(0.01).T)
+    forces = drive.matrix.T @ torques
+    assert forces @ rates == pytest.approx(torques @ (drive.matrix @ rates), rel=1e-9, abs=1e-9)
+    energy = np.sum((drive.spin + 0.01) * (drive.matrix @ rates) ** 2)
+    assert rates @ drive.inertia(0.01) @ rates == pytest.approx(energy, rel=1e-9, abs=1e-12)
+    assert np.array_equal(drive.inertia(0.01), drive.inertia(0.01).T)
 
 
-def _roller_axis(of: Mount, angle: float) -> Array:
-    """Return the direction in which the ground holds a wheel."""
-    ahead = np.cross(of.axle, UP)
+def _roller_axis(wheel: Mount, angle: float) -> Array:
+    """Return the direction in which the ground constrains a wheel."""
+    ahead = np.cross(wheel.axle, UP)
     return np.asarray(math.cos(angle) * ahead + math.sin(angle) * np.cross(UP, ahead))
 
 
 @given(st.floats(0.1, 0.5), st.floats(0.1, 0.5))
-def test_four_mecanum_wheels_are_those_of_the_literature(along: float, across: float) -> None:
+def test_driving_wheels_four_mecanum_wheels_equal_literature(along: float, across: float) -> None:
     # H. Taheri, B. Qiao, N. Ghaeminezhad, Kinematic Model of a Four Mecanum Wheeled Mobile
     # Robot, 2015: front left, front right, rear left, rear right.
     places = ((along, across), (along, -across), (-along, across), (-along, -across))
-    found = driving_wheels(
+    drive = driving_wheels(
         OMNIDIRECTIONAL,
         [mount(x, y, math.pi / 2.0) for x, y in places],
         'x',
         roller_angles=[math.pi / 4.0 * sign for sign in (-1, 1, 1, -1)],
     )
     arm = along + across
-    assert found.matrix * RADIUS == pytest.approx(
+    assert drive.matrix * RADIUS == pytest.approx(
         np.array([[1, -1, -arm], [1, 1, arm], [1, 1, -arm], [1, -1, arm]]), abs=1e-12
     )
-    assert found.inverse / RADIUS == pytest.approx(
+    assert drive.inverse / RADIUS == pytest.approx(
         np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1 / arm, 1 / arm, -1 / arm, 1 / arm]]) / 4.0,
         abs=1e-12,
     )
 
 
 @given(st.floats(0.1, 0.5), st.floats(-math.pi, math.pi))
-def test_three_omni_wheels_are_those_of_the_literature(arm: float, first: float) -> None:
+def test_driving_wheels_three_omni_wheels_equal_literature(arm: float, first: float) -> None:
     # R. Siegwart, I. Nourbakhsh, Introduction to Autonomous Mobile Robots, 2004, 3.2.5.
     angles = np.array([first + 2.0 * math.pi / 3.0 * i for i in range(3)])
-    found = driving_wheels(
+    drive = driving_wheels(
         OMNIDIRECTIONAL,
         [mount(arm * math.cos(a), arm * math.sin(a), a + math.pi) for a in angles],
         'x',
     )
     expected = np.stack([-np.sin(angles), np.cos(angles), np.full(3, arm)], axis=1)
-    assert found.matrix * RADIUS == pytest.approx(expected, abs=1e-12)
+    assert drive.matrix * RADIUS == pytest.approx(expected, abs=1e-12)
     back = np.stack([-2 * np.sin(angles), 2 * np.cos(angles), np.full(3, 1 / arm)]) / 3.0
-    assert found.inverse / RADIUS == pytest.approx(back, abs=1e-10)
+    assert drive.inverse / RADIUS == pytest.approx(back, abs=1e-10)
 
 
 @given(st.floats(0.1, 0.5), st.sampled_from([1.0, -1.0]), st.sampled_from([1.0, -1.0]))
-def test_two_wheels_are_a_differential_base(half: float, right: float, left: float) -> None:
+def test_driving_wheels_two_wheels_are_differential_base(
+    half: float, right: float, left: float
+) -> None:
     mounts = [
         mount(0.0, -half, right * math.pi / 2.0, 0.002),
         mount(0.0, half, left * math.pi / 2.0, 0.003),
     ]
-    found = driving_wheels(DIFFERENTIAL, mounts, 'x')
+    drive = driving_wheels(DIFFERENTIAL, mounts, 'x')
     expected = np.array([[right, right * half], [left, -left * half]]) / RADIUS
-    assert found.matrix == pytest.approx(expected, rel=1e-12)
-    assert found.inverse @ found.matrix == pytest.approx(np.eye(2), abs=1e-12)
+    assert drive.matrix == pytest.approx(expected, rel=1e-12)
+    assert drive.inverse @ drive.matrix == pytest.approx(np.eye(2), abs=1e-12)
     across = (0.002 - 0.003) * half
     spin = np.array([[0.005, across], [across, 0.005 * half**2]]) / RADIUS**2
-    assert found.inertia(0.0) == pytest.approx(spin, abs=1e-12)
+    assert drive.inertia(0.0) == pytest.approx(spin, abs=1e-12)
 
 
 INERTIA = (
@@ -160,17 +162,17 @@ ANGLES = tuple(math.pi / 4.0 * sign for sign in (1, -1, -1, 1))
 
 def car(text: str = URDF, **settings: Any) -> TreeRobot:
     """Return a car on mecanum wheels."""
-    chosen = {
+    arguments = {
         'base': 'omnidirectional',
         'wheels': CORNERS,
         'roller_angles': ANGLES,
         'armature': 0.01,
         **settings,
     }
-    return tree_robot(read_urdf(text, 'car.urdf'), 'car.urdf', **chosen)
+    return tree_robot(read_urdf(text, 'car.urdf'), 'car.urdf', **arguments)
 
 
-def test_a_base_feels_the_spin_of_its_wheels() -> None:
+def test_tree_robot_base_inertia_contains_wheel_spin() -> None:
     robot = car()
     assert robot.wheels is not None
     sideways = robot.wheels.matrix @ np.array([0.0, 1.0, 0.0])
@@ -184,7 +186,7 @@ def test_a_base_feels_the_spin_of_its_wheels() -> None:
     assert robot.limits.upper.tolist() == [math.inf] * 4
 
 
-def test_without_wheels_the_rates_of_an_omnidirectional_base_are_driven() -> None:
+def test_tree_robot_omnidirectional_without_wheels_is_driven() -> None:
     robot = car(wheels=(), roller_angles=(), joints=('rear_left',))
     assert robot.wheels is None
     assert np.diag(robot.tree.armature).tolist() == [0.0, 0.0, 0.0, 0.01]
@@ -226,11 +228,11 @@ def test_without_wheels_the_rates_of_an_omnidirectional_base_are_driven() -> Non
         ),
     ],
 )
-def test_wheels_that_cannot_drive_are_refused_in_a_line(
+def test_tree_robot_invalid_wheels_raise_one_line(
     old: str, new: str, settings: dict[str, Any], expected: str
 ) -> None:
     assert old in URDF
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as raised:
         car(URDF.replace(old, new), **settings)
-    assert expected in str(told.value)
-    assert '\n' not in str(told.value)
+    assert expected in str(raised.value)
+    assert '\n' not in str(raised.value)

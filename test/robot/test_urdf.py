@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading URDF: what is read, and one clear line for whatever cannot be meant."""
+"""URDF reader: parsed content, and a one-line error for invalid descriptions."""
 
 from __future__ import annotations
 
@@ -40,31 +40,31 @@ URDF = f"""<?xml version="1.0"?>
 """
 
 
-def refused(text: str | bytes) -> str:
-    """Return the message with which a text is refused."""
-    with pytest.raises(InputError) as told:
+def error_of(text: str | bytes) -> str:
+    """Return the error message for a text."""
+    with pytest.raises(InputError) as raised:
         tree_robot(read_urdf(text, 'robot.urdf'), 'robot.urdf')
-    return str(told.value)
+    return str(raised.value)
 
 
-def test_reads_links_joints_and_lines() -> None:
-    found = read_urdf(URDF, 'robot.urdf')
-    assert (found.name, found.root, list(found.links)) == (
+def test_urdf_valid_text_yields_links_joints_and_lines() -> None:
+    description = read_urdf(URDF, 'robot.urdf')
+    assert (description.name, description.root, list(description.links)) == (
         'two arms',
         'base',
         ['base', 'upper', 'lower', 'hand'],
     )
-    shoulder = found.joints['shoulder']
+    shoulder = description.joints['shoulder']
     assert (shoulder.line, shoulder.axis, shoulder.origin.offset) == (7, (0, 0, 1), (0, 0, 0.5))
     assert (shoulder.lower, shoulder.upper, shoulder.speed, shoulder.effort) == (-1, 1, 2, 10)
-    robot = tree_robot(found, 'robot.urdf')
+    robot = tree_robot(description, 'robot.urdf')
     assert [joint.name for joint in robot.joints] == ['shoulder', 'elbow']
-    assert [each.tolist() for each in robot.limits] == [[-1, 0], [1, 0.3], [2, 2], [10, 10]]
+    assert [limit.tolist() for limit in robot.limits] == [[-1, 0], [1, 0.3], [2, 2], [10, 10]]
     assert robot.frames['hand'].body == 2
     assert robot.frames['hand'].offset == (0.0, 0.0, 0.2)
 
 
-def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
+def test_tree_robot_held_joint_and_base_frame_move_subtrees() -> None:
     robot = tree_robot(
         read_urdf(URDF, 'x'), 'x', joints=('elbow',), held={'shoulder': 0.3}, base_frame='upper'
     )
@@ -106,29 +106,29 @@ def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
         ('robot>\n', 'sdf>\n', 'no XML: mismatched tag'),
     ],
 )
-def test_one_clear_line(old: str, new: str, expected: str) -> None:
+def test_urdf_invalid_text_raises_one_line(old: str, new: str, expected: str) -> None:
     assert old in URDF
-    message = refused(URDF.replace(old, new))
+    message = error_of(URDF.replace(old, new))
     assert expected in message
     assert message.startswith('robot.urdf')
     assert '\n' not in message
 
 
-def test_entities_length_and_depth() -> None:
+def test_urdf_entities_or_excessive_size_raise() -> None:
     bomb = '<!DOCTYPE r [<!ENTITY a "x"><!ENTITY b "&a;&a;&a;">]>\n<robot name="&b;"/>'
-    assert refused(bomb) == 'robot.urdf, line 1: a document type, which no URDF has'
-    assert 'more than 10000000 bytes' in refused(b' ' * 10_000_001)
-    assert 'no link' in refused('<robot>' + '<a>' * 100_000 + '</a>' * 100_000 + '</robot>')
+    assert error_of(bomb) == 'robot.urdf, line 1: a document type, which no URDF has'
+    assert 'more than 10000000 bytes' in error_of(b' ' * 10_000_001)
+    assert 'no link' in error_of('<robot>' + '<a>' * 100_000 + '</a>' * 100_000 + '</robot>')
     chain = ''.join(
         f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="l{i}"/>'
         f'<child link="l{i + 1}"/></joint>'
         for i in range(5_000)
     )
-    found = read_urdf(f'<robot>{chain}<link name="l5000"/></robot>', 'x')
-    assert tree_robot(found, 'x').frames['l5000'].body == 0
+    description = read_urdf(f'<robot>{chain}<link name="l5000"/></robot>', 'x')
+    assert tree_robot(description, 'x').frames['l5000'].body == 0
 
 
-_Way = Callable[[str, random.Random], str]
+_Damage = Callable[[str, random.Random], str]
 
 
 def _flip(text: str, draw: random.Random) -> str:
@@ -159,23 +159,23 @@ def _name(text: str, draw: random.Random) -> str:
     return f'{text[:at.start(1)]}{draw.choice(["base", "hand", "", "é"])}{text[at.end(1):]}'
 
 
-def _cut(text: str, draw: random.Random) -> str:
+def _truncate(text: str, draw: random.Random) -> str:
     return text[:draw.randrange(len(text))]
 
 
-def test_whatever_is_done_to_it_is_read_or_refused_in_a_line() -> None:
+def test_urdf_random_damage_is_read_or_raises_one_line() -> None:
     draw = random.Random(5)
-    ways: list[_Way] = [_drop, _double, _number, _name]
+    ways: list[_Damage] = [_drop, _double, _number, _name]
     count = 0
     for _ in range(400):
         text = URDF
         for _ in range(draw.randrange(1, 4)):
             text = draw.choice(ways)(text, draw)
-        text = draw.choice([_flip, _flip, _cut])(text, draw)
+        text = draw.choice([_flip, _flip, _truncate])(text, draw)
         try:
             tree_robot(read_urdf(text, 'robot.urdf'), 'robot.urdf')
-        except InputError as told:
+        except InputError as raised:
             count += 1
-            assert str(told).startswith('robot.urdf')
-            assert '\n' not in str(told)
+            assert str(raised).startswith('robot.urdf')
+            assert '\n' not in str(raised)
     assert count > 200

@@ -16,7 +16,6 @@ from masmc_ros.log.read.contents import Topic
 from masmc_ros.messages.commands import (
     CommandKind,
     LabelledCdr,
-    NANOSECOND_DIGITS,
 )
 from masmc_ros.messages.joint_state import FIELDS, joint_state_layout, JointStateCdr
 from masmc_ros.messages.layout import (
@@ -24,6 +23,7 @@ from masmc_ros.messages.layout import (
     END_OF_TIME,
     Layout,
     Messages,
+    NANOSECOND_DIGITS,
     NANOSECONDS,
     stamps_of,
 )

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Adaptive switching gain: against its formula, how it grows, and where it stops."""
+"""Adaptive switching gain: torque formula, growth of the gain and its limits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ LAW = 'adaptive_gain'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_adaptive_gain_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k, gamma, dead_zone = rng.uniform((1.0, 1e2, 0.0), (50.0, 1e5, 0.3), (4, 3)).T
-    leak, most = rng.uniform(0.0, 5.0), rng.uniform(5.0, 100.0, 4)
+    leak, k_max = rng.uniform(0.0, 5.0), rng.uniform(5.0, 100.0, 4)
     controller, at = at_random(
         seed,
         LAW,
@@ -25,7 +25,7 @@ def test_it_is_its_formula(seed: int) -> None:
             f'{LAW}__gamma': tuple(gamma),
             f'{LAW}__dead_zone': tuple(dead_zone),
             f'{LAW}__leak': leak,
-            f'{LAW}__k_max': tuple(most),
+            f'{LAW}__k_max': tuple(k_max),
         },
     )
     s, (v_r, a_r) = at.surface, at.reference
@@ -35,11 +35,11 @@ def test_it_is_its_formula(seed: int) -> None:
         wanted = at.inertia @ a_r + at.coriolis @ v_r + at.jacobian.T @ u
         np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
         switching += at.period * gamma * np.maximum(np.abs(s) - dead_zone, 0.0)
-        switching = np.minimum(switching / (1.0 + at.period * leak), most)
+        switching = np.minimum(switching / (1.0 + at.period * leak), k_max)
 
 
-def test_a_constant_disturbance_is_outgrown() -> None:
-    """Without leak: s ends in the dead zone, where k has stopped, having had no need of k_max."""
+def test_adaptive_gain_grows_above_constant_disturbance() -> None:
+    """Without leakage, s ends in the dead zone. The gain stops there, below k_max."""
     track = run(
         LAW,
         'plant.disturbance.amplitude=[0.0, 0.0, 1.0, 1.0]',
@@ -55,13 +55,13 @@ def test_a_constant_disturbance_is_outgrown() -> None:
     assert (track.controller.memory['adaptive_gain_switching'] < 190.0).all()
 
 
-def test_it_follows_the_path() -> None:
+def test_adaptive_gain_tracks_path() -> None:
     plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
     adaptive = run(LAW, duration=10.0).settled
     assert (adaptive < 0.5 * plain).all()
     assert (adaptive < (0.0072, 0.006, 0.0105, 0.0137)).all()
 
 
-def test_it_does_not_grow_while_limits_cut_the_torque() -> None:
-    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not cut.controller.memory['adaptive_gain_switching'].any()
+def test_adaptive_gain_torque_limited_gain_is_frozen() -> None:
+    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not limited.controller.memory['adaptive_gain_switching'].any()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Computed torque of velocities: against its formula, and the decay that its theory has."""
+"""Computed torque in quasi-velocities: torque formula and theoretical decay of errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAW = 'computed_torque'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_computed_torque_matches_formula(seed: int) -> None:
     k_d, k_p = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
     controller, at = at_random(seed, LAW, **{f'{LAW}__k_d': tuple(k_d), f'{LAW}__k_p': tuple(k_p)})
     v_r, a_r = at.reference
@@ -26,8 +26,8 @@ def test_it_is_its_formula(seed: int) -> None:
         np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
-def test_sigma_zero_leaves_velocities_alone() -> None:
-    """Where the robot is then makes no difference, but through J."""
+def test_computed_torque_zero_sigma_ignores_position_error() -> None:
+    """Without sigma the robot position changes nothing except J."""
     controller, at = at_random(3, LAW, sigma=(0.0, 0.0, 0.0, 0.0))
     torque = tick(controller, at)
     controller.reset()
@@ -35,7 +35,7 @@ def test_sigma_zero_leaves_velocities_alone() -> None:
     np.testing.assert_array_equal(tick(controller, at), torque)
 
 
-def test_rates_decay_as_a_spring_does() -> None:
+def test_computed_torque_true_model_has_second_order_decay() -> None:
     """Critically damped, with the true model and no disturbance: z = z_0 (1 - 10 t) e^-10t."""
     track = run(
         LAW,
@@ -56,6 +56,6 @@ def test_rates_decay_as_a_spring_does() -> None:
     assert (np.abs(z - expected).max(axis=0) < 0.01 * np.abs(z[0]).max()).all()
 
 
-def test_it_follows_the_path() -> None:
-    """With half the model, as far as the gains are large beside what the model lacks."""
+def test_computed_torque_tracks_path() -> None:
+    """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.076, 0.109, 0.032, 0.032)).all()

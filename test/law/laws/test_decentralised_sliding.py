@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decentralised sliding mode: against its formula, and when it reaches the surface."""
+"""Decentralised sliding mode: torque formula and time to reach the surface."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LAW = 'decentralised_sliding'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
-    """Blocks of H and V, each with the joints of the other group at rest."""
+def test_decentralised_sliding_torque_matches_formula(seed: int) -> None:
+    """Blocks of H and V, computed with the joints of the other group at rest."""
     q, p = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
     controller, at = at_random(seed, LAW, **{f'{LAW}__q': tuple(q), f'{LAW}__p': tuple(p)})
     s = at.surface
@@ -35,8 +35,8 @@ def test_it_is_its_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
-def test_it_reaches_the_surface_when_it_should() -> None:
-    """All joints in one group, so that nothing is left out: s' = -Q s - P sgn s to the letter."""
+def test_decentralised_sliding_reaches_surface_in_time() -> None:
+    """All joints in one group: s' = -Q s - P sgn s holds exactly."""
     q, p, delta = 3.0, 1.5, 0.01
     simulation = Simulation(
         load_scenario(
@@ -60,12 +60,12 @@ def test_it_reaches_the_surface_when_it_should() -> None:
     reached = (s > delta).sum(axis=0) * 0.0005
     assert reaching.max() > 0.1
     np.testing.assert_allclose(reached, reaching, atol=0.002)
-    # Once there it stays: nothing but sampling moves it.
+    # After the surface is reached, only the sampling moves s.
     assert (s[int(2000 * reaching.max()) + 20:] < delta).all()
 
 
-def test_it_follows_the_path() -> None:
-    """Though the groups act on each other, and the model is half the robot."""
+def test_decentralised_sliding_tracks_path() -> None:
+    """Half of the true masses, with groups that act on each other."""
     track = run(LAW, duration=10.0)
     assert (track.settled < (0.024, 0.031, 0.0043, 0.0022)).all()
     assert np.abs(track.surface[len(track.surface) // 2:]).max() < 0.2

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fuzzy gain: against its formula, and the balance of its Lyapunov function."""
+"""Fuzzy gain: torque formula and balance of its Lyapunov function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAW = 'fuzzy_gain'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_fuzzy_gain_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     a, gamma = rng.uniform((1.0, 1e2), (50.0, 1e5), (4, 2)).T
     leak, span = rng.uniform(0.0, 5.0), rng.uniform(0.2, 3.0)
@@ -41,14 +41,14 @@ def test_it_is_its_formula(seed: int) -> None:
 
 
 def energy(track: Track, k: int) -> float:
-    """Return s' H_x s / 2 at a tick, of the true robot."""
-    now = matrices(DEFAULT, track.position[k], track.velocity[k, 3:])
-    v = np.linalg.solve(now.jacobian, track.surface[k])
-    return float(v @ now.reduced_inertia @ v) / 2.0
+    """Return s' H_x s / 2 of the true robot at a tick."""
+    robot = matrices(DEFAULT, track.position[k], track.velocity[k, 3:])
+    v = np.linalg.solve(robot.jacobian, track.surface[k])
+    return float(v @ robot.reduced_inertia @ v) / 2.0
 
 
-def test_its_lyapunov_function_falls_by_what_the_linear_term_takes() -> None:
-    """V = (s' H_x s + theta' theta / gamma) / 2 and V' = -s' A s, with the true model alone."""
+def test_fuzzy_gain_lyapunov_function_matches_linear_term() -> None:
+    """V = (s' H_x s + theta' theta / gamma) / 2 and V' = -s' A s hold with the true model."""
     track = run(
         LAW,
         'controller.model_scale=1.0',
@@ -61,19 +61,19 @@ def test_its_lyapunov_function_falls_by_what_the_linear_term_takes() -> None:
     )
     theta = track.controller.memory['fuzzy_gain_theta']
     stored = float((theta**2).sum()) / (2.0 * 500.0)
-    taken = 30.0 * 0.0005 * float((track.surface**2).sum())
+    dissipated = 30.0 * 0.0005 * float((track.surface**2).sum())
     start = energy(track, 0)
     assert stored > 0.05 * start
-    assert start - energy(track, -1) - stored == pytest.approx(taken, rel=0.02)
+    assert start - energy(track, -1) - stored == pytest.approx(dissipated, rel=0.02)
 
 
-def test_it_follows_the_path() -> None:
+def test_fuzzy_gain_tracks_path() -> None:
     plain = run(LAW, f'controller.{LAW}.gamma=0.0', duration=10.0).settled
-    learning = run(LAW, duration=10.0).settled
-    assert (learning < 0.5 * plain).all()
-    assert (learning < (0.0013, 0.0012, 0.006, 0.0077)).all()
+    adaptive = run(LAW, duration=10.0).settled
+    assert (adaptive < 0.5 * plain).all()
+    assert (adaptive < (0.0013, 0.0012, 0.006, 0.0077)).all()
 
 
-def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
-    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not cut.controller.memory['fuzzy_gain_theta'].any()
+def test_fuzzy_gain_torque_limited_weights_are_frozen() -> None:
+    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not limited.controller.memory['fuzzy_gain_theta'].any()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fuzzy model and switching: against their formulas, and that no model is needed."""
+"""Fuzzy model and fuzzy switching: torque formulas, and independence of the robot model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAW = 'fuzzy_model'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_fuzzy_model_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     names = ('k', 'k_h', 'gamma', 'gamma_h', 'velocity_span', 'acceleration_span', 'error_span')
     values = dict(zip(names, rng.uniform(1.0, 20.0, (7, 4)), strict=True))
@@ -44,11 +44,11 @@ def test_it_is_its_formula(seed: int) -> None:
         eta /= 1.0 + at.period * leak
 
 
-def test_what_is_learned_settles_where_the_rules_can_hold_it() -> None:
+def test_fuzzy_model_constant_disturbance_is_rejected() -> None:
     """
-    A constant disturbance is within what the rules can say: z then falls to what is left.
+    The rules can represent a constant disturbance; z then falls to a small remainder.
 
-    Without learning z stays at d / (K + k_h / span), whatever time there is.
+    Without adaptation z stays at d / (K + k_h / span) indefinitely.
     """
     constant = (
         'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
@@ -56,21 +56,21 @@ def test_what_is_learned_settles_where_the_rules_can_hold_it() -> None:
     )
     fixed = (f'controller.{LAW}.gamma=0.0', f'controller.{LAW}.gamma_h=0.0')
     plain = run(LAW, *constant, *fixed, duration=10.0).settled
-    learning = run(LAW, *constant, duration=10.0).settled
-    assert (learning < 0.2 * plain).all()
+    adaptive = run(LAW, *constant, duration=10.0).settled
+    assert (adaptive < 0.2 * plain).all()
 
 
-def test_no_model_is_known_to_it() -> None:
+def test_fuzzy_model_torque_is_independent_of_model() -> None:
     half = run(LAW, 'controller.model_scale=0.5', duration=1.0)
     other = run(LAW, 'controller.model_scale=3.0', duration=1.0)
     np.testing.assert_array_equal(half.torque, other.torque)
 
 
-def test_it_follows_the_path() -> None:
+def test_fuzzy_model_tracks_path() -> None:
     assert (run(LAW, duration=10.0).settled < (0.0021, 0.0023, 0.0002, 0.00014)).all()
 
 
-def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
-    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+def test_fuzzy_model_torque_limited_weights_are_frozen() -> None:
+    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
     for name in ('theta', 'eta'):
-        assert not cut.controller.memory[f'fuzzy_model_{name}'].any()
+        assert not limited.controller.memory[f'fuzzy_model_{name}'].any()

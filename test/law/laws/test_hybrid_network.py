@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hybrid of sliding mode and a fuzzy network: against its formula, and its Lyapunov function."""
+"""Sliding mode with a fuzzy network: torque formula and balance of its Lyapunov function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAW = 'hybrid_network'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_hybrid_network_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     names = ('k', 'gamma', 'rate', 'delta', 'velocity_span', 'error_span')
     values = dict(zip(names, rng.uniform(0.2, 20.0, (6, 4)), strict=True))
@@ -44,8 +44,8 @@ def test_it_is_its_formula(seed: int) -> None:
         robust = (robust + at.period * values['rate'] * beyond) / decay
 
 
-def test_the_lyapunov_function_of_each_joint_falls_by_what_it_should() -> None:
-    """V = (z^2 + W' W / gamma) / 2 and V' = -K z^2, with the true model, joint by joint."""
+def test_hybrid_network_lyapunov_function_matches_linear_term() -> None:
+    """V = (z^2 + W' W / gamma) / 2 and V' = -K z^2 hold for every joint with the true model."""
     track = run(
         LAW,
         'controller.model_scale=1.0',
@@ -63,20 +63,20 @@ def test_the_lyapunov_function_of_each_joint_falls_by_what_it_should() -> None:
     ])
     weights = track.controller.memory['hybrid_network_weights'][0, :, 0].reshape(4, -1)
     stored = (weights**2).sum(axis=1) / (2.0 * 100.0)
-    lost = (z[0] ** 2 - z[-1] ** 2) / 2.0 - stored
+    dissipated = (z[0] ** 2 - z[-1] ** 2) / 2.0 - stored
     assert (stored > 0.05 * z[0] ** 2 / 2.0).all()
-    np.testing.assert_allclose(lost, 3.0 * 0.0005 * (z**2).sum(axis=0), rtol=0.03)
+    np.testing.assert_allclose(dissipated, 3.0 * 0.0005 * (z**2).sum(axis=0), rtol=0.03)
 
 
-def test_it_follows_the_path() -> None:
+def test_hybrid_network_tracks_path() -> None:
     fixed = (f'controller.{LAW}.gamma=0.0', f'controller.{LAW}.rate=0.0')
     plain = run(LAW, *fixed, duration=10.0).settled
-    learning = run(LAW, duration=10.0).settled
-    assert (learning < 0.5 * plain).all()
-    assert (learning < (0.0042, 0.007, 0.0011, 0.0013)).all()
+    adaptive = run(LAW, duration=10.0).settled
+    assert (adaptive < 0.5 * plain).all()
+    assert (adaptive < (0.0042, 0.007, 0.0011, 0.0013)).all()
 
 
-def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
-    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+def test_hybrid_network_torque_limited_weights_are_frozen() -> None:
+    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
     for name in ('weights', 'robust'):
-        assert not cut.controller.memory[f'hybrid_network_{name}'].any()
+        assert not limited.controller.memory[f'hybrid_network_{name}'].any()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Input-output decoupling: against its formula, and each output by itself."""
+"""Input-output decoupling: torque formula and independent dynamics of the outputs."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ LAW = 'input_output_decoupling'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
-    """The decoupling matrix J H^-1 of the outputs inverted, where the law inverts J."""
+def test_input_output_decoupling_torque_matches_formula(seed: int) -> None:
+    """The expected torque inverts the decoupling matrix J H^-1; the law inverts J."""
     controller, at = at_random(seed, LAW)
     nu = at.desired[2] - 20.0 * at.error_rate - 100.0 * at.error
     decoupling = at.jacobian @ np.linalg.inv(at.inertia)
@@ -23,15 +23,15 @@ def test_it_is_its_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
-def test_it_has_the_bits_of_nonlinear_feedback() -> None:
-    ours, at = at_random(5, LAW)
-    other, _ = at_random(5, 'nonlinear_feedback')
+def test_input_output_decoupling_equals_nonlinear_feedback() -> None:
+    decoupling_law, at = at_random(5, LAW)
+    feedback_law, _ = at_random(5, 'nonlinear_feedback')
     for _ in range(3):
-        np.testing.assert_array_equal(tick(ours, at), tick(other, at))
+        np.testing.assert_array_equal(tick(decoupling_law, at), tick(feedback_law, at))
 
 
-def test_each_output_has_its_own_dynamics() -> None:
-    """Of different speeds, critically damped: e_i = (e_0 + (edot_0 + w e_0) t) e^-wt."""
+def test_input_output_decoupling_outputs_are_independent() -> None:
+    """Different bandwidths, critically damped: e_i = (e_0 + (edot_0 + w e_0) t) e^-wt."""
     w = np.array([6.0, 8.0, 10.0, 12.0])
     track = run(
         LAW,
@@ -48,6 +48,6 @@ def test_each_output_has_its_own_dynamics() -> None:
     assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
 
 
-def test_it_follows_the_path() -> None:
-    """With half the model, as far as the gains are large beside what the model lacks."""
+def test_input_output_decoupling_tracks_path() -> None:
+    """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.124, 0.145, 0.038, 0.037)).all()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The momentum observer: against its formula, and the disturbance that it finds."""
+"""Momentum observer: torque formula and estimated disturbance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAW = 'momentum_observer'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_momentum_observer_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k_p, k_d = rng.uniform(1.0, 50.0, (2, 4))
     rate = rng.uniform(10.0, 1000.0)
@@ -30,19 +30,19 @@ def test_it_is_its_formula(seed: int) -> None:
     for _ in range(3):
         if last is not None:
             v, drive = last
-            seen = at.inertia @ (at.v - v) / at.period - drive
-            d = (d + at.period * rate * seen) / (1.0 + at.period * rate)
+            measured = at.inertia @ (at.v - v) / at.period - drive
+            d = (d + at.period * rate * measured) / (1.0 + at.period * rate)
         wanted = at.desired[2] - k_d * at.error_rate - k_p * at.error
         torque = at.model_torque(wanted) - d
-        found = tick(controller, at)
-        np.testing.assert_allclose(found, torque, rtol=1e-9, atol=1e-8)
-        last = at.v, found - at.coriolis @ at.v
+        actual = tick(controller, at)
+        np.testing.assert_allclose(actual, torque, rtol=1e-9, atol=1e-8)
+        last = at.v, actual - at.coriolis @ at.v
         v = at.v + 0.01 * rng.normal(size=4)
         at = Instant(at.period, at.position, v, at.desired, at.scale, at.sigma)
 
 
-def test_it_finds_a_constant_disturbance() -> None:
-    """In the forces conjugate to v: d is what the disturbing torques are in them."""
+def test_momentum_observer_estimates_constant_disturbance() -> None:
+    """The estimate d consists of forces conjugate to v; the applied torques act on joints."""
     track = run(
         LAW,
         'controller.model_scale=1.0',
@@ -51,13 +51,13 @@ def test_it_finds_a_constant_disturbance() -> None:
         duration=4.0,
     )
     d = track.controller.memory['momentum_observer_disturbance'][0, :, 0]
-    # What a torque does on a unit rate of its joint, d does on the motion of that.
+    # The power of d along the motion of a unit joint velocity equals the joint's torque.
     power = [np.dot(d, quasi_velocity(Machine(DEFAULT).geometry, *rate)) for rate in np.eye(4)]
     np.testing.assert_allclose(power, [1.5, 1.5, 3.0, 3.0], rtol=0.02)
     assert np.abs(track.settled).max() < 1e-3
 
 
-def test_it_beats_computed_torque_without_the_observer() -> None:
+def test_momentum_observer_reduces_tracking_error() -> None:
     settled = [
         np.linalg.norm(run(LAW, f'controller.{LAW}.rate={rate}', duration=10.0).settled)
         for rate in (0.0, 200.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nonlinear feedback: against its formula, and the errors that its theory has."""
+"""Nonlinear feedback: torque formula and theoretical decay of errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LAW = 'nonlinear_feedback'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_nonlinear_feedback_torque_matches_formula(seed: int) -> None:
     gains = np.random.default_rng(seed).uniform(1.0, 50.0, (3, 4))
     names = ('k_p', 'k_d', 'k_i')
     controller, at = at_random(
@@ -28,7 +28,7 @@ def test_it_is_its_formula(seed: int) -> None:
         np.testing.assert_allclose(torque, at.model_torque(wanted), rtol=1e-9, atol=1e-9)
 
 
-def test_with_the_true_model_errors_are_those_of_a_spring() -> None:
+def test_nonlinear_feedback_true_model_has_second_order_decay() -> None:
     """Critically damped (k_d**2 = 4 k_p), without a disturbance: e(t) = e_0 (1 + 10 t) e^-10t."""
     track = run(
         LAW,
@@ -43,8 +43,8 @@ def test_with_the_true_model_errors_are_those_of_a_spring() -> None:
     assert np.abs(track.error - expected).max() < 2e-3 * np.abs(expected).max()
 
 
-def test_the_integral_takes_what_is_constant_away() -> None:
-    """A constant force leaves an error that an integral takes away, as far as the arm is slow."""
+def test_nonlinear_feedback_integral_reduces_constant_error() -> None:
+    """The integral removes the error of a constant force, within the speed of the arm."""
     constant = (
         'controller.model_scale=1.0',
         'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Operational space control: against its formula, and that the first axes come first."""
+"""Operational space control: torque formula and priority of the first axes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ LAW = 'null_space'
 
 
 def commanded(at: Instant, k_p: Array, k_d: Array) -> Array:
-    """Return J vdot that is wanted (4)."""
+    """Return the commanded J vdot (4)."""
     return at.desired[2] - k_d * at.error_rate - k_p * at.error - at.drift
 
 
 @pytest.mark.parametrize('first', [1, 2, 3, 4])
 @pytest.mark.parametrize('seed', range(6))
-def test_it_is_its_formula(seed: int, first: int) -> None:
-    """By the projector of the source, matrix by matrix."""
+def test_null_space_torque_matches_formula(seed: int, first: int) -> None:
+    """The expected torque uses the projector of the source, matrix by matrix."""
     k_p, k_d = np.random.default_rng(seed).uniform(1.0, 50.0, (2, 4))
     controller, at = at_random(
         seed,
@@ -47,39 +47,39 @@ def test_it_is_its_formula(seed: int, first: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
-def motion(at: Instant, torque: Array) -> Array:
-    """Return the task's acceleration of the model under a torque."""
-    found: Array = at.drift + at.jacobian @ np.linalg.solve(
+def task_acceleration(at: Instant, torque: Array) -> Array:
+    """Return the task acceleration of the model under a torque."""
+    acceleration: Array = at.drift + at.jacobian @ np.linalg.solve(
         at.inertia, torque - at.coriolis @ at.v
     )
-    return found
+    return acceleration
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_the_others_do_not_disturb_the_first(seed: int) -> None:
-    """Whatever the others are commanded, the first axes have the acceleration wanted."""
-    moved = []
+def test_null_space_other_axes_do_not_disturb_first(seed: int) -> None:
+    """The first axes have the commanded acceleration for any command of the other axes."""
+    accelerations = []
     for k_p in (0.0, 1000.0):
         controller, at = at_random(seed, LAW, **{f'{LAW}__k_p': (100.0, 100.0, k_p, k_p)})
-        moved.append(motion(at, tick(controller, at)))
-    np.testing.assert_allclose(moved[0][:2], moved[1][:2], rtol=1e-8)
-    assert np.abs(moved[0][2:] - moved[1][2:]).max() > 1.0
+        accelerations.append(task_acceleration(at, tick(controller, at)))
+    np.testing.assert_allclose(accelerations[0][:2], accelerations[1][:2], rtol=1e-8)
+    assert np.abs(accelerations[0][2:] - accelerations[1][2:]).max() > 1.0
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_a_straight_arm_has_the_first_axes_as_wanted(seed: int) -> None:
-    """J is singular there; inverted with damping it has neither."""
-    left = []
+def test_null_space_straight_arm_controls_first_axes(seed: int) -> None:
+    """J is singular for a straight arm; the damped inverse of another law misses the command."""
+    deviations = []
     for law in (LAW, 'nonlinear_feedback'):
         controller, at = at_random(seed, law)
         at.position[6] = 0.0
         at.v[:] = 0.0
         at.desired[0] = np.random.default_rng(seed).uniform(-0.5, 0.5, 4)
         b = commanded(at, np.full(4, 100.0), np.full(4, 20.0))
-        left.append(np.abs(motion(at, tick(controller, at)) - b)[:2].max())
-    assert left[0] < 1e-9 < 1e-2 < left[1]
+        deviations.append(np.abs(task_acceleration(at, tick(controller, at)) - b)[:2].max())
+    assert deviations[0] < 1e-9 < 1e-2 < deviations[1]
 
 
-def test_it_follows_the_path() -> None:
-    """With half the model, as far as the gains are large beside what the model lacks."""
+def test_null_space_tracks_path() -> None:
+    """Half of the true masses: the bounds hold for gains that dominate the model error."""
     assert (run(LAW, duration=10.0).settled < (0.124, 0.145, 0.037, 0.041)).all()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""PD with gravity: against its formula, and that its energy only falls at a set point."""
+"""PD with gravity compensation: torque formula and decrease of energy at a set point."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ LAW = 'pd_gravity'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
-    """The default robot moves in a plane: its gravity is zero."""
+def test_pd_gravity_torque_matches_formula(seed: int) -> None:
+    """The default robot moves in a plane; its gravity term is zero."""
     k_p, k_d = np.random.default_rng(seed).uniform(1.0, 500.0, (2, 4))
     controller, at = at_random(seed, LAW, pd_gravity__k_p=tuple(k_p), pd_gravity__k_d=tuple(k_d))
     force = -k_p * at.error - k_d * at.error_rate
     np.testing.assert_allclose(tick(controller, at), at.jacobian.T @ force, rtol=1e-9, atol=1e-9)
 
 
-def test_energy_only_falls_at_a_set_point() -> None:
-    """The robot's and that of the springs, K_p e^2 / 2, but for what holding for T adds."""
+def test_pd_gravity_set_point_energy_decreases() -> None:
+    """Robot energy plus spring energy K_p e^2 / 2, up to the effect of holding torques for T."""
     at_rest = (
         'trajectory.line_sine.slope=[0.0, 0.0, 0.0, 0.0]',
         'trajectory.line_sine.amplitude=[0.0, 0.0, 0.0, 0.0]',
         'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
     )
-    given = load_scenario(PAPER, (f'controller.law={LAW}', 'duration=2.0', *at_rest))
-    simulation = Simulation(given)
+    values = load_scenario(PAPER, (f'controller.law={LAW}', 'duration=2.0', *at_rest))
+    simulation = Simulation(values)
     plant, controller = simulation.plant, simulation.controller
     reference = np.array([0.3, 0.5, *[0.0] * 10])
     energy = []
@@ -51,11 +51,11 @@ def test_energy_only_falls_at_a_set_point() -> None:
 
 
 @pytest.mark.slow
-def test_it_carries_what_a_lift_carries(tmp_path: Path) -> None:
-    """Without gains: lift, arm and hand of the small robot, 5.1 kg, of a model of a half."""
+def test_pd_gravity_lift_torque_supports_its_load(tmp_path: Path) -> None:
+    """Without gains the law supports lift, arm and hand (5.1 kg) with half of the true masses."""
     scenario = write_scenario(tmp_path, [0.0] * 6, 1.0)
-    none = [f'controller.{LAW}.{gain}=0.0' for gain in ('k_p', 'k_d')]
-    settings = (f'controller.law={LAW}', 'controller.model_scale=0.5', *none)
+    no_gains = [f'controller.{LAW}.{gain}=0.0' for gain in ('k_p', 'k_d')]
+    settings = (f'controller.law={LAW}', 'controller.model_scale=0.5', *no_gains)
     simulation = Simulation(load_scenario(str(scenario), settings))
     plant, controller = simulation.plant, simulation.controller
     controller.tick(plant.position, plant.velocity, np.zeros(controller.now['reference'].size))
@@ -63,5 +63,5 @@ def test_it_carries_what_a_lift_carries(tmp_path: Path) -> None:
     assert controller.raw_torque[:3] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_it_follows_the_path() -> None:
+def test_pd_gravity_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.05

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sliding mode with radial basis functions: against its formula, and that weights are bounded."""
+"""Sliding mode with radial basis functions: torque formula and bounded weights."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAW = 'rbf_sliding'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_rbf_sliding_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k, k_s = rng.uniform(1.0, 50.0, (2, 4))
     rate, nu = rng.uniform(100.0, 9000.0), rng.uniform(0.0, 0.1)
@@ -42,22 +42,22 @@ def test_it_is_its_formula(seed: int) -> None:
         weights /= 1.0 + at.period * rate * nu * np.linalg.norm(s)
 
 
-def test_no_weight_passes_what_nu_says() -> None:
-    """|W| <= 1 / nu, however fast it learns and whatever is asked of it."""
+def test_rbf_sliding_weights_stay_within_bound_of_nu() -> None:
+    """The bound |W| <= 1 / nu holds for any adaptation rate and any command."""
     nu, rate = f'controller.{LAW}.nu=0.05', f'controller.{LAW}.rate=50000.0'
     weights = run(LAW, nu, rate, duration=8.0).controller.memory['rbf_sliding_weights']
     assert 5.0 < np.abs(weights).max() <= 20.0
-    free = run(LAW, f'controller.{LAW}.nu=0.0', rate, duration=8.0)
-    assert np.abs(free.controller.memory['rbf_sliding_weights']).max() > 20.0
+    unbounded = run(LAW, f'controller.{LAW}.nu=0.0', rate, duration=8.0)
+    assert np.abs(unbounded.controller.memory['rbf_sliding_weights']).max() > 20.0
 
 
-def test_the_network_learns_what_the_model_lacks() -> None:
+def test_rbf_sliding_network_reduces_tracking_error() -> None:
     plain = run(LAW, f'controller.{LAW}.rate=0.0', duration=10.0).settled
-    learning = run(LAW, duration=10.0).settled
-    assert (learning < 0.5 * plain).all()
-    assert (learning < (0.0011, 0.0012, 0.0073, 0.0115)).all()
+    adaptive = run(LAW, duration=10.0).settled
+    assert (adaptive < 0.5 * plain).all()
+    assert (adaptive < (0.0011, 0.0012, 0.0073, 0.0115)).all()
 
 
-def test_nothing_is_learned_while_limits_cut_the_torque() -> None:
-    cut = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
-    assert not cut.controller.memory['rbf_sliding_weights'].any()
+def test_rbf_sliding_torque_limited_weights_are_frozen() -> None:
+    limited = run(LAW, 'controller.torque_limit=1e-6', duration=0.1)
+    assert not limited.controller.memory['rbf_sliding_weights'].any()

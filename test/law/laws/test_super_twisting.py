@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Super-twisting: against its implicit step, its finite time, and that it does not chatter."""
+"""Super-twisting: implicit step, finite reaching time and absence of chattering."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from robots import Array
 
 LAW = 'super_twisting'
 
-QUIET = (
+UNDISTURBED = (
     'controller.model_scale=1.0',
     'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]',
 )
 
 
 def step(s: Array, w: Array, k_1: Array, k_2: Array, period: float) -> tuple[Array, Array]:
-    """Return nu and the next w; the root of what is monotone in s+, by bisection."""
+    """Return nu and the next w; bisection finds the root of a function monotone in s+."""
     nu, w_next = np.empty_like(s), np.empty_like(s)
     for i, (x, y, one, two) in enumerate(zip(s, w, k_1, k_2, strict=True)):
         b = x + period * y
@@ -44,15 +44,15 @@ def step(s: Array, w: Array, k_1: Array, k_2: Array, period: float) -> tuple[Arr
             middle = 0.5 * (low + high)
             exceeds = middle + period * one * math.sqrt(middle) > beyond
             low, high = (low, middle) if exceeds else (middle, high)
-        following = math.copysign(0.5 * (low + high), b)
+        next_s = math.copysign(0.5 * (low + high), b)
         w_next[i] = y - period * math.copysign(two, b)
-        nu[i] = -one * math.sqrt(abs(following)) * math.copysign(1.0, b) + w_next[i]
-        assert abs(x + period * nu[i] - following) < 1e-12
+        nu[i] = -one * math.sqrt(abs(next_s)) * math.copysign(1.0, b) + w_next[i]
+        assert abs(x + period * nu[i] - next_s) < 1e-12
     return nu, w_next
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_super_twisting_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k_1, k_2 = rng.uniform(1.0, 100.0, 4), 10.0 ** rng.uniform(1.0, 6.0, 4)
     controller, at = at_random(
@@ -67,9 +67,9 @@ def test_it_is_its_formula(seed: int) -> None:
         )
 
 
-def test_the_surface_is_reached_in_the_steps_that_are_predicted() -> None:
-    """With the true model and no disturbance each axis is the scalar recursion."""
-    track = run(LAW, *QUIET, duration=1.0)
+def test_super_twisting_reaches_surface_in_predicted_steps() -> None:
+    """With the true model and no disturbance every axis follows the scalar recursion."""
+    track = run(LAW, *UNDISTURBED, duration=1.0)
     s, w = track.surface[0], np.zeros(4)
     k_1, k_2 = np.full(4, 15.0), np.full(4, 110.0)
     predicted = []
@@ -105,17 +105,17 @@ def _torque(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, .
     return surface_torque(tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu)
 
 
-def test_it_does_not_chatter_as_the_explicit_form_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_super_twisting_chatters_less_than_explicit_form(monkeypatch: pytest.MonkeyPatch) -> None:
     explicit = register(
         Law('explicit_twisting', _torque, PARAMETERS, MEMORY, uses_switching=False)
     )
     monkeypatch.setitem(registry.LAWS, explicit.name, explicit)
     implicit, chattering = (
-        np.abs(np.diff(run(name, *QUIET, duration=4.0).torque[2000:], axis=0)).sum()
+        np.abs(np.diff(run(name, *UNDISTURBED, duration=4.0).torque[2000:], axis=0)).sum()
         for name in (LAW, explicit.name)
     )
     assert implicit < 0.2 * chattering
 
 
-def test_it_follows_the_path() -> None:
+def test_super_twisting_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 0.02

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time-delay control: against its formula, and that what changes slowly leaves no error."""
+"""Time-delay control: torque formula and rejection of slow disturbances."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAW = 'time_delay'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_time_delay_torque_matches_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k_p, k_d = rng.uniform(1.0, 50.0, (2, 4))
     controller, at = at_random(
@@ -31,12 +31,12 @@ def test_it_is_its_formula(seed: int) -> None:
         wanted = at.desired[2] - k_d * at.error_rate - k_p * at.error
         a_c = np.linalg.solve(at.jacobian, wanted - at.drift)
         torque = before + at.inertia @ (a_c - (at.v - v) / at.period)
-        found = tick(controller, at)
-        np.testing.assert_allclose(found, torque, rtol=1e-9, atol=1e-8)
-        before, v = found, at.v
+        actual = tick(controller, at)
+        np.testing.assert_allclose(actual, torque, rtol=1e-9, atol=1e-8)
+        before, v = actual, at.v
 
 
-def test_after_a_pause_it_begins_with_the_model() -> None:
+def test_time_delay_after_pause_restarts_with_model() -> None:
     controller, at = at_random(0, LAW)
     first = tick(controller, at)
     assert (tick(controller, at) != first).any()
@@ -44,8 +44,8 @@ def test_after_a_pause_it_begins_with_the_model() -> None:
     assert (tick(controller, at) == first).all()
 
 
-def test_a_constant_force_leaves_no_error() -> None:
-    """A model half as heavy is no loss: I - H^-1 H_nominal has the norm 1/2, below 1."""
+def test_time_delay_constant_disturbance_leaves_no_error() -> None:
+    """Half of the true masses suffice: the norm of I - H^-1 H_nominal is 1/2, below 1."""
     constant = (
         'plant.disturbance.frequency=[0.0, 0.0, 0.0, 0.0]',
         'plant.disturbance.phase=[1.5707963, 1.5707963, 1.5707963, 1.5707963]',
@@ -53,8 +53,8 @@ def test_a_constant_force_leaves_no_error() -> None:
     assert np.abs(run(LAW, *constant, duration=6.0).settled).max() < 1e-4
 
 
-def test_a_model_more_than_twice_as_heavy_is_unstable() -> None:
-    """The condition of its theory: the norm of I - H^-1 H_nominal must be below 1."""
+def test_time_delay_model_above_twice_mass_is_unstable() -> None:
+    """Stability condition of the theory: the norm of I - H^-1 H_nominal must be below 1."""
     quiet = 'plant.disturbance.amplitude=[0.0, 0.0, 0.0, 0.0]'
     track = run(LAW, quiet, 'controller.model_scale=1.8', duration=1.0)
     assert np.abs(np.diff(track.torque[-50:], axis=0)).max() < 0.1
@@ -62,5 +62,5 @@ def test_a_model_more_than_twice_as_heavy_is_unstable() -> None:
         run(LAW, quiet, 'controller.model_scale=2.2', duration=1.0)
 
 
-def test_it_follows_the_path() -> None:
+def test_time_delay_tracks_path() -> None:
     assert np.linalg.norm(run(LAW, duration=10.0).settled) < 1e-3

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Variable structure control: against its formula, and within which time it reaches s = 0."""
+"""Variable structure control: torque formula and time to reach s = 0."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAW = 'variable_structure'
 
 
 @pytest.mark.parametrize('seed', range(20))
-def test_it_is_its_formula(seed: int) -> None:
+def test_variable_structure_torque_matches_formula(seed: int) -> None:
     alpha, beta, k = np.random.default_rng(seed).uniform(1.0, 50.0, (3, 4))
     controller, at = at_random(
         seed,
@@ -33,12 +33,12 @@ def test_it_is_its_formula(seed: int) -> None:
     np.testing.assert_allclose(tick(controller, at), wanted, rtol=1e-9, atol=1e-9)
 
 
-def test_it_reaches_the_surface_within_the_time_predicted() -> None:
+def test_variable_structure_reaches_surface_in_time() -> None:
     """
-    Within sqrt(2 V_0 h) / k, h being the largest eigenvalue of H_x on the way.
+    The bound is sqrt(2 V_0 h) / k with h the largest eigenvalue of H_x on the way.
 
-    V = s' H_x s / 2 falls at least by k |s|, and |s| >= sqrt(2 V / h). And not at once: no
-    faster than the largest gain on the way allows.
+    V = s' H_x s / 2 falls at least by k |s|, and |s| >= sqrt(2 V / h). The largest gain on the way
+    gives a lower bound of the time.
     """
     k, delta = 10.0, 0.02
     track = run(
@@ -54,9 +54,9 @@ def test_it_reaches_the_surface_within_the_time_predicted() -> None:
     )
     inertias = []
     for q, rates in zip(track.position[::40], track.velocity[::40], strict=True):
-        now = matrices(DEFAULT, q, rates[3:])
-        inverse = np.linalg.inv(now.jacobian)
-        inertias.append(inverse.T @ now.reduced_inertia @ inverse)
+        robot = matrices(DEFAULT, q, rates[3:])
+        inverse = np.linalg.inv(robot.jacobian)
+        inertias.append(inverse.T @ robot.reduced_inertia @ inverse)
     s = track.surface[0]
     largest = max(np.linalg.eigvalsh(h)[-1] for h in inertias)
     bound = np.sqrt(s @ inertias[0] @ s * largest) / k
@@ -66,8 +66,8 @@ def test_it_reaches_the_surface_within_the_time_predicted() -> None:
     assert bound < track.time[-1]
 
 
-def test_gains_in_proportion_to_errors_reach_sooner() -> None:
-    """Of the same k; the disturbance is what it is."""
+def test_variable_structure_proportional_gains_reach_sooner() -> None:
+    """Gains proportional to errors reach the surface sooner than the same k alone."""
 
     def area(*gains: str) -> float:
         track = run(LAW, *gains, duration=2.0)
@@ -77,5 +77,5 @@ def test_gains_in_proportion_to_errors_reach_sooner() -> None:
     assert area() < 0.9 * area(*still)
 
 
-def test_it_follows_the_path() -> None:
+def test_variable_structure_tracks_path() -> None:
     assert (run(LAW, duration=10.0).settled < (0.004, 0.004, 0.0162, 0.0242)).all()
