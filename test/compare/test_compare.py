@@ -27,6 +27,7 @@ PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 SHORT = ('duration=0.3',)
 
 
+@pytest.mark.slow
 def test_side_by_side_runs_equal_single_runs() -> None:
     """Every draw has its own robot, disturbance and noise; results equal `Simulation` bitwise."""
     settings = (*SHORT, 'plant.velocity_noise=0.02', 'controller.projection.lower=0.5')

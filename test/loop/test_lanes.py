@@ -162,6 +162,7 @@ def test_lanes_equal_disturbance_waves_equal_single_runs(
     assert_equal_single_runs(scenarios)
 
 
+@pytest.mark.slow
 def test_lanes_every_law_interpreted_equal_single_runs() -> None:
     done = subprocess.run(
         [sys.executable, Path(__file__).parents[1] / 'helpers' / 'laws_in_lanes.py'],

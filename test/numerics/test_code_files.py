@@ -36,6 +36,7 @@ if __name__ == '__main__':
 """
 
 
+@pytest.mark.slow
 def test_code_files_concurrent_processes_do_not_mix_signatures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -137,7 +137,8 @@ def test_simulate_mutated_files_are_accepted_or_rejected(tmp_path: Path) -> None
     for number in range(60):
         path.write_text(mutated(number), encoding='utf-8')
         results[offline(path)[0]] += 1
-    assert min(results.values()) > 5
+    assert results[True] > 5
+    assert results[False] > 5
 
 
 @pytest.mark.slow

@@ -370,7 +370,8 @@ def test_parameter_file_random_scalars_equal_rcl(
     texts = [text for text in texts if not re.search(r'nan\(|0x.*p-10[2-9]', text, re.IGNORECASE)]
     path = tmp_path / 'run.yaml'
     path.write_text(block('\n'.join(f'p{n}: |1-\n {text}' for n, text in enumerate(texts))))
-    assert_same(context, path)
+    # A control character may be rejected.
+    assert assert_same(context, path) or not ''.join(texts).isprintable()
 
 
 _NAMES = st.sampled_from(

@@ -59,6 +59,7 @@ def test_approach_starts_at_robot_and_ends_at_reference(
     stamp = 0
     while approach.is_on:
         stamp += 10 * MS
+        assert stamp < 10**12, 'the approach does not end'
         followed = approach.follow(stamp, position, REST, reference)
     assert followed is reference
     distance = np.abs(reference[:4] - first[:4]).max()

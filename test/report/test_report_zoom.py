@@ -105,7 +105,7 @@ def test_report_zoom_short_section_draws_every_sample(run: Run, zoom: Mapping[st
         inside = (x >= BEGIN) & (x <= END)
         np.testing.assert_array_equal(x[inside], run.torque.times[is_seen])
         np.testing.assert_array_equal(y[inside], torque[is_seen].astype(np.float32))
-        assert (x[0], x[-1]) < (BEGIN, END + 1e-9)  # the line enters from the left
+        assert x[0] < BEGIN  # the line enters from the left
         # The drawn polyline has at least as many corners.
         assert len(re.findall('[ML]', line)) >= np.count_nonzero(is_seen)
         crossings = max(crossings, changes_of_sign(y[inside]))
