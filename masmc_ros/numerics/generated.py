@@ -114,6 +114,6 @@ def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:
     return function.get_call_type(context, plain, {})
 
 
-def like(values: Iterable[Type]) -> Type:
+def tuple_type(values: Iterable[Type]) -> Type:
     """Return the type of a tuple of values of some types."""
     return types.BaseTuple.from_types(tuple(values))

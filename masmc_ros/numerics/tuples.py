@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from masmc_ros.numerics.generated import called, Compiler, generated, like
+from masmc_ros.numerics.generated import called, Compiler, generated, tuple_type
 from numba import types
 from numba.core import cgutils
 import numpy as np
@@ -88,7 +88,7 @@ def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
     if any(map(is_array, kinds)):
         return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
-    return like(
+    return tuple_type(
         called(context, function, _types_of_entry(kinds, i)).return_type for i in range(count)
     )
 
@@ -141,7 +141,7 @@ def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types
     row = called(context, function, (argument, types.intp)).return_type
     if is_array(of):
         return MATRIX if _is_tuple(row) else VECTOR
-    return like([row] * len(of))
+    return tuple_type([row] * len(of))
 
 
 @generated(tabulate, _type_of_table)
@@ -275,7 +275,7 @@ def head(of: Numbers, as_many: Numbers) -> Numbers:
     return of[: len(as_many)]
 
 
-@generated(head, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+@generated(head, lambda context, of, as_many: tuple_type(of[i] for i in range(len(as_many))))
 def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
 
@@ -285,7 +285,7 @@ def tail(of: Numbers, as_many: Numbers) -> Numbers:
     return of[len(of) - len(as_many):]
 
 
-@generated(tail, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+@generated(tail, lambda context, of, as_many: tuple_type(of[i] for i in range(len(as_many))))
 def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
@@ -296,7 +296,7 @@ def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     return of[:n], of[n:2 * n], of[2 * n:]
 
 
-@generated(thirds, lambda context, of: like([_floats(len(of) // 3)] * 3))
+@generated(thirds, lambda context, of: tuple_type([_floats(len(of) // 3)] * 3))
 def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
@@ -320,7 +320,7 @@ def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
     return tuple(row[i] for row in rows)
 
 
-@generated(column, lambda context, rows, i: like(row[i.literal_value] for row in rows))
+@generated(column, lambda context, rows, i: tuple_type(row[i.literal_value] for row in rows))
 def _column(compiler: Compiler, kinds: Any, values: Any) -> Any:
     rows = compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
