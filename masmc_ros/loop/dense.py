@@ -13,7 +13,7 @@ from masmc_ros.law.tick import tick_of
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import each, tabulate, tail, thirds, unit
+from masmc_ros.numerics.tuples import each, from_index, tail, thirds, unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -66,11 +66,11 @@ def dense(settings: Any, now: Any) -> Any:
         tick.surface,
         mechanism.joint_rates(model, tick.reference_velocity),
         mechanism.joint_rates(model, tick.reference_acceleration),
-        tabulate(_jacobian_column, rates, (model, posture, rates)),
-        tabulate(_inverse_column, tick.error, (model, posture, tick.error, rates)),
-        tabulate(_reduced_inertia_column, rates, (model, h, rates)),
+        from_index(_jacobian_column, rates, (model, posture, rates)),
+        from_index(_inverse_column, tick.error, (model, posture, tick.error, rates)),
+        from_index(_reduced_inertia_column, rates, (model, h, rates)),
         mechanism.task_inertia(model, posture, tick.nominal, tick.error),
-        tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
+        from_index(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
         tick.is_singular,
     )
 

@@ -131,7 +131,7 @@ def _each_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) 
     return out
 
 
-def tabulate(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
+def from_index(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
     """Return function(argument, i) for every place i of a vector; of an array, an array."""
     found = [function(argument, i) for i in range(len(of))]
     return tuple(found) if isinstance(of, tuple) else np.array(found)
@@ -144,8 +144,8 @@ def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types
     return tuple_type([row] * len(of))
 
 
-@generated(tabulate, _type_of_table)
-def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(from_index, _type_of_table)
+def _from_index(compiler: Compiler, kinds: Any, values: Any) -> Any:
     function, of, argument = kinds
     if is_array(of):
         return _table_of_array(compiler, kinds, values)

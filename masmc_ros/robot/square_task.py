@@ -14,7 +14,7 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import each, from_index, unit
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.mechanism import Numbers, of_model, Tracking
 
@@ -84,4 +84,4 @@ def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
 def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
     """Return H_x = J^-T H J^-1 of (11) by its columns, kg."""
     h = mechanism.inertia(model, posture, theta)
-    return tabulate(_task_inertia_column, surface, (model, posture, h, surface))
+    return from_index(_task_inertia_column, surface, (model, posture, h, surface))

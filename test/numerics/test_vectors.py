@@ -20,7 +20,7 @@ from masmc_ros.numerics.arrays import (
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, new_record, put
-from masmc_ros.numerics.tuples import dot, each, LONGEST, tabulate, unit
+from masmc_ros.numerics.tuples import dot, each, from_index, LONGEST, unit
 import numpy as np
 import pytest
 
@@ -55,8 +55,8 @@ def everything(records: Any) -> Any:
     write_row(lanes, 1, 1, 1, (3.5, 4.5))
     return (
         b,
-        tabulate(_entry, a, b),
-        tabulate(_pair, a, b),
+        from_index(_entry, a, b),
+        from_index(_pair, a, b),
         taken(array_of(b), a),
         unit(a, 1),
         array_of(b).copy(),

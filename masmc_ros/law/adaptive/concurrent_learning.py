@@ -28,7 +28,7 @@ from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import each, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -90,8 +90,8 @@ def _record(settings: Any, tick: Tick, memory: Any, lane: int, before: Numbers) 
         lane,
         1.0 / (1.0 + tick.period * get(settings, 'concurrent_learning_forgetting', lane)),
         tick.period,
-        tabulate(_row, v, (tick.model, w, like, v)),
-        tabulate(_weighted_row, v, (tick.model, w, like, v, h)),
+        from_index(_row, v, (tick.model, w, like, v)),
+        from_index(_weighted_row, v, (tick.model, w, like, v, h)),
         mechanism.forces(tick.model, get(memory, 'concurrent_learning_torque', lane)),
     )
 

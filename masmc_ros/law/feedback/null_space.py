@@ -29,7 +29,7 @@ from masmc_ros.numerics.arrays import taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import each, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -125,7 +125,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     still = motion_acceleration(tick, each(zero, commanded))
     wanted = each(plus, commanded, mechanism.task_velocity(model, posture, still))
     h = mechanism.inertia(model, posture, tick.nominal)
-    mobility = tabulate(
+    mobility = from_index(
         _mobility_column, tick.surface, (model, posture, h, tick.surface, tick.velocity)
     )
     task_force = prioritised_force(mobility, wanted, get(settings, 'null_space_first_axes', lane))

@@ -15,7 +15,7 @@ from typing import Any
 
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import exp
-from masmc_ros.numerics.tuples import each, tabulate
+from masmc_ros.numerics.tuples import each, from_index
 
 Numbers = tuple[float, ...]
 Sets = tuple[float, ...]
@@ -103,7 +103,7 @@ def mean_of_rules(weights: Any, lane: int, first: Any, second: Any) -> Numbers:
         for each output, how far its two inputs belong to each of their sets.
 
     """
-    return tabulate(_output, first, (weights, lane, first, second))
+    return from_index(_output, first, (weights, lane, first, second))
 
 
 @kernel

@@ -19,7 +19,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, head, joined, tabulate, tail
+from masmc_ros.numerics.tuples import each, from_index, head, joined, tail
 from masmc_ros.robot import mechanism
 
 Numbers = tuple[float, ...]
@@ -64,7 +64,7 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
         pose = mechanism.dead_reckoned(model, pose, turned)
     put(memory, 'odometry', lane, pose)
     put(memory, 'counted', lane, angles)
-    noise = tabulate(_noise, rates, (get(plant, 'seed', lane), tick))
+    noise = from_index(_noise, rates, (get(plant, 'seed', lane), tick))
     rates = each(_noisy, rates, get(plant, 'noise', lane), noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)

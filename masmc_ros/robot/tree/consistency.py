@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.tuples import tabulate
+from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import PER_BODY
@@ -81,4 +81,4 @@ def _normal(x: Numbers, i: int) -> float:
 @formula
 def consistency_normal(model: TreeModel, x: Numbers, like: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' P x."""
-    return tabulate(_normal, like, x)
+    return from_index(_normal, like, x)

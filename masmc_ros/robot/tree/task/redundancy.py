@@ -27,7 +27,7 @@ from masmc_ros.numerics.arrays import array_of, taken
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import tabulate
+from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
@@ -263,10 +263,10 @@ def _entry_of(of: tuple[Any, int], i: int) -> float:
 
 @formula
 def _column_of(of: tuple[Any, Numbers], j: int) -> Numbers:
-    return tabulate(_entry_of, of[1], (of[0], j))
+    return from_index(_entry_of, of[1], (of[0], j))
 
 
 @formula
 def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Any:
     """Return (J H^-1 J')^-1 by its columns, kg, kg m and kg m^2."""
-    return tabulate(_column_of, surface, (_task_inertia(model, posture, theta), surface))
+    return from_index(_column_of, surface, (_task_inertia(model, posture, theta), surface))

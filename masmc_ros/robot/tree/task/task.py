@@ -18,7 +18,7 @@ from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.numerics.tuples import each, tabulate
+from masmc_ros.numerics.tuples import each, from_index
 from masmc_ros.robot.mechanism import Numbers, Tracking
 from masmc_ros.robot.tree.kinematics import (
     add_point_forces,
@@ -65,7 +65,7 @@ def _entry(of: tuple[TreeModel, Any, int], i: int) -> float:
 @formula
 def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
     """Return of a row of all coordinates those that are the task's axes."""
-    found: Numbers = tabulate(_entry, model.axes, (model, values, row))
+    found: Numbers = from_index(_entry, model.axes, (model, values, row))
     return found
 
 
