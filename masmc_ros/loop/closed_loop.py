@@ -11,7 +11,7 @@ from masmc_ros.law import law
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
 from masmc_ros.numerics.tuples import dot, each
@@ -41,9 +41,9 @@ def control_tick(
     reference (3 axes) are written next to torque, rates, error, surface and estimate.
     """
     signal = now[0]
-    put(signal, 'position', 0, taken(position, get(signal, 'position', 0)))
-    put(signal, 'velocity', 0, taken(velocity, get(signal, 'velocity', 0)))
-    put(signal, 'reference', 0, taken(reference, get(signal, 'reference', 0)))
+    put(signal, 'position', 0, to_vector(position, get(signal, 'position', 0)))
+    put(signal, 'velocity', 0, to_vector(velocity, get(signal, 'velocity', 0)))
+    put(signal, 'reference', 0, to_vector(reference, get(signal, 'reference', 0)))
     control(settings[0], memory[0], signal)
     found = SINGULAR if get(signal, 'singular', 0) != 0 else 0
     rest = _rest(get(signal, 'torque', 0)) + _rest(get(signal, 'rates', 0))
@@ -54,7 +54,7 @@ def control_tick(
 def control_ticks(settings: Any, memory: Any, now: Any, positions: Any) -> None:
     """Compute a tick of the law at each of some positions (n), all else of the state as it is."""
     for k in range(len(positions)):
-        put(now[0], 'position', 0, taken(positions[k], get(now[0], 'position', 0)))
+        put(now[0], 'position', 0, to_vector(positions[k], get(now[0], 'position', 0)))
         control(settings[0], memory[0], now[0])
 
 
@@ -221,6 +221,6 @@ def closed_loop(
 @formula
 def write_reference(signal: Any, reference: Any) -> None:
     """Write a tick's reference into all lanes."""
-    desired = taken(reference, get(signal, 'reference', 0))
+    desired = to_vector(reference, get(signal, 'reference', 0))
     for lane in range(lane_count(signal)):
         put(signal, 'reference', lane, desired)

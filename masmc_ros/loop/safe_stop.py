@@ -24,7 +24,7 @@ from typing import Any
 
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
-from masmc_ros.numerics.arrays import taken, write_along
+from masmc_ros.numerics.arrays import to_vector, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import clipped, limited
@@ -118,9 +118,9 @@ def _stop_torque(
     body = stop[0]
     like = get(body, 'torque', 0)
     model = mechanism.model_of(body, 0)
-    at = taken(position, get(body, 'position', 0))
+    at = to_vector(position, get(body, 'position', 0))
     angles = tail(at, like)
-    rates = tail(taken(velocity, get(body, 'position', 0)), like)
+    rates = tail(to_vector(velocity, get(body, 'position', 0)), like)
     if is_estimated:
         share = elapsed / (elapsed + _FILTER)
         before = get(body, 'angles', 0)

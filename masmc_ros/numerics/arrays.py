@@ -20,7 +20,7 @@ from numba.core.imputils import impl_ret_borrowed
 import numpy as np
 
 
-def taken(array: Any, as_many: Numbers) -> Any:
+def to_vector(array: Any, as_many: Numbers) -> Any:
     """Return the first entries of an array, as many as a vector has."""
     count = len(as_many)
     return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
@@ -148,14 +148,14 @@ generated(write_down, lambda context, *kinds: types.none)(_written(0, 2))
 generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 
-def _type_of_taken(context: Any, array: Any, as_many: Any) -> types.Type:
+def _type_of_vector(context: Any, array: Any, as_many: Any) -> types.Type:
     if isinstance(as_many, types.Array):
         return as_many
     return types.UniTuple(array.dtype, len(as_many))
 
 
-@generated(taken, _type_of_taken)
-def _taken(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(to_vector, _type_of_vector)
+def _to_vector(compiler: Compiler, kinds: Any, values: Any) -> Any:
     if is_array(kinds[1]):
         return compiler.run(_copy_of_first, kinds, values)
     first = compiler.context.get_constant(types.intp, 0)

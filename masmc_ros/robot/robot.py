@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import fill, get, new_record
@@ -109,7 +109,7 @@ def _task_positions(body: Any, position: Any) -> Array:
     model = formulas.model_of(record, 0)
     out = np.empty((len(position), len(get(record, 'error', 0))))
     for k in range(len(position)):
-        at = taken(position[k], like)
+        at = to_vector(position[k], like)
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):
             out[k, i] = x[i]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import resource
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, parted, read_along, taken, write_along
+from masmc_ros.numerics.arrays import array_of, parted, read_along, to_vector, write_along
 from masmc_ros.numerics.compiled import formula, inlined, kernel
 from masmc_ros.numerics.scratch import clear, copy_into, MOST, scratch
 import numpy as np
@@ -103,7 +103,7 @@ def test_nothing_is_left_of_them() -> None:
 def _of_tuple(values: Any) -> Any:
     array = array_of(values)
     write_along(array, 1, read_along(array, 0, (0.0, 0.0)))
-    return taken(array, values), values
+    return to_vector(array, values), values
 
 
 def test_a_tuple_as_an_array_is_a_copy() -> None:

@@ -22,7 +22,7 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
@@ -145,7 +145,7 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]
-    return taken(work[:, 0], theta)
+    return to_vector(work[:, 0], theta)
 
 
 @formula

@@ -25,7 +25,7 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, plus, zero
@@ -81,7 +81,7 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
     work, force = np.empty((n, n + 1)), np.zeros(n)
     _solve(n, mobility, wanted, first, n, work, force)
     _solve(n, mobility, wanted, 0, first, work, force)
-    return taken(force, wanted)
+    return to_vector(force, wanted)
 
 
 @formula

@@ -21,7 +21,7 @@ from typing import Any
 
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import dot, each
@@ -262,10 +262,10 @@ def projected(
     clip_to_box(n, nominal, lower, upper, estimate)
     part = MARGIN * lower
     for _ in range(_CUTS):
-        above = each(_less, taken(estimate, nominal), nominal, part)
+        above = each(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
-            return taken(estimate, nominal)
+            return to_vector(estimate, nominal)
         entries = mechanism.consistency_normal(model, x, nominal)
         bound = 0.0
         for j in range(n):
@@ -273,10 +273,10 @@ def projected(
             bound += lower * normal[j] * nominal[j]
         move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
     for _ in range(_HALVINGS):
-        above = each(_less, taken(estimate, nominal), nominal, part)
+        above = each(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
             break
         for j in range(n):
             estimate[j] = nominal[j] + 0.5 * (estimate[j] - nominal[j])
-    return taken(estimate, nominal)
+    return to_vector(estimate, nominal)

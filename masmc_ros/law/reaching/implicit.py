@@ -26,7 +26,7 @@ from typing import Any
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
@@ -115,7 +115,7 @@ def _solved(
         for i in range(n):
             matrix[i, j] = inertia[j][i]
     implicit_reaching(n, matrix, period, k_s1, k_s2, s, following, zeta, work)
-    return taken(following, s), taken(zeta, s)
+    return to_vector(following, s), to_vector(zeta, s)
 
 
 @formula

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
@@ -48,7 +48,7 @@ def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     diagonal = np.empty(len(angles))
     like = get(record, 'limit', lane)
     model = mechanism.model_of(record, lane)
-    bend = mechanism.posture_of_joints(model, taken(angles, like))
+    bend = mechanism.posture_of_joints(model, to_vector(angles, like))
     h = mechanism.inertia(model, bend, get(record, 'theta', lane))
     for joint in range(len(like)):
         diagonal[joint] = felt_inertia(model, like, h, joint)

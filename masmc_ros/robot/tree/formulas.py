@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import array_of, taken
+from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
@@ -115,7 +115,7 @@ def motion(model: TreeModel, rates: Numbers) -> Numbers:
     """Return nu from the rates of wheels and joints."""
     values = array_of(rates)
     into_base(model, values, False)
-    return taken(values, rates)
+    return to_vector(values, rates)
 
 
 @kernel
@@ -123,7 +123,7 @@ def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
     """Return the rates of wheels and joints."""
     values = array_of(motion)
     into_wheels(model, values, False)
-    return taken(values, motion)
+    return to_vector(values, motion)
 
 
 @kernel
@@ -131,7 +131,7 @@ def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
     """Return the torques of wheels and joints."""
     values = array_of(forces)
     into_wheels(model, values, True)
-    return taken(values, forces)
+    return to_vector(values, forces)
 
 
 @kernel
@@ -139,7 +139,7 @@ def forces(model: TreeModel, torques: Numbers) -> Numbers:
     """Return the forces conjugate to nu."""
     values = array_of(torques)
     into_base(model, values, True)
-    return taken(values, torques)
+    return to_vector(values, torques)
 
 
 @kernel
@@ -205,7 +205,7 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     acceleration = array_of(y.acceleration)
     dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, found)
     add_friction(model, parameters, reference, 1.0, found)
-    return taken(found, y.reference)
+    return to_vector(found, y.reference)
 
 
 @kernel
@@ -217,7 +217,7 @@ def regressor_transpose_times(
     found = scratch(len(like))
     dynamics.write_gradients(model, y.posture, y.motions, along, found)
     write_friction_gradient(model, reference, along, found)
-    return taken(found, like)
+    return to_vector(found, like)
 
 
 @formula
@@ -261,7 +261,7 @@ def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numb
         for j in range(len(values)):
             total += inertia[i, j] * values[j]
         out[i] = total
-    return taken(out, acceleration)
+    return to_vector(out, acceleration)
 
 
 @kernel
@@ -271,7 +271,7 @@ def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
     copy_into(factors, inertia)
     factor(factors)
     solve(factors, x)
-    return taken(x, forces)
+    return to_vector(x, forces)
 
 
 @formula
@@ -293,7 +293,7 @@ def joint_accelerations(
     found = scratch(len(nu))
     write_accelerations(model, posture, parameters, nu, f, GRAVITY, found)
     into_wheels(model, found, False)
-    return taken(found, rates)
+    return to_vector(found, rates)
 
 
 @formula

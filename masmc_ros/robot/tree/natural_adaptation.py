@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_down, taken, write_down
+from masmc_ros.numerics.arrays import array_of, read_down, to_vector, write_down
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import AT_ONCE
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
@@ -85,7 +85,7 @@ def adapted(
             for i in range(PER_BODY):
                 out[PER_BODY * (first + k) + i] = columns[i, k]
     adapt_friction(model, out, gradients, gains, period)
-    return taken(out, theta)
+    return to_vector(out, theta)
 
 
 @formula

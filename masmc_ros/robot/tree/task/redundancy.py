@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, taken
+from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
@@ -194,7 +194,7 @@ def reference_motion(
     _limit_speeds(model, v_r, a_r)
     for k in range(size):
         a_r[k] -= damping * (nu[k] - v_r[k])
-    return taken(v_r, motion), taken(a_r, motion), singular
+    return to_vector(v_r, motion), to_vector(a_r, motion), singular
 
 
 @kernel
@@ -213,7 +213,7 @@ def motion_from_task(
     out = scratch(size)
     for k in range(size):
         out[k] = weights[k] * _along(model, columns, k, y)
-    return taken(out, like)
+    return to_vector(out, like)
 
 
 @kernel

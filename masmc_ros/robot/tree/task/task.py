@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
+from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
@@ -168,7 +168,7 @@ def forces_from_task(
         at = POSE * frame
         pushed, turned = read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR)
         add_point_forces(model, posture, body, offset, pushed, turned, found)
-    return taken(found, like)
+    return to_vector(found, like)
 
 
 @formula
