@@ -79,7 +79,7 @@ def array_of(values: Numbers) -> Any:
     return np.array(values) if isinstance(values, tuple) else values
 
 
-def parted(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
+def split_buffer(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
     """Return an array (rows, columns) and one (others, wide), which share a vector's numbers."""
     count = rows * columns
     return (
@@ -187,8 +187,8 @@ def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return array_over(compiler, VECTOR, room, [count])
 
 
-@generated(parted, lambda context, *kinds: types.UniTuple(MATRIX, 2))
-def _parted(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(split_buffer, lambda context, *kinds: types.UniTuple(MATRIX, 2))
+def _split_buffer(compiler: Compiler, kinds: Any, values: Any) -> Any:
     build, context = compiler.builder, compiler.context
     block = context.make_array(kinds[0])(context, build, values[0])
     lengths = [

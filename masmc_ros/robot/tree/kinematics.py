@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import parted, read_part, write_part
+from masmc_ros.numerics.arrays import read_part, split_buffer, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
 from masmc_ros.numerics.scratch import clear, scratch
@@ -101,7 +101,7 @@ def place(
     """
     bodies, base = bodies_of(model), base_of(model)
     size, wide = base + bodies - 1, _POSITION + 1
-    frames, screws = parted(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
+    frames, screws = split_buffer(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):
