@@ -23,28 +23,28 @@ Numbers = tuple[float, ...]
 
 @formula
 def _reduced_inertia_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, h, like = of
-    f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(like, j)))
+    model, h, template = of
+    f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(template, j)))
     return mechanism.joint_torques(model, f)
 
 
 @formula
 def _jacobian_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, like = of
-    return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(like, j)))
+    model, posture, template = of
+    return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(template, j)))
 
 
 @formula
 def _inverse_column(of: tuple[Any, Any, Numbers, Numbers], j: int) -> Numbers:
-    model, posture, axes, like = of
-    v = mechanism.motion_from_task(model, posture, unit(axes, j), like)
+    model, posture, axes, template = of
+    v = mechanism.motion_from_task(model, posture, unit(axes, j), template)
     return mechanism.joint_rates(model, v)
 
 
 @formula
 def _regressor_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, y, like = of
-    f = mechanism.regressor_times(model, y, unit(like, j))
+    model, y, template = of
+    f = mechanism.regressor_times(model, y, unit(template, j))
     return mechanism.joint_torques(model, f)
 
 

@@ -116,11 +116,11 @@ def _stop_torque(
 ) -> bool:
     """Write the torque for a state, `elapsed` s after the one before; False if not finite."""
     body = stop[0]
-    like = get(body, 'torque', 0)
+    template = get(body, 'torque', 0)
     model = mechanism.model_of(body, 0)
     at = to_vector(position, get(body, 'position', 0))
-    angles = tail(at, like)
-    rates = tail(to_vector(velocity, get(body, 'position', 0)), like)
+    angles = tail(at, template)
+    rates = tail(to_vector(velocity, get(body, 'position', 0)), template)
     if is_estimated:
         share = elapsed / (elapsed + _FILTER)
         before = get(body, 'angles', 0)

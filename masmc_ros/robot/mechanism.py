@@ -13,7 +13,7 @@ them.
 What it is called and has, without formulas, is a `Mechanism` (`declaration.py`), which names the
 module with the formulas: all of this file, under these names. They are chosen by the type of
 `model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
-units, radians; world frame and REP-103 where a formula speaks of a task. `like` is a vector as
+units, radians; world frame and REP-103 where a formula speaks of a task. `template` is a vector as
 long as the result. Built-in mechanisms are next to this file, others come by entry points
 (`registry.py`).
 
@@ -60,7 +60,7 @@ Numbers = tuple[float, ...]
 A vector; its length is the mechanism's number of what it has an entry for.
 
 It is a tuple; theta and what has as many entries are arrays where those are more than
-`numerics.tuples.LONGEST`, and formulas return an array then where `like` is one.
+`numerics.tuples.LONGEST`, and formulas return an array then where `template` is one.
 """
 
 _of_record = contract(by_tag('mechanism', formulas_of_tag))
@@ -210,12 +210,12 @@ def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> 
 
 
 @of_model
-def motion_from_task(model: Any, posture: Any, rates: Numbers, like: Numbers) -> Numbers:
+def motion_from_task(model: Any, posture: Any, rates: Numbers, template: Numbers) -> Numbers:
     """Return J^-1 xdot, finite everywhere; damped where `is_singular`."""
 
 
 @of_model
-def forces_from_task(model: Any, posture: Any, force: Numbers, like: Numbers) -> Numbers:
+def forces_from_task(model: Any, posture: Any, force: Numbers, template: Numbers) -> Numbers:
     """Return J' F."""
 
 
@@ -237,7 +237,7 @@ def regressor_times(model: Any, y: Any, theta: Numbers) -> Numbers:
 
 
 @of_model
-def regressor_transpose_times(model: Any, y: Any, motion: Numbers, like: Numbers) -> Numbers:
+def regressor_transpose_times(model: Any, y: Any, motion: Numbers, template: Numbers) -> Numbers:
     """Return Y' v, an entry per parameter."""
 
 
@@ -300,7 +300,7 @@ def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
 
 
 @of_model
-def consistency_normal(model: Any, x: Numbers, like: Numbers) -> Numbers:
+def consistency_normal(model: Any, x: Numbers, template: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 

@@ -105,11 +105,11 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
 @kernel
 def _task_positions(body: Any, position: Any) -> Array:
     record = body[0]
-    like = get(record, 'position', 0)
+    template = get(record, 'position', 0)
     model = formulas.model_of(record, 0)
     out = np.empty((len(position), len(get(record, 'error', 0))))
     for k in range(len(position)):
-        at = to_vector(position[k], like)
+        at = to_vector(position[k], template)
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):
             out[k, i] = x[i]

@@ -75,8 +75,8 @@ def motion_error(
 
 @formula
 def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, h, like = of
-    v = mechanism.motion_from_task(model, posture, unit(like, j), like)
+    model, posture, h, template = of
+    v = mechanism.motion_from_task(model, posture, unit(template, j), template)
     return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
 
 

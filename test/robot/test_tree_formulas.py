@@ -89,7 +89,7 @@ class Drawn:
         # So slow that no speed limit matters.
         self.twist *= 0.02
         self.theta = self.robot.theta
-        self.like = tuple(self.rates.tolist())
+        self.template = tuple(self.rates.tolist())
 
     def posture(self, position: Array | None = None) -> Any:
         """Return where the bodies are."""
@@ -187,7 +187,7 @@ def test_the_jacobian_is_that_of_the_task(
     # Near zero, the orientation error is the angle by which it has turned.
     assert derivative(off) == pytest.approx(twist, abs=1e-8)
     force = mechanism.forces_from_task(
-        drawn.model, drawn.posture(), numbers(drawn.pull), drawn.like
+        drawn.model, drawn.posture(), numbers(drawn.pull), drawn.template
     )
     assert np.dot(force, nu) == pytest.approx(drawn.pull @ twist, abs=1e-11)
 
@@ -287,7 +287,7 @@ def test_path_out_of_reach_ends_at_rest_without_chatter() -> None:
 @given(SEED, TASK)
 def test_motion_that_the_task_does_not_see(seed: int, task: tuple[str, ...]) -> None:
     drawn = Drawn(seed, task)
-    unseen = _unseen(drawn.model, drawn.posture(), drawn.like)
+    unseen = _unseen(drawn.model, drawn.posture(), drawn.template)
     assert drawn.jacobian() @ unseen == pytest.approx(np.zeros(len(drawn.twist)), abs=1e-9)
     again = _unseen(drawn.model, drawn.posture(), numbers(np.array(unseen)))
     assert np.array(again) == pytest.approx(np.array(unseen), abs=1e-9)

@@ -67,16 +67,16 @@ MEMORY = (
 @formula
 def _row(of: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
-    model, w, like, motion = of
-    return mechanism.regressor_transpose_times(model, w, unit(motion, i), like)
+    model, w, template, motion = of
+    return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
 
 
 @formula
 def _weighted_row(of: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
     """Return row i of H^-1 W."""
-    model, w, like, motion, h = of
+    model, w, template, motion, h = of
     column = mechanism.inertia_solve(model, h, unit(motion, i))
-    return mechanism.regressor_transpose_times(model, w, column, like)
+    return mechanism.regressor_transpose_times(model, w, column, template)
 
 
 @formula
@@ -84,14 +84,14 @@ def _record(settings: Any, tick: Tick, memory: Any, lane: int, before: Numbers) 
     """Add the last period to A and b."""
     w = last_regressor(tick, before)
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    like, v = tick.nominal, tick.velocity
+    template, v = tick.nominal, tick.velocity
     _add(
         memory,
         lane,
         1.0 / (1.0 + tick.period * get(settings, 'concurrent_learning_forgetting', lane)),
         tick.period,
-        from_index(_row, v, (tick.model, w, like, v)),
-        from_index(_weighted_row, v, (tick.model, w, like, v, h)),
+        from_index(_row, v, (tick.model, w, template, v)),
+        from_index(_weighted_row, v, (tick.model, w, template, v, h)),
         mechanism.forces(tick.model, get(memory, 'concurrent_learning_torque', lane)),
     )
 

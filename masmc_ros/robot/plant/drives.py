@@ -30,9 +30,9 @@ Numbers = tuple[float, ...]
 
 
 @formula
-def felt_inertia(model: Any, like: Numbers, h: Any, joint: int) -> float:
+def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
     """Return entry (joint, joint) of the reduced inertia H of (10), kg m2."""
-    v = mechanism.motion(model, unit(like, joint))
+    v = mechanism.motion(model, unit(template, joint))
     return mechanism.joint_torques(model, mechanism.inertia_times(model, h, v))[joint]
 
 
@@ -46,12 +46,12 @@ def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     """
     record = plant[0]
     diagonal = np.empty(len(angles))
-    like = get(record, 'limit', lane)
+    template = get(record, 'limit', lane)
     model = mechanism.model_of(record, lane)
-    bend = mechanism.posture_of_joints(model, to_vector(angles, like))
+    bend = mechanism.posture_of_joints(model, to_vector(angles, template))
     h = mechanism.inertia(model, bend, get(record, 'theta', lane))
-    for joint in range(len(like)):
-        diagonal[joint] = felt_inertia(model, like, h, joint)
+    for joint in range(len(template)):
+        diagonal[joint] = felt_inertia(model, template, h, joint)
     return diagonal
 
 

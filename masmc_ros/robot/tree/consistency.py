@@ -79,6 +79,6 @@ def _normal(x: Numbers, i: int) -> float:
 
 
 @formula
-def consistency_normal(model: TreeModel, x: Numbers, like: Numbers) -> Numbers:
+def consistency_normal(model: TreeModel, x: Numbers, template: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' P x."""
-    return from_index(_normal, like, x)
+    return from_index(_normal, template, x)

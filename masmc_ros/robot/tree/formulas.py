@@ -210,14 +210,14 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
 
 @kernel
 def regressor_transpose_times(
-    model: TreeModel, y: Regressor, motion: Numbers, like: Numbers
+    model: TreeModel, y: Regressor, motion: Numbers, template: Numbers
 ) -> Numbers:
     """Return Y' v."""
     reference, along = array_of(y.reference), array_of(motion)
-    found = scratch(len(like))
+    found = scratch(len(template))
     dynamics.write_gradients(model, y.posture, y.motions, along, found)
     write_friction_gradient(model, reference, along, found)
-    return to_vector(found, like)
+    return to_vector(found, template)
 
 
 @formula

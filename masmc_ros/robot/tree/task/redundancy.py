@@ -199,7 +199,7 @@ def reference_motion(
 
 @kernel
 def motion_from_task(
-    model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
+    model: TreeModel, posture: Posture, rates: Numbers, template: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
     size, m = len(posture.screws), len(model.axes)
@@ -213,7 +213,7 @@ def motion_from_task(
     out = scratch(size)
     for k in range(size):
         out[k] = weights[k] * _along(model, columns, k, y)
-    return to_vector(out, like)
+    return to_vector(out, template)
 
 
 @kernel

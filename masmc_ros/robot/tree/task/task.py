@@ -152,7 +152,7 @@ def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Number
 
 @kernel
 def forces_from_task(
-    model: TreeModel, posture: Posture, force: Numbers, like: Numbers
+    model: TreeModel, posture: Posture, force: Numbers, template: Numbers
 ) -> Numbers:
     """Return J' F."""
     pull = scratch(1, _coordinates(model))
@@ -168,7 +168,7 @@ def forces_from_task(
         at = POSE * frame
         pushed, turned = read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR)
         add_point_forces(model, posture, body, offset, pushed, turned, found)
-    return to_vector(found, like)
+    return to_vector(found, template)
 
 
 @formula
