@@ -8,7 +8,7 @@ A law is one file: a `Law` with its parameters and its memory, and up to three f
 
     torque(settings, tick, memory, lane) -> joints' torques that it asks for
     learn(settings, tick, memory, lane, raw, torque)   what was really commanded is known now
-    settle(settings, memory, lane)                     what needs a loop, such as a projection
+    post_update(settings, memory, lane)                what needs a loop, such as a projection
 
 `tick` is the named tuple of `law.tick`. Parameters and memory are read by
 `get(settings, 'k_s1', lane)` and written by `put(memory, 'estimate', lane, value)` under the
@@ -41,7 +41,7 @@ def _learns_nothing(
 
 
 @formula
-def _settled(settings: Any, memory: Any, lane: int) -> None:
+def _no_post_update(settings: Any, memory: Any, lane: int) -> None:
     """Leave the memory as it is."""
 
 
@@ -58,7 +58,7 @@ class Law:
     memory: tuple[Field, ...] = ()
     """Fields of its memory from tick to tick, those of its parts included."""
     learn: Callable[..., Any] = _learns_nothing
-    settle: Callable[..., Any] = _settled
+    post_update: Callable[..., Any] = _no_post_update
     summary: str = ''
     """Description in one line."""
     source: str = ''
@@ -75,7 +75,7 @@ class Law:
     @property
     def formulas(self) -> SimpleNamespace:
         """Return the formulas by their names in the contract."""
-        return SimpleNamespace(torque=self.torque, learn=self.learn, settle=self.settle)
+        return SimpleNamespace(torque=self.torque, learn=self.learn, post_update=self.post_update)
 
 
 _KNOWN: dict[str, Law] = {}
@@ -101,5 +101,5 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Any, torque: A
 
 
 @_of_law
-def settle(settings: Any, memory: Any, lane: int) -> None:
+def post_update(settings: Any, memory: Any, lane: int) -> None:
     """Finish what has loops of unknown length."""

@@ -80,10 +80,10 @@ def limit_torque(settings: Any, memory: Any, now: Any) -> None:
 
 
 @kernel
-def settle(settings: Any, memory: Any) -> None:
+def post_update(settings: Any, memory: Any) -> None:
     """Let what was learned comply with parameters that have just changed."""
     for lane in range(lane_count(settings[0])):
-        law.settle(settings[0], memory[0], lane)
+        law.post_update(settings[0], memory[0], lane)
 
 
 @kernel

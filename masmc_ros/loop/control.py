@@ -61,7 +61,7 @@ def control(settings: Any, memory: Any, now: Any) -> None:
             posture = mechanism.posture(model, get(now, 'position', lane))
             note_disturbance(memory, model, posture, get(memory, 'disturbance', lane), lane)
     for lane in range(lanes):
-        law.settle(settings, memory, lane)
+        law.post_update(settings, memory, lane)
 
 
 @inlined

@@ -20,7 +20,7 @@ from masmc_ros.loop.closed_loop import (
     control_tick,
     estimate_velocity,
     limit_torque,
-    settle,
+    post_update,
     SINGULAR,
 )
 from masmc_ros.loop.dense import tick_input
@@ -239,7 +239,7 @@ class Controller:
         self.values = dict(values)
         records.write_parameters(self.settings, self._read, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:
-            settle(self.settings, self.memory)
+            post_update(self.settings, self.memory)
 
     def _tick_plug_in(self, law: PlugInLaw) -> bool:
         if self.values['velocity_source'] == ESTIMATED_RATES:

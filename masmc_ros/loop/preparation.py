@@ -32,7 +32,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
+from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.signals import inputs
@@ -107,7 +107,7 @@ def code_of_law(mechanism: Mechanism, law: Law, switching: str) -> Code:
         (
             (control_tick, (settings, memory, now, *inputs(now))),
             # Called when a parameter changes while a projection is active.
-            (settle, (settings, memory)),
+            (post_update, (settings, memory)),
         ),
     )
 

@@ -20,7 +20,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import closed_loop, plant_start, settle
+from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill
@@ -77,7 +77,7 @@ class SideBySide:
         for lane, run in enumerate(runs):
             self._write(run, lane)
             records.write_parameters(self._settings, read, run['controller'], lane)
-        settle(self._settings, self._learned)
+        post_update(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
 
     def _write(self, run: Mapping[str, Values], lane: int) -> None:

@@ -147,7 +147,7 @@ NULL_SPACE = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='operational space control: the first axes first, the others in their null space',
         source='[3] of the paper; Khatib 1987',
         uses_switching=False,

@@ -60,7 +60,7 @@ PD_GRAVITY = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary="PD feedback on each axis of the task, and the model's forces against gravity",
         source='Takegaki and Arimoto 1981',
         uses_switching=False,

@@ -95,7 +95,7 @@ DECENTRALISED_SLIDING = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='a sliding mode controller for the platform and one for the arm, uncoupled',
         source='[6] of the paper; reaching law of Gao and Hung 1993',
         uses_switching=False,

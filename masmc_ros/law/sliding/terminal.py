@@ -74,7 +74,7 @@ TERMINAL = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='nonsingular fast terminal sliding mode: errors end in finite time',
         source='Yang and Yang 2011; Feng, Yu and Man 2002',
         uses_switching=False,

@@ -68,7 +68,7 @@ VARIABLE_STRUCTURE = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='switched feedback whose gains are in proportion to the errors',
         source='[9] of the paper; Young 1978',
         uses_switching=False,
