@@ -379,7 +379,7 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self.controller.forget()
+        self.controller.reset_adaptation()
         self._queue_record(ADAPTATION_RESET)
         return NOTHING
 

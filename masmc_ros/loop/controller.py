@@ -48,7 +48,7 @@ class Controller:
 
     `estimate` is the next tick's theta_hat; `commanded` (joints, N m) is what was really
     commanded last: the rate is limited against it, the velocity estimator and laws in plain
-    Python reckon with it. Who commands nothing in the controller's place says so by `rest`.
+    Python reckon with it. Who commands nothing in the controller's place says so by `output_not_applied`.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
@@ -92,10 +92,10 @@ class Controller:
 
     def reset(self) -> None:
         """Forget what was learned and commanded: everything as at the start."""
-        self.rest()
-        self.forget()
+        self.output_not_applied()
+        self.reset_adaptation()
 
-    def rest(self) -> None:
+    def output_not_applied(self) -> None:
         """
         Note that no torque is commanded in place of one that is computed.
 
@@ -130,7 +130,7 @@ class Controller:
         self._void()
         self.memory['left_out'] += periods
 
-    def forget(self) -> None:
+    def reset_adaptation(self) -> None:
         """Forget what was learned: theta_hat is nominal, the law's memory as at its start."""
         kept = ('velocity_command', *(field.name for field in velocity_estimator.MEMORY))
         before, self.memory = self.memory, self._new_memory()

@@ -240,7 +240,7 @@ class SafeStop:
         controller = self._controller
         rates = controller.rates(velocity).copy()
         commanded = controller.commanded.copy()
-        controller.rest()
+        controller.output_not_applied()
         self.action = VOID if controller.commands_rates else action
         if not self.commands:
             return
@@ -323,7 +323,7 @@ class SafeStop:
     def release(self) -> None:
         """Command nothing from now on; the commanded torque is zero."""
         self.action = VOID
-        self._controller.rest()
+        self._controller.output_not_applied()
 
     def end(self) -> None:
         """Let the law continue from the torque that was commanded last."""

@@ -126,7 +126,7 @@ class Simulation:
                 self._begin_approach()
             self._stop.hand_over()
         elif change.event == ADAPTATION_RESET:
-            self.controller.forget()
+            self.controller.reset_adaptation()
         elif change.event == RESUMED:
             self._stop.end()
         elif change.event in (DEACTIVATED, GUIDED, UNFOLDED):

@@ -81,8 +81,8 @@ def test_nothing_is_learned_of_a_tick_that_is_not_known() -> None:
     other, _ = at_random(0, 'rasmc')
     for known in (controller, other):
         tick(known, at)
-    controller.rest()
-    other.rest()
+    controller.output_not_applied()
+    other.output_not_applied()
     for known in (controller, other):
         tick(known, at)
     assert (controller.estimate == other.estimate).all()

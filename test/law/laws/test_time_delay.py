@@ -40,7 +40,7 @@ def test_after_a_pause_it_begins_with_the_model() -> None:
     controller, at = at_random(0, LAW)
     first = tick(controller, at)
     assert (tick(controller, at) != first).any()
-    controller.rest()
+    controller.output_not_applied()
     assert (tick(controller, at) == first).all()
 
 
