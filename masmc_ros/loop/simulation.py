@@ -24,7 +24,7 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.safe_stop import GUIDE, SafeStop, UNFOLD, VOID
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
@@ -63,7 +63,7 @@ class Simulation:
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
         )
 
-    def run(self, block: int = BLOCK) -> Iterator[Stretch]:
+    def run(self, block: int = BLOCK) -> Iterator[TickBlock]:
         """
         Yield the run from its first to its last tick, `block` ticks at a time.
 
@@ -83,9 +83,9 @@ class Simulation:
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
             reference = self.trajectory.sample(first, count)
-            yield self._stretch(first, reference, final=first + count == ticks)
+            yield self._tick_block(first, reference, final=first + count == ticks)
 
-    def _stretch(self, first: int, reference: Array, *, final: bool) -> Stretch:
+    def _tick_block(self, first: int, reference: Array, *, final: bool) -> TickBlock:
         """Run ticks, with the changes among them."""
         end = first + len(reference)
         changes = tuple(change for change in self._changes if first <= change.tick < end)
@@ -113,10 +113,10 @@ class Simulation:
             active[rows] = self._is_active
             is_void[rows] = not (self._is_active or self._stop.commands)
         rates = self.controller.commands_rates
-        stretch = Stretch(first, signals, active, is_void, rates, contact, changes)
+        tick_block = TickBlock(first, signals, active, is_void, rates, contact, changes)
         if not is_finite:
-            self._check_finite(stretch)
-        return stretch
+            self._check_finite(tick_block)
+        return tick_block
 
     def _make(self, change: Change) -> None:
         if change.values:
@@ -162,11 +162,11 @@ class Simulation:
                 break
         return followed
 
-    def _check_finite(self, stretch: Stretch) -> None:
-        found = (stretch.torque, stretch.rates, stretch.true_position)
+    def _check_finite(self, tick_block: TickBlock) -> None:
+        found = (tick_block.torque, tick_block.rates, tick_block.true_position)
         finite = np.isfinite(np.hstack(found)).all(axis=1)
         if not finite.all():
-            tick = stretch.first + int(np.argmin(finite))
+            tick = tick_block.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
     def _compiled(

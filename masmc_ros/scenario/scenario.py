@@ -13,7 +13,7 @@ from typing import Any
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
-from masmc_ros.loop.stretch import Change
+from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all

@@ -16,7 +16,7 @@ from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.trials import AS_IS, drawn, TRIALS, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import SideBySide
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.loop.controller_events import ACTIVATED
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change
+from masmc_ros.loop.tick_block import Change
 from masmc_ros.robot.registry import chosen
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

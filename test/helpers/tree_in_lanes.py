@@ -15,7 +15,7 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import SideBySide
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np

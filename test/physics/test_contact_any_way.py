@@ -143,6 +143,6 @@ def test_wheels_of_its_own_are_refused() -> None:
 @pytest.mark.parametrize('friction', [0.8, 0.3])
 def test_a_panda_follows_its_path(friction: float) -> None:
     settings = ('duration=4', 'plant.physics=mujoco', f'plant.friction={friction}')
-    (stretch,) = Simulation(load_scenario(FRANKA, settings)).run(block=sys.maxsize)
-    assert largest_slip(stretch.contact[1000:]) < 0.01
-    assert np.abs(stretch.error[2000:, :3]).max() < 5e-4
+    (tick_block,) = Simulation(load_scenario(FRANKA, settings)).run(block=sys.maxsize)
+    assert largest_slip(tick_block.contact[1000:]) < 0.01
+    assert np.abs(tick_block.error[2000:, :3]).max() < 5e-4

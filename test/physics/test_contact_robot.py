@@ -13,11 +13,11 @@ from typing import Any
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import SideBySide
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Stretch
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.plant.drives import joint_inertias
@@ -56,11 +56,11 @@ def loads(robot: SimulatedRobot) -> NDArray[np.float64]:
     return robot.contact.reshape(-1, len(CONTACT))[:, 2]
 
 
-def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> Stretch:
+def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> TickBlock:
     """Return a run from where the robot is, in one piece."""
     values = load_scenario(file, [f'plant.physics={physics}', APPROACH, *settings])
-    (stretch,) = Simulation(values, activation(values)).run(block=sys.maxsize)
-    return stretch
+    (tick_block,) = Simulation(values, activation(values)).run(block=sys.maxsize)
+    return tick_block
 
 
 def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -151,20 +151,20 @@ def test_without_slip_it_goes_the_way_of_the_rigid_robot() -> None:
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
 def test_the_robust_law_keeps_traction(friction: float) -> None:
     """As docs/contact.md has it, in the first seconds of the path."""
-    stretch = run(
+    tick_block = run(
         'duration=6.0',
         f'plant.friction={friction}',
         'robot.wheel_spin_inertia=0.01',
         file=PAPER.replace('paper', 'robust'),
     )
-    assert largest_slip(stretch.contact) < 0.01
-    assert np.abs(stretch.error[5000:]).max() < 2e-4
+    assert largest_slip(tick_block.contact) < 0.01
+    assert np.abs(tick_block.error[5000:]).max() < 2e-4
 
 
 @pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
 def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps: bool) -> None:
     """As docs/contact.md has it: an abrupt start, after which one of both never grips again."""
-    stretch = run(
+    tick_block = run(
         'duration=4.0',
         'plant.friction=0.3',
         'robot.wheel_spin_inertia=0.01',
@@ -173,8 +173,8 @@ def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps
         f'controller.slip_backoff={backoff}',
         file=PAPER.replace('paper', 'robust'),
     )
-    assert (largest_slip(stretch.contact[2000:]) < 0.01) == keeps
-    assert (np.abs(stretch.error[3000:]).max() < 0.01) == keeps
+    assert (largest_slip(tick_block.contact[2000:]) < 0.01) == keeps
+    assert (np.abs(tick_block.error[3000:]).max() < 0.01) == keeps
 
 
 @pytest.mark.slow
@@ -184,14 +184,14 @@ def test_an_estimate_that_backs_off_lets_wheels_grip_again(backoff: float, keeps
 def test_tiago_keeps_traction(friction: float, limits: str) -> None:
     """As its file has it, and with nothing but its estimate to back off."""
     settings = ['duration=4', 'plant.physics=mujoco', f'plant.friction={friction}', limits]
-    (stretch,) = Simulation(load_scenario(TIAGO, [each for each in settings if each])).run(
+    (tick_block,) = Simulation(load_scenario(TIAGO, [each for each in settings if each])).run(
         block=sys.maxsize
     )
-    assert largest_slip(stretch.contact) < 0.1
-    assert largest_slip(stretch.contact[1000:]) < 0.01
+    assert largest_slip(tick_block.contact) < 0.1
+    assert largest_slip(tick_block.contact[1000:]) < 0.01
     # Without a limit of the wheels' torque they slip at first on such ground.
     is_slippery = bool(limits) and friction == 0.1
-    assert np.abs(stretch.error[2000:, :3]).max() < (5e-4 if is_slippery else 1e-4)
+    assert np.abs(tick_block.error[2000:, :3]).max() < (5e-4 if is_slippery else 1e-4)
 
 
 def test_wheels_slip_where_friction_is_small() -> None:

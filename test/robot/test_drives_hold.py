@@ -8,7 +8,7 @@ from __future__ import annotations
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
@@ -28,7 +28,7 @@ HELD = slice(3, 7)
 """The driven joints in the order of joint_states."""
 
 
-def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
+def computed(ticks: tuple[int, ...], *settings: str) -> TickBlock:
     """Return the paper's run in which the controller stops and starts at ticks in turn."""
     events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
     changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]

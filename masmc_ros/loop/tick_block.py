@@ -31,7 +31,7 @@ class Change(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TickBlock:
     """
     Consecutive ticks of a run; rows are ticks.
 
