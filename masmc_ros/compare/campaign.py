@@ -19,7 +19,7 @@ from typing import Any
 
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
-from masmc_ros.loop.batch_simulation import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.report.measure.metrics import measure, Metrics, second_half
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
@@ -92,7 +92,7 @@ def compute(task: Task) -> tuple[Outcome, ...]:
 
 def _reached(runs: Sequence[Any], mechanism: Mechanism) -> list[Metrics | None]:
     """Return the metrics of runs that are computed together."""
-    loop = SideBySide(runs)
+    loop = BatchSimulation(runs)
     errors, torques = [], []
     for signals in loop.run():
         errors.append(signals['error'].copy())

@@ -41,7 +41,7 @@ _OF_ALL = {
 """Parameters that are the same in all lanes, by node; those of the trajectory are, too."""
 
 
-class SideBySide:
+class BatchSimulation:
     """Closed loops of one law, computed together."""
 
     def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
-from masmc_ros.loop.batch_simulation import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
@@ -268,7 +268,7 @@ def test_what_stands_still_is_refused() -> None:
 def test_runs_side_by_side_are_rigid_ones() -> None:
     run = load_scenario(PAPER, ['plant.physics=mujoco', 'duration=0.1'])
     with pytest.raises(InputError, match='physics = mujoco: expected rigid of runs side by side'):
-        SideBySide([run])
+        BatchSimulation([run])
 
 
 def test_the_rigid_robot_takes_no_payload() -> None:
