@@ -40,4 +40,6 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     return each(zero, get(memory, 'commanded', lane))
 
 
-RATES = register(Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False))
+RATES = register(
+    Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False)
+)

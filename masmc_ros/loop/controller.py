@@ -48,7 +48,8 @@ class Controller:
 
     `estimate` is the next tick's theta_hat; `commanded` (joints, N m) is what was really
     commanded last: the rate is limited against it, the velocity estimator and laws in plain
-    Python reckon with it. Who commands nothing in the controller's place says so by `output_not_applied`.
+    Python account for it. A caller that commands nothing in place of the controller's output
+    calls `output_not_applied`.
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:

@@ -90,26 +90,26 @@ def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
 
     As the controller does, a set-point beside a trajectory is left out.
     """
-    tick_blocks: list[_Stretch] = []
+    stretches: list[_Stretch] = []
     for arrival, window in windows:
         stamps = window.stamps()
         if window.stamp_ns is None:
-            if any(each.covers(arrival) for each in tick_blocks):
+            if any(each.covers(arrival) for each in stretches):
                 continue
             stamps = np.array([arrival])
         end = int(stamps[-1])
         beyond = []
-        while tick_blocks and tick_blocks[-1].stamps[-1] >= stamps[0]:
-            old = tick_blocks.pop()
+        while stretches and stretches[-1].stamps[-1] >= stamps[0]:
+            old = stretches.pop()
             first = int(np.searchsorted(old.stamps, stamps[0]))
             after = int(np.searchsorted(old.stamps, end, side='right'))
             if after < len(old.stamps):
                 beyond.append(old.part(after, len(old.stamps)))
             if first > 0:
-                tick_blocks.append(old.part(0, first))
-        tick_blocks.append(_Stretch(stamps, window.samples, round(window.period * NANOSECONDS)))
-        tick_blocks.extend(reversed(beyond))
-    return tick_blocks
+                stretches.append(old.part(0, first))
+        stretches.append(_Stretch(stamps, window.samples, round(window.period * NANOSECONDS)))
+        stretches.extend(reversed(beyond))
+    return stretches
 
 
 def sample_reference(
@@ -137,13 +137,13 @@ def sample_reference(
         NaN before the first sample.
 
     """
-    tick_blocks = _lay(windows)
+    stretches = _lay(windows)
     reference = np.full((len(stamps), DERIVATIVES, axes), np.nan)
-    if not tick_blocks:
+    if not stretches:
         return reference.reshape(len(stamps), -1)
-    times = np.concatenate([each.stamps for each in tick_blocks])
-    samples = np.concatenate([each.samples for each in tick_blocks])
-    periods = np.concatenate([np.full(len(each.stamps), each.period) for each in tick_blocks])
+    times = np.concatenate([each.stamps for each in stretches])
+    samples = np.concatenate([each.samples for each in stretches])
+    periods = np.concatenate([np.full(len(each.stamps), each.period) for each in stretches])
 
     before = np.searchsorted(times, stamps + _TOLERANCE, side='right') - 1
     known = before >= 0

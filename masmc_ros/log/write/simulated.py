@@ -215,7 +215,8 @@ class SimulationLog:
         tick_block, stamps = block.tick_block, block.stamps
         driven = self._joints[len(self._mechanism.base):]
         if not self._simulation.controller.commands_rates:
-            for group in EFFORT.named(driven).messages(stamps, tick_block.torque, tick_block.is_void):
+            efforts = EFFORT.named(driven)
+            for group in efforts.messages(stamps, tick_block.torque, tick_block.is_void):
                 yield COMMAND_TOPIC, stamps[group.indices], group.messages
             return
         rates = np.zeros((len(stamps), 6))
