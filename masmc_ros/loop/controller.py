@@ -107,7 +107,7 @@ class Controller:
         self._void()
         self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
-        self.memory['follows'] = 0
+        self.memory['estimator_initialised'] = 0
 
     def rates(self, velocity: Array) -> Array:
         """
@@ -118,8 +118,8 @@ class Controller:
         joints = len(self.torque)
         if self.values['velocity_source'] != ESTIMATED_RATES:
             return velocity[-joints:]
-        follows = self.memory['follows'][0, 0]
-        return self.memory['rates'][0, :, 0].copy() if follows else np.zeros(joints)
+        is_initialised = self.memory['estimator_initialised'][0, 0]
+        return self.memory['rates'][0, :, 0].copy() if is_initialised else np.zeros(joints)
 
     def skip(self, periods: int) -> None:
         """
@@ -161,7 +161,7 @@ class Controller:
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
         if now['velocity_source'] != before['velocity_source']:
-            self.memory['follows'] = 0
+            self.memory['estimator_initialised'] = 0
 
     @property
     def is_compiled(self) -> bool:

@@ -92,7 +92,7 @@ def followed(
 
 
 MEMORY = (
-    Field('follows', description='Whether the estimator has begun', kind='i8'),
+    Field('estimator_initialised', description='1 after the first measured position', kind='i8'),
     Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
     Field('angles', 'joints', 'Estimated angles', 'rad'),
     Field('rates', 'joints', 'Estimated rates', 'rad/s'),
@@ -144,8 +144,8 @@ def estimate_rates(
     measured = tail(position, angles)
     period = (1 + get(memory, 'left_out', lane)) * get(settings, 'period', lane)
     put(memory, 'left_out', lane, 0)
-    if get(memory, 'follows', lane) == 0:
-        put(memory, 'follows', lane, 1)
+    if get(memory, 'estimator_initialised', lane) == 0:
+        put(memory, 'estimator_initialised', lane, 1)
         put(memory, 'angles', lane, measured)
         put(memory, 'rates', lane, each(zero, angles))
         put(memory, 'push', lane, each(zero, angles))
