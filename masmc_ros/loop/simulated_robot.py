@@ -312,7 +312,7 @@ def write_start(
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)
-    fill(memory, 'wound', still, lane)
+    fill(memory, 'drive_integral', still, lane)
     fill(memory, 'driven', still, lane)
 
 

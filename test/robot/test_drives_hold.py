@@ -113,8 +113,8 @@ def test_drives_let_go_at_once() -> None:
     plant = robot('plant.disturbance.amplitude=[0.0, 0.0, 3.0, 0.0]')
     for _ in range(1000):
         plant.advance(None)
-    assert plant.memory['wound'].any()
+    assert plant.memory['drive_integral'].any()
     # A torque is a torque: of what the drives did nothing is left.
     plant.advance(np.zeros(4))
-    assert not plant.memory['wound'].any()
+    assert not plant.memory['drive_integral'].any()
     assert not plant.applied.any()

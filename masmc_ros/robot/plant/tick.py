@@ -60,7 +60,7 @@ MEMORY = (
     Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
     Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
-    Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
+    Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
 )
@@ -81,7 +81,7 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
     found = each(
         drive,
         missing,
-        get(memory, 'wound', lane),
+        get(memory, 'drive_integral', lane),
         get(plant, 'inertia', lane),
         get(plant, 'bandwidth', lane),
         get(plant, 'limit', lane),
@@ -89,7 +89,7 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
     )
     torque = column(found, 0)
     put(memory, 'driven', lane, torque)
-    put(memory, 'wound', lane, column(found, 1))
+    put(memory, 'drive_integral', lane, column(found, 1))
     put(now, 'applied', lane, each(_share, get(now, 'applied', lane), torque, steps))
 
 
@@ -122,7 +122,7 @@ def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
             )
             put(now, 'applied', lane, held)
             put(memory, 'driven', lane, held)
-            put(memory, 'wound', lane, each(zero, asked))
+            put(memory, 'drive_integral', lane, each(zero, asked))
 
 
 @formula
