@@ -94,11 +94,11 @@ class ContactRobot(SimulatedRobot):
             self._drive = self._drive or bound(plant_drive, *moved)
             memory['rates'][:, 0] = self._rates()
             self._drive(*moved)
-            driven, push = memory['driven'][:, 0], memory['push'][:, 0]
-            data.qfrc_applied[parts.rates] = driven[forces:] + push[forces:]
+            driven, disturbance = memory['driven'][:, 0], memory['disturbance'][:, 0]
+            data.qfrc_applied[parts.rates] = driven[forces:] + disturbance[forces:]
             if forces:
                 data.qfrc_applied[parts.turning] = self._shares @ driven[:forces]
-                self._push_base(push[:forces])
+                self._push_base(disturbance[:forces])
             mujoco.mj_step(model, data)
             self._gone += self._rates()[:forces] * self.period / self._steps
         self.tick += 1
@@ -126,11 +126,11 @@ class ContactRobot(SimulatedRobot):
         turn = self._turned[6:] @ data.qvel[3:6]
         return np.array([x_rate * c + y_rate * s, y_rate * c - x_rate * s, turn])
 
-    def _push_base(self, push: NDArray[np.float64]) -> None:
+    def _push_base(self, disturbance: NDArray[np.float64]) -> None:
         """Push the base ahead and aside, in N, and around, in N m."""
         c, s = math.cos(self._yaw), math.sin(self._yaw)
-        self._data.qfrc_applied[:2] = push[0] * c - push[1] * s, push[0] * s + push[1] * c
-        self._data.qfrc_applied[5] = push[2]
+        self._data.qfrc_applied[:2] = disturbance[0] * c - disturbance[1] * s, disturbance[0] * s + disturbance[1] * c
+        self._data.qfrc_applied[5] = disturbance[2]
 
     @property
     def _model(self) -> Any:

@@ -47,7 +47,7 @@ PARAMETERS = (
     ),
 )
 
-_PUSH = 0.1
+_UNMODELLED = 0.1
 """Rate of the disturbance estimate relative to that of a filter of third order."""
 
 
@@ -62,14 +62,14 @@ def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
     pole = 1.0 / (1.0 + bandwidth * period)
     of_angle = 1.0 - pole * pole
     of_rate = (1.0 - pole) * (1.0 - pole)
-    return of_angle, of_rate, _PUSH * of_rate * of_rate / of_angle
+    return of_angle, of_rate, _UNMODELLED * of_rate * of_rate / of_angle
 
 
 @formula
 def followed(
     angle: float,
     rate: float,
-    push: float,
+    unmodelled: float,
     acceleration: float,
     measured: float,
     period: float,
@@ -81,13 +81,13 @@ def followed(
     `acceleration` (rad/s2) is what the model expects over the period, `measured` the angle at
     its end.
     """
-    total = acceleration + push
+    total = acceleration + unmodelled
     reached = angle + period * rate + 0.5 * period * period * total
     missed = measured - reached
     return (
         reached + gain[0] * missed,
         rate + period * total + gain[1] * missed / period,
-        push + gain[2] * missed / (period * period),
+        unmodelled + gain[2] * missed / (period * period),
     )
 
 
@@ -96,7 +96,7 @@ MEMORY = (
     Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
     Field('angles', 'joints', 'Estimated angles', 'rad'),
     Field('rates', 'joints', 'Estimated rates', 'rad/s'),
-    Field('push', 'joints', 'Estimated accelerations that the model leaves unsaid', 'rad/s²'),
+    Field('unmodelled', 'joints', 'Estimated accelerations that the model leaves unsaid', 'rad/s²'),
     Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
     Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
 )
@@ -116,16 +116,16 @@ def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) ->
 def _followed(
     angle: float,
     rate: float,
-    push: float,
+    unmodelled: float,
     acceleration: float,
     measured: float,
     period: float,
     of_angle: float,
     of_rate: float,
-    of_push: float,
+    of_unmodelled: float,
 ) -> tuple[float, float, float]:
-    gain = (of_angle, of_rate, of_push)
-    return followed(angle, rate, push, acceleration, measured, period, gain)
+    gain = (of_angle, of_rate, of_unmodelled)
+    return followed(angle, rate, unmodelled, acceleration, measured, period, gain)
 
 
 @formula
@@ -140,7 +140,7 @@ def estimate_rates(
     `knows_torques`: what drives make of commanded rates is not known, and all of it a push.
     """
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    push = get(memory, 'push', lane)
+    unmodelled = get(memory, 'unmodelled', lane)
     measured = tail(position, angles)
     period = (1 + get(memory, 'left_out', lane)) * get(settings, 'period', lane)
     put(memory, 'left_out', lane, 0)
@@ -148,7 +148,7 @@ def estimate_rates(
         put(memory, 'estimator_initialised', lane, 1)
         put(memory, 'angles', lane, measured)
         put(memory, 'rates', lane, each(zero, angles))
-        put(memory, 'push', lane, each(zero, angles))
+        put(memory, 'unmodelled', lane, each(zero, angles))
         return
     gain = gains(get(settings, 'estimator_bandwidth', lane), period)
     a = each(zero, angles)
@@ -156,11 +156,11 @@ def estimate_rates(
         model = mechanism.model_of(settings, lane)
         a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
     found = each(
-        _followed, angles, rates, push, a, measured, period, gain[0], gain[1], gain[2]
+        _followed, angles, rates, unmodelled, a, measured, period, gain[0], gain[1], gain[2]
     )
     put(memory, 'angles', lane, column(found, 0))
     put(memory, 'rates', lane, column(found, 1))
-    put(memory, 'push', lane, column(found, 2))
+    put(memory, 'unmodelled', lane, column(found, 2))
 
 
 @formula

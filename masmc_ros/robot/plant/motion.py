@@ -64,7 +64,7 @@ def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) 
         get(plant, 'theta', lane),
         get(memory, 'reached', lane),
         get(memory, 'reached_rates', lane),
-        each(plus, get(memory, 'driven', lane), get(memory, 'push', lane)),
+        each(plus, get(memory, 'driven', lane), get(memory, 'disturbance', lane)),
     )
     slopes = each(_summed, get(memory, 'slopes', lane), slope, weight, is_first)
     accelerations = each(

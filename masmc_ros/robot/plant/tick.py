@@ -58,7 +58,7 @@ MEMORY = (
     Field('reached_rates', 'joints', 'Rates of the joints there', 'rad/s'),
     Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
     Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
-    Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
+    Field('disturbance', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
     Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
@@ -139,7 +139,7 @@ def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
 def drive_step(
     plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
 ) -> None:
-    """Write the joint forces over one step of an external integrator: `driven`, `push`."""
+    """Write the joint forces over one step of an external integrator: `driven`, `disturbance`."""
     steps, period = plant['steps'][0], plant['period'][0]
     h = period / steps
     if step == 0:
