@@ -252,7 +252,7 @@ def _number(tree: TreeRobot, joint: str) -> int:
 def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
     """Add the bodies, the base first, and return them."""
     found: list[Any] = []
-    for number, moments in enumerate(tree.moments):
+    for number, inertial_parameters in enumerate(tree.inertial_parameters):
         if number == 0:
             body = spec.worldbody.add_body(name='base')
             body.add_freejoint()
@@ -271,20 +271,20 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
                 axis=joint.axis,
                 armature=armature,
             )
-        _set_inertia(body, moments)
+        _set_inertia(body, inertial_parameters)
         found.append(body)
     return found
 
 
-def _set_inertia(body: Any, moments: Array) -> None:
+def _set_inertia(body: Any, inertial_parameters: Array) -> None:
     """Give a body its mass, centre of mass and inertia about it, of its moments (10)."""
-    mass, first = moments[0], moments[1:4]
+    mass, first = inertial_parameters[0], inertial_parameters[1:4]
     body.explicitinertial = True
     body.mass = mass
     if mass <= 0.0:
         return
     centre = first / mass
-    xx, yy, zz, xy, yz, zx = moments[4:]
+    xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
     second = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) - mass * np.outer(centre, centre)
     inertia = np.trace(second) * (1.0 + _FLAT) * np.eye(3) - second
     body.ipos = centre

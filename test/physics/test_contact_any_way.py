@@ -64,7 +64,7 @@ def test_four_wheels_carry_it() -> None:
     robot = plant()
     for _ in range(300):
         robot.advance(None)
-    mass = robot.robot.mechanism.robot.moments[:, 0].sum() + 4 * 0.05
+    mass = robot.robot.mechanism.robot.inertial_parameters[:, 0].sum() + 4 * 0.05
     assert told(robot)[:, 2].sum() == pytest.approx(mass * GRAVITY, rel=0.01)
     assert np.abs(robot.true_position[:2] - (0.5, -0.2)).max() < 1e-3
 

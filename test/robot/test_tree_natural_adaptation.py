@@ -47,9 +47,9 @@ def gradient_of(seed: int) -> tuple[Array, Moments]:
     return matrix, moments_of(2.0 * matrix - np.diag(np.diag(matrix)))
 
 
-def is_of_a_body(moments: Moments) -> bool:
+def is_of_a_body(inertial_parameters: Moments) -> bool:
     """Tell whether the pseudo-inertia of these numbers is positive definite, exactly."""
-    matrix = [[Fraction(float(each)) for each in row] for row in pseudo_inertia(moments)]
+    matrix = [[Fraction(float(each)) for each in row] for row in pseudo_inertia(inertial_parameters)]
     for pivot in range(4):
         if matrix[pivot][pivot] <= 0:
             return False
@@ -63,9 +63,9 @@ def is_of_a_body(moments: Moments) -> bool:
 @MANY
 @given(seeds, seeds, st.floats(-6.0, 6.0))
 def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> None:
-    p, moments = body(seed)
+    p, inertial_parameters = body(seed)
     gradient, entries = gradient_of(other)
-    assert np.dot(moments, entries) == pytest.approx(np.trace(gradient @ p), rel=1e-9, abs=1e-9)
+    assert np.dot(inertial_parameters, entries) == pytest.approx(np.trace(gradient @ p), rel=1e-9, abs=1e-9)
     values, vectors = np.linalg.eigh(p)
     # Any root will do; this one is symmetric.
     root = vectors * np.sqrt(values) @ vectors.T
@@ -74,7 +74,7 @@ def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> 
     step = 10.0**exponent / length
     x *= min(step, 1.0 / length)
     expected = root @ np.linalg.inv(np.eye(4) + x + x @ x / 2.0) @ root
-    found = pseudo_inertia(natural_step(moments, entries, step))
+    found = pseudo_inertia(natural_step(inertial_parameters, entries, step))
     scale = np.sqrt(np.diag(expected))
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs((found - expected) / np.outer(scale, scale)).max() < 1e-7
@@ -83,12 +83,12 @@ def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> 
 @MANY
 @given(seeds, seeds)
 def test_follows_the_natural_gradient(seed: int, other: int) -> None:
-    p, moments = body(seed)
+    p, inertial_parameters = body(seed)
     gradient, entries = gradient_of(other)
     change = p @ gradient @ p
     root = np.linalg.cholesky(p)
     step = 1.0e-5 / np.linalg.norm(root.T @ gradient @ root)
-    found = (pseudo_inertia(natural_step(moments, entries, step)) - p) / step
+    found = (pseudo_inertia(natural_step(inertial_parameters, entries, step)) - p) / step
     assert np.abs(found + change).max() < 1e-4 * np.abs(change).max() + 1e-10 * p.max() / step
 
 
@@ -97,48 +97,48 @@ def test_follows_the_natural_gradient(seed: int, other: int) -> None:
 def test_bodies_stay_bodies_whatever_the_gradient(
     seed: int, entries: Moments, step: float
 ) -> None:
-    moments = body(seed)[1]
-    assert is_of_a_body(moments)
-    assert is_of_a_body(natural_step(moments, entries, step))
+    inertial_parameters = body(seed)[1]
+    assert is_of_a_body(inertial_parameters)
+    assert is_of_a_body(natural_step(inertial_parameters, entries, step))
 
 
 @settings(max_examples=30)
 @given(seeds, st.tuples(*[st.floats(-1.0, 1.0)] * 10), st.floats(0.0, 100.0))
 def test_bodies_stay_bodies_however_long(seed: int, entries: Moments, step: float) -> None:
-    moments = body(seed)[1]
+    inertial_parameters = body(seed)[1]
     for _ in range(500):
-        moments = natural_step(moments, entries, step)
-    assert np.all(np.isfinite(moments))
-    assert np.linalg.eigvalsh(pseudo_inertia(moments))[0] > -1e-14 * max(moments)
-    assert min(moments[0], *moments[4:7]) > 0.0
+        inertial_parameters = natural_step(inertial_parameters, entries, step)
+    assert np.all(np.isfinite(inertial_parameters))
+    assert np.linalg.eigvalsh(pseudo_inertia(inertial_parameters))[0] > -1e-14 * max(inertial_parameters)
+    assert min(inertial_parameters[0], *inertial_parameters[4:7]) > 0.0
 
 
 def test_what_is_no_body_or_no_number_changes_nothing() -> None:
-    moments = body(1)[1]
+    inertial_parameters = body(1)[1]
     assert natural_step(MOMENTS, gradient_of(1)[1], 0.1) == MOMENTS
     flat = (1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0)
     assert natural_step(flat, gradient_of(1)[1], 0.1) == flat
     for bad in (float('nan'), float('inf')):
-        assert natural_step(moments, (bad,) + (0.0,) * 9, 0.1) == moments
-    assert natural_step(moments, MOMENTS, 0.1) == pytest.approx(moments, rel=1e-13)
+        assert natural_step(inertial_parameters, (bad,) + (0.0,) * 9, 0.1) == inertial_parameters
+    assert natural_step(inertial_parameters, MOMENTS, 0.1) == pytest.approx(inertial_parameters, rel=1e-13)
 
 
 def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
     p, true = body(3)
-    moments = tuple(each / 2.0 for each in true)
+    inertial_parameters = tuple(each / 2.0 for each in true)
     back, rows = np.linalg.inv(np.linalg.cholesky(p)), []
     for seed in range(40):
         # Motions that tell of all moments alike, in the body's own measures.
         alike = back.T @ gradient_of(seed)[0] @ back
         rows.append(np.array(moments_of(2.0 * alike - np.diag(np.diag(alike)))) / 5.0)
-    before = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
+    before = np.linalg.norm(np.subtract(rows @ np.array(inertial_parameters), rows @ np.array(true)))
     for i in range(4_000):
         # The gradient of the square of what is measured, half of it.
-        error = rows[i % 40] @ np.subtract(moments, true)
-        moments = natural_step(moments, tuple((rows[i % 40] * error).tolist()), 0.5)
-    after = np.linalg.norm(np.subtract(rows @ np.array(moments), rows @ np.array(true)))
+        error = rows[i % 40] @ np.subtract(inertial_parameters, true)
+        inertial_parameters = natural_step(inertial_parameters, tuple((rows[i % 40] * error).tolist()), 0.5)
+    after = np.linalg.norm(np.subtract(rows @ np.array(inertial_parameters), rows @ np.array(true)))
     assert after < 1e-6 * before
-    assert moments == pytest.approx(true, rel=1e-4)
+    assert inertial_parameters == pytest.approx(true, rel=1e-4)
 
 
 @MANY
@@ -146,10 +146,10 @@ def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
 def test_a_bounded_body_is_a_smaller_one_of_the_same_shape(
     seed: int, other: int, upper: float
 ) -> None:
-    (_, moments), (_, nominal) = body(seed), body(other)
-    found = np.array(bounded(moments, nominal, upper))
-    part = found[0] / moments[0]
-    assert found == pytest.approx(part * np.array(moments), rel=1e-12)
+    (_, inertial_parameters), (_, nominal) = body(seed), body(other)
+    found = np.array(bounded(inertial_parameters, nominal, upper))
+    part = found[0] / inertial_parameters[0]
+    assert found == pytest.approx(part * np.array(inertial_parameters), rel=1e-12)
     assert part <= 1.0
     grown = max(found[0] / nominal[0], found[4:7].sum() / sum(nominal[4:7])) / upper
     assert grown <= 1.0 + 1e-12

@@ -209,7 +209,7 @@ def _compare(
     frame = robot.frames[tip]
     tree_model = model_of(robot, frame.body, frame.offset)
     place = kinematics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
-    of = tree_model, place, robot.moments.ravel()
+    of = tree_model, place, robot.inertial_parameters.ravel()
     _near(dynamics.inertia(*of), inertia)
     taken = dynamics.inverse_dynamics(*of, velocity, reference, acceleration, GRAVITY)
     _near(taken, inertia @ acceleration + coriolis @ reference + gravity)

@@ -70,7 +70,7 @@ def test_held_joints_and_a_base_frame_move_what_hangs_on_them() -> None:
     )
     assert robot.frames['upper'].offset == (0.0, 0.0, 0.0)
     assert robot.frames['base'].offset == pytest.approx((0.0, 0.0, -0.5))
-    assert robot.moments[0][0] == 4.0
+    assert robot.inertial_parameters[0][0] == 4.0
 
 
 @pytest.mark.parametrize(

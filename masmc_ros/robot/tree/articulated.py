@@ -88,19 +88,19 @@ def write_accelerations(
         (n) what is written.
 
     """
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     motion, inertias, joints = scratch(bodies, 6), scratch(bodies, _ENTRIES), scratch(bodies, _OWN)
     for body in range(bodies):
         own = moments_about_base(posture, theta, body)
-        w, v = write_velocity(model, screws, velocity, motion, 0, body)
+        w, v = write_velocity(model, motion_subspaces, velocity, motion, 0, body)
         moment, force = momentum(own, w, v)
         write_part(inertias, body, 0, _inertia_of(own))
         write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
         write_part(inertias, body, _WRENCH + 3, cross(w, force))
     for body in range(bodies - 1, 0, -1):
-        _give_way(model, screws, motion, velocity, forces, inertias, joints, body)
-    _move_base(model, screws, inertias, forces, gravity, motion, acceleration)
+        _give_way(model, motion_subspaces, motion, velocity, forces, inertias, joints, body)
+    _move_base(model, motion_subspaces, inertias, forces, gravity, motion, acceleration)
     for body in range(1, bodies):
         k, parent = base + body - 1, parent_of(model, body)
         # What the joint's rate adds by itself stands in `motion` by now.
@@ -110,7 +110,7 @@ def write_accelerations(
         taken += inner(read_part(joints, body, _FORCE, VECTOR), a)
         found = (joints[body, _LEFT] - taken) * joints[body, _GIVES]
         acceleration[k] = found
-        along, across = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
+        along, across = read_part(motion_subspaces, k, 0, VECTOR), read_part(motion_subspaces, k, 3, VECTOR)
         write_part(motion, body, 0, add(alpha, scale(along, found)))
         write_part(motion, body, 3, add(a, scale(across, found)))
 
@@ -164,7 +164,7 @@ def _outer(n: Vector, f: Vector, part: float) -> Inertia:
 @kernel
 def _give_way(
     model: TreeModel,
-    screws: Any,
+    motion_subspaces: Any,
     motion: Any,
     velocity: Any,
     forces: Any,
@@ -178,9 +178,9 @@ def _give_way(
     In `motion`, its joint's own part of the acceleration, v x s qdot, takes the velocity's place.
     """
     k, parent = base_of(model) + body - 1, parent_of(model, body)
-    rotor = rotors_begin(model) + k * (len(screws) + 1)
+    rotor = rotors_begin(model) + k * (len(motion_subspaces) + 1)
     to = read_part(inertias, body, 0, INERTIA)
-    w, v = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
+    w, v = read_part(motion_subspaces, k, 0, VECTOR), read_part(motion_subspaces, k, 3, VECTOR)
     n, f = _answer(to, w, v)
     pivot = inner(w, n) + inner(v, f) + model.numbers[rotor, model.lane]
     p_n = read_part(inertias, body, _WRENCH, VECTOR)
@@ -215,7 +215,7 @@ def _give_way(
 @formula
 def _move_base(
     model: TreeModel,
-    screws: Any,
+    motion_subspaces: Any,
     inertias: Any,
     forces: Any,
     gravity: float,
@@ -223,7 +223,7 @@ def _move_base(
     acceleration: Any,
 ) -> None:
     """Write the base's part of the acceleration, and its motion's in place of the velocity."""
-    base, size, rotors = base_of(model), len(screws), rotors_begin(model)
+    base, size, rotors = base_of(model), len(motion_subspaces), rotors_begin(model)
     to = read_part(inertias, 0, 0, INERTIA)
     matrix, x = scratch(base, base), scratch(base)
     # What stands still on the ground is accelerated upwards, for all that moves with it.
@@ -231,12 +231,12 @@ def _move_base(
     n = add(n, read_part(inertias, 0, _WRENCH, VECTOR))
     f = add(f, read_part(inertias, 0, _WRENCH + 3, VECTOR))
     for i in range(base):
-        x[i] = forces[i] - power(screws, i, n, f)
-        along, across = read_part(screws, i, 0, VECTOR), read_part(screws, i, 3, VECTOR)
+        x[i] = forces[i] - power(motion_subspaces, i, n, f)
+        along, across = read_part(motion_subspaces, i, 0, VECTOR), read_part(motion_subspaces, i, 3, VECTOR)
         moment, force = _answer(to, along, across)
         for j in range(base):
             rotor = model.numbers[rotors + i * size + j, model.lane]
-            matrix[i, j] = power(screws, j, moment, force) + rotor
+            matrix[i, j] = power(motion_subspaces, j, moment, force) + rotor
     factor(matrix)
     solve(matrix, x)
     for i in range(6):
@@ -244,4 +244,4 @@ def _move_base(
     for k in range(base):
         acceleration[k] = x[k]
         for i in range(6):
-            motion[0, i] += screws[k, i] * x[k]
+            motion[0, i] += motion_subspaces[k, i] * x[k]

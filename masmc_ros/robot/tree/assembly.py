@@ -112,7 +112,7 @@ class TreeRobot:
     """
 
     tree: Tree
-    moments: NDArray[np.float64]
+    inertial_parameters: NDArray[np.float64]
     joints: tuple[Joint, ...]
     frames: Mapping[str, Frame]
     wheels: Wheels | None = None
@@ -131,7 +131,7 @@ class _Body:
     """Sums of a body while links are merged into it."""
 
     link: str
-    moments: Moments = MOMENTS
+    inertial_parameters: Moments = MOMENTS
 
 
 def tree_robot(
@@ -215,7 +215,7 @@ def tree_robot(
             np.array(offsets),
             rotor,
         ),
-        np.array([body.moments for body in bodies]),
+        np.array([body.inertial_parameters for body in bodies]),
         tuple(order),
         frames,
         found,
@@ -300,7 +300,7 @@ def _merged(
         own = _moments(description.links[name])
         moved = moments_in_parent(frame.rotation, frame.offset, own)
         body = bodies[frame.body]
-        body.moments = tuple(a + b for a, b in zip(body.moments, moved, strict=True))
+        body.inertial_parameters = tuple(a + b for a, b in zip(body.inertial_parameters, moved, strict=True))
     return bodies, order, frames, (parents, rotations, offsets)
 
 
@@ -368,20 +368,20 @@ def _moments(link: Link) -> Moments:
     return found
 
 
-def pseudo_inertia(moments: Sequence[float]) -> NDArray[np.float64]:
+def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:
     """Return the matrix P (4 x 4) of moments (10)."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     return np.array([[xx, xy, zx, x], [xy, yy, yz, y], [zx, yz, zz, z], [x, y, z, mass]])
 
 
 def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
     """Raise InputError for bodies that cannot exist, with the name of the link."""
     for body in bodies[1:]:
-        if not any(body.moments):
+        if not any(body.inertial_parameters):
             continue
-        least = _least(body.moments)
+        least = _least(body.inertial_parameters)
         # Flat bodies can exist, and decimals are rounded.
-        xx, yy, zz = body.moments[4:7]
+        xx, yy, zz = body.inertial_parameters[4:7]
         if not least >= -_ROUNDED * (xx + yy + zz):
             link = description.links[body.link]
             raise InputError(
@@ -391,12 +391,12 @@ def _check_moments(bodies: Sequence[_Body], description: Description, where: str
             )
 
 
-def _least(moments: Moments) -> float:
+def _least(inertial_parameters: Moments) -> float:
     """Return the least eigenvalue of the second moments about the centre of mass, in kg m2."""
-    mass = moments[0]
+    mass = inertial_parameters[0]
     if mass <= 0.0:
         return -np.inf
-    p = pseudo_inertia(moments)
+    p = pseudo_inertia(inertial_parameters)
     central = p[:3, :3] - np.outer(p[:3, 3], p[:3, 3]) / mass
     return float(np.linalg.eigvalsh(central)[0])
 
@@ -414,13 +414,13 @@ def _mount(
     ):
         if is_wrong:
             raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
-    moments = _moments(description.links[joint.child])
-    return Mount(joint, frame.offset, rotate(frame.rotation, axis), _about(axis, moments))
+    inertial_parameters = _moments(description.links[joint.child])
+    return Mount(joint, frame.offset, rotate(frame.rotation, axis), _about(axis, inertial_parameters))
 
 
-def _about(axis: Vector, moments: Moments) -> float:
+def _about(axis: Vector, inertial_parameters: Moments) -> float:
     """Return the moment of inertia about an axis through a link's origin, in kg m2."""
-    xx, yy, zz, xy, yz, zx = moments[4:]
+    xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
     along = (
         xx * axis[0] + xy * axis[1] + zx * axis[2],
         xy * axis[0] + yy * axis[1] + yz * axis[2],

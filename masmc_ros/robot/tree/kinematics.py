@@ -64,7 +64,7 @@ class Posture(NamedTuple):
 
     frames: Any
     """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
-    screws: Any
+    motion_subspaces: Any
     """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
     sine: float
     """Of the base's yaw."""
@@ -101,16 +101,16 @@ def place(
     """
     bodies, base = bodies_of(model), base_of(model)
     size, wide = base + bodies - 1, _POSITION + 1
-    frames, screws = split_buffer(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
+    frames, motion_subspaces = split_buffer(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):
-        write_part(screws, k, 0, VECTOR)
-        write_part(screws, k, 3, VECTOR)
+        write_part(motion_subspaces, k, 0, VECTOR)
+        write_part(motion_subspaces, k, 3, VECTOR)
     if base != FIXED:
-        screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
+        motion_subspaces[0, 3], motion_subspaces[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
-            screws[1, 4] = 1.0
+            motion_subspaces[1, 4] = 1.0
     sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
     for body in range(1, bodies):
         turns, _, _ = joint_of(model, body)
@@ -122,21 +122,21 @@ def place(
         above = read_part(frames, parent, 0, ROTATION)
         origin = add(read_part(frames, parent, ORIGIN, VECTOR), rotate(above, offset))
         along = rotate(above, axis)
-        screw = base + body - 1
+        motion_subspace = base + body - 1
         s, c = sines[body - 1], cosines[body - 1]
         if turns:
-            write_part(screws, screw, 0, along)
-            write_part(screws, screw, 3, cross(origin, along))
+            write_part(motion_subspaces, motion_subspace, 0, along)
+            write_part(motion_subspaces, motion_subspace, 3, cross(origin, along))
         else:
             origin = add(origin, scale(along, value))
-            write_part(screws, screw, 0, VECTOR)
-            write_part(screws, screw, 3, along)
+            write_part(motion_subspaces, motion_subspace, 0, VECTOR)
+            write_part(motion_subspaces, motion_subspace, 3, along)
         own = product(above, rotation_of_joint(model, body, s, c))
         write_part(frames, body, 0, own)
         write_part(frames, body, ORIGIN, origin)
         frames[body, _POSITION] = value
     s, c = sin_cos(yaw)
-    return Posture(frames, screws, s, c, x, y)
+    return Posture(frames, motion_subspaces, s, c, x, y)
 
 
 @formula
@@ -166,7 +166,7 @@ def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Ve
 
 @formula
 def write_velocity(
-    model: TreeModel, screws: Any, rates: Any, motion: Any, first: int, body: int
+    model: TreeModel, motion_subspaces: Any, rates: Any, motion: Any, first: int, body: int
 ) -> tuple[Vector, Vector]:
     """Write the motion of a body as `velocities` does, its parent's being there, and return it."""
     base = base_of(model)
@@ -174,8 +174,8 @@ def write_velocity(
         w, v = base_motion(base, rates)
     else:
         k = base + body - 1
-        sw = scale(read_part(screws, k, 0, VECTOR), rates[k])
-        sv = scale(read_part(screws, k, 3, VECTOR), rates[k])
+        sw = scale(read_part(motion_subspaces, k, 0, VECTOR), rates[k])
+        sv = scale(read_part(motion_subspaces, k, 3, VECTOR), rates[k])
         w, v = sum_of(motion, parent_of(model, body), first, sw, sv)
     write_part(motion, body, first, w)
     write_part(motion, body, first + 3, v)
@@ -185,16 +185,16 @@ def write_velocity(
 @kernel
 def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
     """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     for body in range(bodies_of(model)):
-        write_velocity(model, screws, rates, motion, first, body)
+        write_velocity(model, motion_subspaces, rates, motion, first, body)
 
 
 @formula
-def power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
+def power(motion_subspaces: Any, k: int, moment: Vector, force: Vector) -> float:
     """Return the power of a wrench per velocity k."""
-    return inner(read_part(screws, k, 0, VECTOR), moment) + inner(
-        read_part(screws, k, 3, VECTOR), force
+    return inner(read_part(motion_subspaces, k, 0, VECTOR), moment) + inner(
+        read_part(motion_subspaces, k, 3, VECTOR), force
     )
 
 
@@ -253,7 +253,7 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
         its columns (n, 6): per velocity, that of the point and the body's angular velocity.
 
     """
-    columns = np.empty((len(posture.screws), 6))
+    columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian(model, posture, body, point, columns)
     return columns
 
@@ -263,13 +263,13 @@ def write_jacobian(
     model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
 ) -> None:
     """Write what `point_jacobian` returns."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
     tip, k = _tip(posture, body, point), base + body - 1
     while k >= 0:
-        w = read_part(screws, k, 0, VECTOR)
-        v = add(read_part(screws, k, 3, VECTOR), cross(w, tip))
+        w = read_part(motion_subspaces, k, 0, VECTOR)
+        v = add(read_part(motion_subspaces, k, 3, VECTOR), cross(w, tip))
         write_part(columns, k, 0, rotate(world, v))
         write_part(columns, k, 3, rotate(world, w))
         k = towards_base(model, base, k)
@@ -280,7 +280,7 @@ def point_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> Any:
     """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
-    columns = np.empty((len(posture.screws), 6))
+    columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian_rate(model, posture, velocity, body, point, columns)
     return columns
 
@@ -290,7 +290,7 @@ def write_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
 ) -> None:
     """Write what `point_jacobian_rate` returns."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
     moved = scratch(bodies_of(model), 6)
@@ -300,14 +300,14 @@ def write_jacobian_rate(
     speed = add(v, cross(w, tip))
     while k >= 0:
         at = max(k - base + 1, 0)
-        screw = read_part(screws, k, 0, VECTOR)
+        motion_subspace = read_part(motion_subspaces, k, 0, VECTOR)
         turned, carried = crossed(
             read_part(moved, at, 0, VECTOR),
             read_part(moved, at, 3, VECTOR),
-            screw,
-            read_part(screws, k, 3, VECTOR),
+            motion_subspace,
+            read_part(motion_subspaces, k, 3, VECTOR),
         )
-        change = add(add(carried, cross(turned, tip)), cross(screw, speed))
+        change = add(add(carried, cross(turned, tip)), cross(motion_subspace, speed))
         write_part(columns, k, 0, rotate(world, change))
         write_part(columns, k, 3, rotate(world, turned))
         k = towards_base(model, base, k)
@@ -324,11 +324,11 @@ def add_point_forces(
     found: Any,
 ) -> None:
     """Add to forces (n) those that do the work of force and moment on a point, in the world."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     f = rotate_back(world, force)
     about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
     k = base + body - 1
     while k >= 0:
-        found[k] += power(screws, k, about, f)
+        found[k] += power(motion_subspaces, k, about, f)
         k = towards_base(model, base, k)

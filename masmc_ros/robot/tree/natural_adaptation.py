@@ -89,7 +89,7 @@ def adapted(
 
 
 @formula
-def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
+def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -> Moments:
     """
     Return a body's moments after one step of natural adaptation.
 
@@ -108,7 +108,7 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         that of a frame without mass, stays as it is, as it does where a gradient is no number.
 
     """
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     (b, c, d), pivots, is_body = _factor(
         (mass, 0.0, 0.0, 0.0), (x, xx, 0.0, 0.0), (y, xy, yy, 0.0), (z, zx, yz, zz)
     )
@@ -187,11 +187,11 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         (found[2], found[7], found[5], 0.0),
         (found[3], found[9], found[8], found[6]),
     )
-    return found if is_body & is_right & is_still_body else moments
+    return found if is_body & is_right & is_still_body else inertial_parameters
 
 
 @formula
-def bounded(moments: Moments, nominal: Moments, upper: float) -> Moments:
+def bounded(inertial_parameters: Moments, nominal: Moments, upper: float) -> Moments:
     """
     Return a body's moments scaled down to where its mass and size are bounded.
 
@@ -199,11 +199,11 @@ def bounded(moments: Moments, nominal: Moments, upper: float) -> Moments:
     `upper` times the nominal one.
     """
     most = upper * nominal[0]
-    part = most / moments[0] if moments[0] > most else 1.0
-    size = moments[4] + moments[5] + moments[6]
+    part = most / inertial_parameters[0] if inertial_parameters[0] > most else 1.0
+    size = inertial_parameters[4] + inertial_parameters[5] + inertial_parameters[6]
     most = upper * (nominal[4] + nominal[5] + nominal[6])
     part = min(part, most / size) if size > most else part
-    return each(_times, moments, part)
+    return each(_times, inertial_parameters, part)
 
 
 @formula

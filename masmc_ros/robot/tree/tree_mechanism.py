@@ -241,7 +241,7 @@ class TreeMechanism(Mechanism):
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
         """Return the model as one vector; the bodies' moments, then coefficients of friction."""
-        return self.model, np.concatenate([self.robot.moments.ravel(), self.friction])
+        return self.model, np.concatenate([self.robot.inertial_parameters.ravel(), self.friction])
 
     def _start(
         self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]

@@ -202,7 +202,7 @@ def motion_from_task(
     model: TreeModel, posture: Posture, rates: Numbers, template: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    size, m = len(posture.screws), len(model.axes)
+    size, m = len(posture.motion_subspaces), len(model.axes)
     columns, weights, factors = scratch(size, m), scratch(size), scratch(m, m)
     y, still, growths = array_of(rates), scratch(size), scratch(size)
     clear(still)
@@ -219,7 +219,7 @@ def motion_from_task(
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
-    m, size = len(model.axes), len(posture.screws)
+    m, size = len(model.axes), len(posture.motion_subspaces)
     columns, h = scratch(size, m), scratch(size, size)
     write_task_jacobian(model, posture, columns)
     write_inertia(model, posture, array_of(theta), h)
