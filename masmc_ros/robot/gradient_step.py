@@ -32,6 +32,6 @@ def theta_step(
 
 
 @formula
-def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
     """Return False: numbers that are free may be those of no body."""
     return False

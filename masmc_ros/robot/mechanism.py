@@ -254,7 +254,7 @@ def theta_step(
 
 
 @of_model
-def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
     """Return True if `theta_step` keeps theta physically possible, without a projection."""
 
 

@@ -36,7 +36,7 @@ from masmc_ros.robot.declaration import (
     Velocity,
 )
 from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
+from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
     reference_motion,
@@ -49,7 +49,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     'joint_accelerations',
-    'keeps_bodies',
+    'preserves_consistency',
     'motion_error',
     'reference_motion',
     'task_error',

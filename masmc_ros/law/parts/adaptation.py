@@ -225,7 +225,7 @@ def project(settings: Any, memory: Any, lane: int) -> None:
     """Project theta_hat onto physically possible values if a projection is active."""
     lower = get(settings, 'projection_lower', lane)
     model = mechanism.model_of(settings, lane)
-    if (lower > 0.0) & (not mechanism.keeps_bodies(model, settings, lane)):
+    if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings, lane)):
         theta = projected(
             model,
             get(memory, 'estimate', lane),

@@ -99,7 +99,7 @@ def write_accelerations(
         write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
         write_part(inertias, body, _WRENCH + 3, cross(w, force))
     for body in range(bodies - 1, 0, -1):
-        _give_way(model, motion_subspaces, motion, velocity, forces, inertias, joints, body)
+        _propagate_inertia(model, motion_subspaces, motion, velocity, forces, inertias, joints, body)
     _move_base(model, motion_subspaces, inertias, forces, gravity, motion, acceleration)
     for body in range(1, bodies):
         k, parent = base + body - 1, parent_of(model, body)
@@ -162,7 +162,7 @@ def _outer(n: Vector, f: Vector, part: float) -> Inertia:
 
 
 @kernel
-def _give_way(
+def _propagate_inertia(
     model: TreeModel,
     motion_subspaces: Any,
     motion: Any,

@@ -240,7 +240,7 @@ def theta_step(
 
 
 @formula
-def keeps_bodies(model: TreeModel, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: TreeModel, settings: Any, lane: int) -> bool:
     """Return True if the adaptation is natural."""
     return get(settings, 'adaptation', lane) == NATURAL
 

@@ -16,7 +16,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
+from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
     reference_motion,
@@ -47,7 +47,7 @@ __all__ = [
     'frame_origins',
     'frame_transforms',
     'joint_accelerations',
-    'keeps_bodies',
+    'preserves_consistency',
     'motion_error',
     'out_of_reach',
     'outline',
