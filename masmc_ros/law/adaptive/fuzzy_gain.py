@@ -21,7 +21,7 @@ from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
-    bells,
+    gaussian,
     learning_step,
     mean_of_rules,
     SEVEN,
@@ -70,7 +70,7 @@ MEMORY = (
 @formula
 def _degrees(s: float, span: float) -> Numbers:
     """Return psi(s)."""
-    found: Numbers = bells(s / span, SEVEN)
+    found: Numbers = gaussian(s / span, SEVEN)
     return found
 
 

@@ -26,12 +26,12 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
     FIVE,
-    hats,
     learning_step,
     mean_of_rules,
     RULES,
     SEVEN,
     train_rules,
+    triangular,
 )
 from masmc_ros.law.parts.inverse_dynamics import rate_error
 from masmc_ros.law.parts.model import ESTIMATE
@@ -96,14 +96,14 @@ MEMORY = (
 @formula
 def _five(x: float, span: float) -> Numbers:
     """Return how far x belongs to each of FIVE triangles."""
-    found: Numbers = hats(x / span, FIVE)
+    found: Numbers = triangular(x / span, FIVE)
     return found
 
 
 @formula
 def _seven(x: float, span: float) -> Numbers:
     """Return how far x belongs to each of SEVEN triangles."""
-    found: Numbers = hats(x / span, SEVEN)
+    found: Numbers = triangular(x / span, SEVEN)
     return found
 
 

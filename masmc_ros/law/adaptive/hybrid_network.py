@@ -22,8 +22,8 @@ from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
 from masmc_ros.law.parts.fuzzy_sets import (
-    bells,
     FIVE,
+    gaussian,
     learning_step,
     mean_of_rules,
     RULES,
@@ -92,7 +92,7 @@ MEMORY = (
 
 @formula
 def _sets(x: float, span: float) -> Numbers:
-    found: Numbers = bells(x / span, FIVE)
+    found: Numbers = gaussian(x / span, FIVE)
     return found
 
 

@@ -21,8 +21,8 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
-    bells,
     FIVE,
+    gaussian,
     learning_step,
     mean_of_rules,
     RULES,
@@ -89,14 +89,14 @@ MEMORY = (ESTIMATE, Field('rbf_sliding_weights', ('axes', RULES), 'W', 'N'))
 @formula
 def _velocity(desired: float, error: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xdot_r of one axis."""
-    found: Numbers = bells(reference_velocity(desired, error, sigma) / span, FIVE)
+    found: Numbers = gaussian(reference_velocity(desired, error, sigma) / span, FIVE)
     return found
 
 
 @formula
 def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xddot_r of one axis."""
-    found: Numbers = bells(reference_acceleration(desired, rate, sigma) / span, FIVE)
+    found: Numbers = gaussian(reference_acceleration(desired, rate, sigma) / span, FIVE)
     return found
 
 

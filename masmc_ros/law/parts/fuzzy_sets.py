@@ -48,7 +48,7 @@ def _part(value: float, total: float) -> float:
 
 
 @formula
-def bells(x: float, centres: Sets) -> Sets:
+def gaussian(x: float, centres: Sets) -> Sets:
     """Return how far x belongs to each of the normalised Gaussians at centres."""
     found = each(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
@@ -64,7 +64,7 @@ def _hat(centre: float, x: float, spacing: float) -> float:
 
 
 @formula
-def hats(x: float, centres: Sets) -> Sets:
+def triangular(x: float, centres: Sets) -> Sets:
     """Return how far x belongs to each of the triangles between centres."""
     return each(_hat, centres, _within(x), centres[1] - centres[0])
 
