@@ -46,7 +46,7 @@ from masmc_ros.numerics.compiled import (
 )
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 
 CHOOSES_CODE = ('law', 'switching')
 """Parameters that change while a node runs and for which other code is compiled."""
@@ -465,7 +465,7 @@ def main() -> None:
     try:
         # A user's law may print while it is imported.
         with redirect_stdout(sys.stderr):
-            mechanism = chosen(request['robot'])
+            mechanism = mechanism_from(request['robot'])
             if values is None:
                 _prepare_all(mechanism)
             else:

@@ -12,7 +12,7 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 
 JOINT_NAMES_PARAMETER = 'robot.joint_names'
 
@@ -28,12 +28,12 @@ def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
 
     Where the driven joints alone are named, the base's keep their names; where none are, all do.
     """
-    return joint_names_of(chosen(values), values.get(JOINT_NAMES_PARAMETER, ()))
+    return joint_names_of(mechanism_from(values), values.get(JOINT_NAMES_PARAMETER, ()))
 
 
 def driven_joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of the joints that take torques, by checked values."""
-    return joint_names(values)[len(chosen(values).base):]
+    return joint_names(values)[len(mechanism_from(values).base):]
 
 
 def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str, ...]:

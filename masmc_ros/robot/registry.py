@@ -50,7 +50,7 @@ def load(name: str) -> Mechanism:
     return register(mechanism)
 
 
-def chosen(values: Mapping[str, Any]) -> Mechanism:
+def mechanism_from(values: Mapping[str, Any]) -> Mechanism:
     """
     Return the mechanism that values name, checked or not; the default one for no known name.
 

@@ -17,7 +17,7 @@ from masmc_ros.numerics.record import fill, get, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.names import driven_joint_names
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 import numpy as np
 from numpy.typing import NDArray
 
@@ -84,7 +84,7 @@ class Robot:
 
 def robot_of(values: Mapping[str, Any]) -> Robot:
     """Return the robot that a node's checked values describe; InputError where none can be so."""
-    mechanism = chosen(values)
+    mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
     lengths, theta = mechanism.formulas.constants(own)
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
@@ -98,7 +98,7 @@ def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     Raises InputError as `robot_of`.
     """
     driven = driven_joint_names(values)
-    urdf: str = chosen(values).formulas.description(values, driven, frame_prefix)
+    urdf: str = mechanism_from(values).formulas.description(values, driven, frame_prefix)
     return urdf
 
 

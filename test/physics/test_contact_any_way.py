@@ -15,7 +15,7 @@ from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.physics.mujoco_model import contact_model
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario
@@ -39,7 +39,7 @@ def plant(physics: str = 'mujoco', **given: Any) -> SimulatedRobot:
         'robot.wheels': (),
         'robot.held_joints': ('wheel_right_joint', 'wheel_left_joint'),
     }
-    defaults = {each.name: each.default for each in declared('plant', chosen(values))}
+    defaults = {each.name: each.default for each in declared('plant', mechanism_from(values))}
     start = {'initial_joints': (0.0, *START), 'initial_pose': (0.5, -0.2, YAW)}
     values = {**defaults, **values, 'physics': physics, **start, **given}
     return plant_of(values, PERIOD)
@@ -133,7 +133,7 @@ def test_wheels_of_its_own_are_refused() -> None:
     given: dict[str, Any] = {
         'robot.urdf': urdf, 'robot.base': 'omnidirectional', 'robot.wheels': ('a', 'b', 'c'),
     }
-    defaults = {each.name: each.default for each in declared('plant', chosen(given))}
+    defaults = {each.name: each.default for each in declared('plant', mechanism_from(given))}
     with pytest.raises(InputError, match=r'without robot\.wheels'):
         contact_model(robot_of({**defaults, **given}), 0.5 * PERIOD, friction=0.8)
 

@@ -21,7 +21,7 @@ from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import activation, load_scenario
@@ -47,7 +47,7 @@ def plant(*settings: str, physics: str = 'mujoco') -> SimulatedRobot:
 
 def tree_values(given: dict[str, Any]) -> dict[str, Any]:
     """Return values of the plant of a tree, by default where they are not given."""
-    defaults = {each.name: each.default for each in declared('plant', chosen(given))}
+    defaults = {each.name: each.default for each in declared('plant', mechanism_from(given))}
     return {**defaults, **given}
 
 

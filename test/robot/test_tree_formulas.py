@@ -15,7 +15,7 @@ from masmc_ros.loop.records import plant_settings
 from masmc_ros.numerics.record import tag_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.formulas import model_of_axes
 from masmc_ros.robot.tree.friction import CREEP
@@ -241,7 +241,7 @@ def test_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ...]) -
     drawn.twist *= 100.0
     v_r, _ = drawn.reference(0.0)
     rates = np.abs(mechanism.joint_rates(drawn.model, numbers(v_r)))
-    limits = 0.9 * np.array(chosen(drawn.values).speed_limits)
+    limits = 0.9 * np.array(mechanism_from(drawn.values).speed_limits)
     assert (rates <= limits * (1.0 + 1e-12)).all()
     assert rates.max() > 0.01
 

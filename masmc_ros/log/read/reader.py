@@ -50,7 +50,7 @@ from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIS
 from masmc_ros.numerics.field import ONE
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
-from masmc_ros.robot.registry import chosen, DEFAULT, load
+from masmc_ros.robot.registry import DEFAULT, load, mechanism_from
 from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
 from numpy.typing import NDArray
@@ -314,7 +314,7 @@ def _robot(
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
     trees = (values for values in told if isinstance(values.get(URDF), str) and values[URDF])
     tree = next(trees, None)
-    mechanism = load(next(kinds, DEFAULT.name)) if tree is None else chosen(tree)
+    mechanism = load(next(kinds, DEFAULT.name)) if tree is None else mechanism_from(tree)
     for values in told:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:
