@@ -28,7 +28,7 @@ from typing import Any
 from masmc_ros.law.declared import Declared
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.robot.declaration import Mechanism
 
@@ -87,7 +87,7 @@ def register(law: Law) -> Law:
     return law
 
 
-_of_law = contract(by_tag('law', lambda name: _KNOWN[name.split(' ')[0]].formulas))
+_of_law = interface(by_tag('law', lambda name: _KNOWN[name.split(' ')[0]].formulas))
 
 
 @_of_law

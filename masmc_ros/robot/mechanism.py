@@ -51,7 +51,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.dispatch import by_class, by_tag, contract
+from masmc_ros.numerics.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.drift import acceleration_itself, no_drift, surface_itself
 
@@ -63,8 +63,8 @@ It is a tuple; theta and what has as many entries are arrays where those are mor
 `numerics.tuples.LONGEST`, and formulas return an array then where `template` is one.
 """
 
-_of_record = contract(by_tag('mechanism', formulas_of_tag))
-of_model = contract(by_class(formulas_of_model))
+_of_record = interface(by_tag('mechanism', formulas_of_tag))
+of_model = interface(by_class(formulas_of_model))
 
 
 @_of_record
@@ -166,19 +166,19 @@ def reference_motion(
     """
 
 
-@contract(by_class(formulas_of_model), otherwise=surface_itself)
+@interface(by_class(formulas_of_model), otherwise=surface_itself)
 def reachable_surface(
     model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return J (v - v_r): s, less what limits and singularities keep v_r from."""
 
 
-@contract(by_class(formulas_of_model), otherwise=acceleration_itself)
+@interface(by_class(formulas_of_model), otherwise=acceleration_itself)
 def compensated(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
     """Return a_r less the estimated drift."""
 
 
-@contract(by_class(formulas_of_model), otherwise=no_drift)
+@interface(by_class(formulas_of_model), otherwise=no_drift)
 def follow_drift(
     model: Any,
     posture: Any,

@@ -13,7 +13,7 @@ from typing import Any
 from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
@@ -79,7 +79,7 @@ def switchings() -> tuple[str, ...]:
     return tuple(_KNOWN)
 
 
-_of_term = contract(by_tag('switching', lambda name: _KNOWN[name].formulas))
+_of_term = interface(by_tag('switching', lambda name: _KNOWN[name].formulas))
 
 
 @_of_term
