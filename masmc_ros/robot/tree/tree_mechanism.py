@@ -44,7 +44,7 @@ from masmc_ros.robot.tree.frames import (
 )
 from masmc_ros.robot.tree.model import packed
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
-from masmc_ros.robot.tree.task.outputs import Robot, Task, task_of
+from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
@@ -408,7 +408,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     )
     task = task_of(
         values['robot.task'],
-        Robot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
+        TaskRobot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
     )
     bodies = [root, *(j.child for j in robot.joints)]
     limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])

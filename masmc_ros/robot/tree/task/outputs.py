@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.tuples import LONGEST
-from masmc_ros.robot.declaration import Coordinate, Point, Quantity
+from masmc_ros.task_robot.declaration import Coordinate, Point, Quantity
 
 OUTPUTS = {
     'pose': (0, 1, 2, 3, 4, 5),
@@ -38,7 +38,7 @@ _AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz'
 """Coordinates of a frame."""
 
 
-class Robot(NamedTuple):
+class TaskRobot(NamedTuple):
     """Available frames and joints of outputs."""
 
     links: Collection[str]
@@ -78,9 +78,9 @@ class _Output(NamedTuple):
     """Among the coordinates of the frame, or among the joints."""
 
 
-def task_of(texts: Sequence[str], robot: Robot) -> Task:
+def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
     """Return what outputs come to, each a kind, and what it is of; InputError for what is none."""
-    outputs = [_output(text, robot) for text in texts]
+    outputs = [_output(text, task_robot) for text in texts]
     frames = tuple(dict.fromkeys(each.link for each in outputs if each.link))
     places: list[int] = []
     axes: list[Quantity] = []
@@ -97,18 +97,18 @@ def task_of(texts: Sequence[str], robot: Robot) -> Task:
                 name, unit = _AXES[axis]
                 axes.append(Quantity(f'{name}_{end}', unit))
             else:
-                joint = robot.joints[axis]
+                joint = task_robot.joints[axis]
                 axes.append(Quantity(joint.name, joint.unit))
     if not 0 < len(axes) <= LONGEST:
         raise InputError(f'robot.task: {len(axes)} axes; expected 1 to {LONGEST}')
     return Task(frames, tuple(places), tuple(axes), _points(outputs, axes))
 
 
-def _output(text: str, robot: Robot) -> _Output:
+def _output(text: str, task_robot: TaskRobot) -> _Output:
     kind, _, of = text.strip().partition(' ')
     of = of.strip()
     if kind == JOINTS:
-        names = [joint.name for joint in robot.joints]
+        names = [joint.name for joint in task_robot.joints]
         unknown = [name for name in of.split() if name not in names]
         if unknown:
             raise InputError(
@@ -119,14 +119,14 @@ def _output(text: str, robot: Robot) -> _Output:
     if kind not in OUTPUTS:
         kinds = (*OUTPUTS, JOINTS)
         raise InputError(f"robot.task: no output '{kind}'; {suggestion(kind, kinds)}")
-    if kind == 'base' and not robot.goes_sideways:
+    if kind == 'base' and not task_robot.goes_sideways:
         raise InputError(
             'robot.task = base: expected robot.base omnidirectional or fixed; of two wheels take '
             'heading, and planar of a frame ahead of their axle, as none of their motions is '
             'sideways'
         )
-    link = of or (robot.base if kind in _OF_BASE else robot.tip)
-    if link not in robot.links:
+    link = of or (task_robot.base if kind in _OF_BASE else task_robot.tip)
+    if link not in task_robot.links:
         raise InputError(f"robot.task: no link '{link}'; {suggestion(link, tuple(robot.links))}")
     return _Output(kind, link, OUTPUTS[kind])
 
