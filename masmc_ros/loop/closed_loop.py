@@ -119,7 +119,7 @@ def plant_drive(
     """
     Write the torques over one step of a plant that is integrated elsewhere.
 
-    They are `driven` and `disturbance` of the memory, whose `rates` are those at the start of the step;
+    They are `driven` and `disturbance` of the memory; its `rates` are those at the step's start;
     the first step of a tick uses the command of the signals, no command if `holds`.
     """
     drive_step(plant[0], memory[0], tick, step, now[0], holds)

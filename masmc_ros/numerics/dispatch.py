@@ -43,7 +43,7 @@ def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
     return choose
 
 
-def contract(
+def interface(
     choose: Finder, otherwise: Callable[..., Any] | None = None
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """

@@ -129,8 +129,9 @@ class ContactRobot(SimulatedRobot):
     def _push_base(self, disturbance: NDArray[np.float64]) -> None:
         """Push the base ahead and aside, in N, and around, in N m."""
         c, s = math.cos(self._yaw), math.sin(self._yaw)
-        self._data.qfrc_applied[:2] = disturbance[0] * c - disturbance[1] * s, disturbance[0] * s + disturbance[1] * c
-        self._data.qfrc_applied[5] = disturbance[2]
+        x, y, turn = disturbance[:3]
+        self._data.qfrc_applied[:2] = x * c - y * s, x * s + y * c
+        self._data.qfrc_applied[5] = turn
 
     @property
     def _model(self) -> Any:

@@ -49,8 +49,8 @@ from numpy.typing import NDArray
 
 __all__ = [
     'joint_accelerations',
-    'preserves_consistency',
     'motion_error',
+    'preserves_consistency',
     'reference_motion',
     'task_error',
     'task_inertia',

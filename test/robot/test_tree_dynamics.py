@@ -86,7 +86,8 @@ class Drawn:
 
     def thetas(self) -> Array:
         """Return the moments of the bodies in every state."""
-        return np.ascontiguousarray(self.inertial_parameters.reshape(-1, self.inertial_parameters.shape[2]).T)
+        states = self.inertial_parameters.shape[2]
+        return np.ascontiguousarray(self.inertial_parameters.reshape(-1, states).T)
 
     def forces(
         self,

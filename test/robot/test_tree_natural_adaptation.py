@@ -49,7 +49,8 @@ def gradient_of(seed: int) -> tuple[Array, Moments]:
 
 def is_of_a_body(inertial_parameters: Moments) -> bool:
     """Tell whether the pseudo-inertia of these numbers is positive definite, exactly."""
-    matrix = [[Fraction(float(each)) for each in row] for row in pseudo_inertia(inertial_parameters)]
+    rows = pseudo_inertia(inertial_parameters)
+    matrix = [[Fraction(float(each)) for each in row] for row in rows]
     for pivot in range(4):
         if matrix[pivot][pivot] <= 0:
             return False
@@ -65,7 +66,8 @@ def is_of_a_body(inertial_parameters: Moments) -> bool:
 def test_is_what_dense_algebra_gives(seed: int, other: int, exponent: float) -> None:
     p, inertial_parameters = body(seed)
     gradient, entries = gradient_of(other)
-    assert np.dot(inertial_parameters, entries) == pytest.approx(np.trace(gradient @ p), rel=1e-9, abs=1e-9)
+    trace = np.trace(gradient @ p)
+    assert np.dot(inertial_parameters, entries) == pytest.approx(trace, rel=1e-9, abs=1e-9)
     values, vectors = np.linalg.eigh(p)
     # Any root will do; this one is symmetric.
     root = vectors * np.sqrt(values) @ vectors.T
@@ -109,7 +111,8 @@ def test_bodies_stay_bodies_however_long(seed: int, entries: Moments, step: floa
     for _ in range(500):
         inertial_parameters = natural_step(inertial_parameters, entries, step)
     assert np.all(np.isfinite(inertial_parameters))
-    assert np.linalg.eigvalsh(pseudo_inertia(inertial_parameters))[0] > -1e-14 * max(inertial_parameters)
+    smallest = np.linalg.eigvalsh(pseudo_inertia(inertial_parameters))[0]
+    assert smallest > -1e-14 * max(inertial_parameters)
     assert min(inertial_parameters[0], *inertial_parameters[4:7]) > 0.0
 
 
@@ -120,7 +123,8 @@ def test_what_is_no_body_or_no_number_changes_nothing() -> None:
     assert natural_step(flat, gradient_of(1)[1], 0.1) == flat
     for bad in (float('nan'), float('inf')):
         assert natural_step(inertial_parameters, (bad,) + (0.0,) * 9, 0.1) == inertial_parameters
-    assert natural_step(inertial_parameters, MOMENTS, 0.1) == pytest.approx(inertial_parameters, rel=1e-13)
+    after = natural_step(inertial_parameters, MOMENTS, 0.1)
+    assert after == pytest.approx(inertial_parameters, rel=1e-13)
 
 
 def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
@@ -131,12 +135,13 @@ def test_adapts_from_half_the_masses_to_the_body_that_moves() -> None:
         # Motions that tell of all moments alike, in the body's own measures.
         alike = back.T @ gradient_of(seed)[0] @ back
         rows.append(np.array(moments_of(2.0 * alike - np.diag(np.diag(alike)))) / 5.0)
-    before = np.linalg.norm(np.subtract(rows @ np.array(inertial_parameters), rows @ np.array(true)))
+    before = np.linalg.norm(rows @ np.array(inertial_parameters) - rows @ np.array(true))
     for i in range(4_000):
         # The gradient of the square of what is measured, half of it.
         error = rows[i % 40] @ np.subtract(inertial_parameters, true)
-        inertial_parameters = natural_step(inertial_parameters, tuple((rows[i % 40] * error).tolist()), 0.5)
-    after = np.linalg.norm(np.subtract(rows @ np.array(inertial_parameters), rows @ np.array(true)))
+        gradient = tuple((rows[i % 40] * error).tolist())
+        inertial_parameters = natural_step(inertial_parameters, gradient, 0.5)
+    after = np.linalg.norm(rows @ np.array(inertial_parameters) - rows @ np.array(true))
     assert after < 1e-6 * before
     assert inertial_parameters == pytest.approx(true, rel=1e-4)
 

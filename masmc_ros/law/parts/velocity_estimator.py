@@ -96,7 +96,7 @@ MEMORY = (
     Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
     Field('angles', 'joints', 'Estimated angles', 'rad'),
     Field('rates', 'joints', 'Estimated rates', 'rad/s'),
-    Field('unmodelled', 'joints', 'Estimated accelerations that the model leaves unsaid', 'rad/s²'),
+    Field('unmodelled', 'joints', 'Estimated unmodelled accelerations', 'rad/s²'),
     Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
     Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
 )

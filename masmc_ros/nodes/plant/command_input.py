@@ -53,7 +53,10 @@ class CommandInput:
         joints = driven_joint_names(values)
         self.sources = (
             rate_sources(
-                joints, mechanism_from(values).twist, values['frame_prefix'], is_stamped=self._is_stamped
+                joints,
+                mechanism_from(values).twist,
+                values['frame_prefix'],
+                is_stamped=self._is_stamped,
             )
             if self.interface == 'velocity'
             else torque_sources(joints)

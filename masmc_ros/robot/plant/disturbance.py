@@ -32,10 +32,11 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 
 @formula
 def write_push(plant: Any, memory: Any, time: float) -> None:
-    """Write amplitude sin(frequency t + phase) in N m at a time in s as `disturbance`, in all lanes."""
+    """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
     for lane in range(lane_count(plant)):
         angles = each(_angle, time, get(plant, 'frequency', lane), get(plant, 'phase', lane))
-        put(memory, 'disturbance', lane, each(_torque, get(plant, 'amplitude', lane), sines(angles)))
+        torque = each(_torque, get(plant, 'amplitude', lane), sines(angles))
+        put(memory, 'disturbance', lane, torque)
 
 
 @formula
@@ -77,7 +78,7 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 @formula
 def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
-    """Write `disturbance` of all lanes at halves of the step, of what `write_waves` has written."""
+    """Write `disturbance` of all lanes after half steps, from the values of `write_waves`."""
     amplitude, disturbance = plant['amplitude'], memory['disturbance']
     first = (halves + 2) % 3 * len(disturbance)
     for j in range(len(disturbance)):

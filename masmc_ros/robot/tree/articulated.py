@@ -99,7 +99,9 @@ def write_accelerations(
         write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
         write_part(inertias, body, _WRENCH + 3, cross(w, force))
     for body in range(bodies - 1, 0, -1):
-        _propagate_inertia(model, motion_subspaces, motion, velocity, forces, inertias, joints, body)
+        _propagate_inertia(
+            model, motion_subspaces, motion, velocity, forces, inertias, joints, body
+        )
     _move_base(model, motion_subspaces, inertias, forces, gravity, motion, acceleration)
     for body in range(1, bodies):
         k, parent = base + body - 1, parent_of(model, body)
@@ -110,7 +112,8 @@ def write_accelerations(
         taken += inner(read_part(joints, body, _FORCE, VECTOR), a)
         found = (joints[body, _LEFT] - taken) * joints[body, _GIVES]
         acceleration[k] = found
-        along, across = read_part(motion_subspaces, k, 0, VECTOR), read_part(motion_subspaces, k, 3, VECTOR)
+        along = read_part(motion_subspaces, k, 0, VECTOR)
+        across = read_part(motion_subspaces, k, 3, VECTOR)
         write_part(motion, body, 0, add(alpha, scale(along, found)))
         write_part(motion, body, 3, add(a, scale(across, found)))
 
@@ -232,7 +235,8 @@ def _move_base(
     f = add(f, read_part(inertias, 0, _WRENCH + 3, VECTOR))
     for i in range(base):
         x[i] = forces[i] - power(motion_subspaces, i, n, f)
-        along, across = read_part(motion_subspaces, i, 0, VECTOR), read_part(motion_subspaces, i, 3, VECTOR)
+        along = read_part(motion_subspaces, i, 0, VECTOR)
+        across = read_part(motion_subspaces, i, 3, VECTOR)
         moment, force = _answer(to, along, across)
         for j in range(base):
             rotor = model.numbers[rotors + i * size + j, model.lane]

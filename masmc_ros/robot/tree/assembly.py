@@ -300,7 +300,9 @@ def _merged(
         own = _moments(description.links[name])
         moved = moments_in_parent(frame.rotation, frame.offset, own)
         body = bodies[frame.body]
-        body.inertial_parameters = tuple(a + b for a, b in zip(body.inertial_parameters, moved, strict=True))
+        body.inertial_parameters = tuple(
+            a + b for a, b in zip(body.inertial_parameters, moved, strict=True)
+        )
     return bodies, order, frames, (parents, rotations, offsets)
 
 
@@ -415,7 +417,8 @@ def _mount(
         if is_wrong:
             raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
     inertial_parameters = _moments(description.links[joint.child])
-    return Mount(joint, frame.offset, rotate(frame.rotation, axis), _about(axis, inertial_parameters))
+    inertia = _about(axis, inertial_parameters)
+    return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
 
 
 def _about(axis: Vector, inertial_parameters: Moments) -> float:

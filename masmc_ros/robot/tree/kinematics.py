@@ -101,7 +101,8 @@ def place(
     """
     bodies, base = bodies_of(model), base_of(model)
     size, wide = base + bodies - 1, _POSITION + 1
-    frames, motion_subspaces = split_buffer(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
+    buffer = np.empty(bodies * wide + size * 6)
+    frames, motion_subspaces = split_buffer(buffer, bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):
