@@ -95,7 +95,7 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
 
     Parameters
     ----------
-    moments
+    inertial_parameters
         of the body, in kg, kg m and kg m2: see `spatial`.
     gradient
         derivative by them of the power that adaptation takes away: `power_gradient`.
