@@ -127,7 +127,8 @@ def _output(text: str, task_robot: TaskRobot) -> _Output:
         )
     link = of or (task_robot.base if kind in _OF_BASE else task_robot.tip)
     if link not in task_robot.links:
-        raise InputError(f"task_robot.task: no link '{link}'; {suggestion(link, tuple(robot.links))}")
+        known = suggestion(link, tuple(task_robot.links))
+        raise InputError(f"robot.task: no link '{link}'; {known}")
     return _Output(kind, link, OUTPUTS[kind])
 
 
