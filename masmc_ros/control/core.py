@@ -53,11 +53,11 @@ from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNF
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.throttle import Throttle
 import numpy as np
-from numpy.typing import NDArray
 
 STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 """Causes of faults."""
@@ -70,8 +70,6 @@ UNFOLDING_TIME = 5.0
 
 _QUIET = 1.0
 """Time in s between two lines about missing states."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(slots=True)

@@ -17,9 +17,8 @@ from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.smc import SMC, torque
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-
-Numbers = tuple[float, ...]
 
 
 @formula

@@ -17,13 +17,12 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import zero
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 
 @formula

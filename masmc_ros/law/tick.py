@@ -8,12 +8,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 
 class Tick(NamedTuple):

@@ -20,8 +20,6 @@ from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, tail, thirds
 from masmc_ros.robot import drift, mechanism
 
-Numbers = tuple[float, ...]
-
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
     Field('nominal', 'parameters', 'theta of the nominal model'),

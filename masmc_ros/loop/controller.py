@@ -25,15 +25,13 @@ from masmc_ros.loop.closed_loop import (
 )
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import inputs, SIGNALS
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import take_over
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 ESTIMATED_RATES = SOURCES[ESTIMATED]
-
-Array = NDArray[np.float64]
 
 
 class Controller:

@@ -10,6 +10,7 @@ from typing import Any
 
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import zero
@@ -17,8 +18,6 @@ from masmc_ros.numerics.tuples import each, from_index, tail, thirds, unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
-
-Numbers = tuple[float, ...]
 
 
 @formula

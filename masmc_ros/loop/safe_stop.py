@@ -24,6 +24,7 @@ from typing import Any
 
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import to_vector, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
@@ -34,9 +35,6 @@ from masmc_ros.numerics.tuples import dot, each, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
 """Values of `fault_action`."""

@@ -26,13 +26,12 @@ from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 BLOCK = 20_000

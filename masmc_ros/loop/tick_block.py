@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 _NAMES = {signal.name for signal in SIGNALS}

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.generated import Compiler, generated
 from masmc_ros.numerics.scratch import array_over, CACHE_LINE
-from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, Numbers, VECTOR
+from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed

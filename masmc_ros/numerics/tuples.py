@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.generated import called, Compiler, generated, tuple_type
 from numba import types
 from numba.core import cgutils
 import numpy as np
 
-Numbers = tuple[float, ...]
 FLOAT = types.float64
 VECTOR = types.Array(FLOAT, 1, 'C')
 MATRIX = types.Array(FLOAT, 2, 'C')

@@ -15,14 +15,12 @@ import math
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.urdf import read_urdf
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _PLACES = [0, 5]
 """Of the velocities that two driven wheels give a base: ahead, and around."""

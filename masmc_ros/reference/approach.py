@@ -17,20 +17,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
 
 _CONTINUOUS = 0.05
 """Time in s: steps of the reference shorter than the approach's speed times this are none."""
-
-Array = NDArray[np.float64]
 
 
 @kernel

@@ -10,6 +10,7 @@ import math
 from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
@@ -17,9 +18,6 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _SPACE = 3
 

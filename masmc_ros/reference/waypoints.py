@@ -19,6 +19,7 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.elimination import solve_band
 from masmc_ros.numerics.hermite import quintic
@@ -27,9 +28,6 @@ from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _BESIDE = 3
 """Diagonals on each side of the main one: a knot's two unknowns meet those of its neighbours."""

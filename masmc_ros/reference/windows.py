@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _ON_GRID_NS = 2
 """A sample this close to the stamp asked for is used as it is: stamps are rounded to 1 ns."""

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
 from masmc_ros.numerics.record import get
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.mechanism import Numbers
 
 SHORTEST = 0.5
 """Shortest duration of an approach in s, and the time in which a moving robot is braked."""

@@ -20,12 +20,10 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.params.declaration import Parameter
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Numbers = tuple[float, ...]
 """A vector; its length is the mechanism's number of what it has an entry for."""
 
 ODOM_FRAME = 'odom'

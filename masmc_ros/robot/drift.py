@@ -16,10 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
-
-Numbers = tuple[float, ...]
 
 FIRST_GAIN = 0.5
 """Gain of the first estimate, which knows nothing; later ones count for less and less."""

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
-from masmc_ros.robot.mechanism import Numbers
 
 
 @formula

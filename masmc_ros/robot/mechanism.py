@@ -51,11 +51,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.drift import acceleration_itself, no_drift, surface_itself
 
-Numbers = tuple[float, ...]
 """
 A vector; its length is the mechanism's number of what it has an entry for.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
@@ -20,8 +21,6 @@ from masmc_ros.robot.names import driven_joint_names
 from masmc_ros.robot.registry import mechanism_from
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _BODY = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),

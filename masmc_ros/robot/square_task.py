@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, from_index, unit
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.mechanism import Numbers, of_model, Tracking
+from masmc_ros.robot.mechanism import of_model, Tracking
 
 
 @of_model

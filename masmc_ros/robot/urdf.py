@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.robot.packages import resource_path
 
 MOST_BYTES = 10_000_000
@@ -26,8 +27,6 @@ MOST_BYTES = 10_000_000
 
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed')
 """Joints that can be had; floating and planar ones have more than one axis."""
-
-Numbers = tuple[float, ...]
 
 
 @dataclass(frozen=True)

@@ -30,13 +30,12 @@ from masmc_ros.law.parts.fuzzy_sets import (
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('fuzzy_gain.a', 'axes', 300.0, 'Gain A of the linear term', 'N·s/m'),

@@ -33,14 +33,13 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import dot, each
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('rbf_sliding.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),

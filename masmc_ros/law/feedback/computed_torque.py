@@ -22,14 +22,13 @@ from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the joint velocities', '1/s'),

@@ -25,6 +25,7 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
@@ -33,9 +34,6 @@ from masmc_ros.numerics.tuples import each, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
-
-Numbers = tuple[float, ...]
-Columns = tuple[Numbers, ...]
 
 PARAMETERS = (
     Parameter(

@@ -21,6 +21,7 @@ from typing import Any
 
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
@@ -90,7 +91,6 @@ PARAMETERS = (
 )
 """Settings that keep the adaptation of any law bounded."""
 
-Numbers = tuple[float, ...]
 
 _CUTS = 200
 _HALVINGS = 60

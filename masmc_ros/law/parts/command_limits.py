@@ -8,12 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry(

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import exp
 from masmc_ros.numerics.tuples import each, from_index
-
-Numbers = tuple[float, ...]
-Sets = tuple[float, ...]
 
 FIVE = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Centres of the sets of each of two inputs."""
@@ -48,7 +46,7 @@ def _part(value: float, total: float) -> float:
 
 
 @formula
-def gaussian(x: float, centres: Sets) -> Sets:
+def gaussian(x: float, centres: Numbers) -> Numbers:
     """Return how far x belongs to each of the normalised Gaussians at centres."""
     found = each(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
@@ -64,13 +62,13 @@ def _hat(centre: float, x: float, spacing: float) -> float:
 
 
 @formula
-def triangular(x: float, centres: Sets) -> Sets:
+def triangular(x: float, centres: Numbers) -> Numbers:
     """Return how far x belongs to each of the triangles between centres."""
     return each(_hat, centres, _within(x), centres[1] - centres[0])
 
 
 @formula
-def alone(of: float) -> Sets:
+def alone(of: float) -> Numbers:
     """Return the second input of a system that has one alone."""
     return (1.0,)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
@@ -20,8 +21,6 @@ from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import column, each, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 SOURCES = ('measured', 'estimated')
 """Choices of the parameter `velocity_source`; compiled code knows them by their position."""

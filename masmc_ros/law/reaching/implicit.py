@@ -26,6 +26,7 @@ from typing import Any
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Columns, Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
@@ -46,8 +47,6 @@ OBSERVER_GAIN = Parameter(
     read_only=False,
 )
 
-Numbers = tuple[float, ...]
-Columns = tuple[Numbers, ...]
 
 # About two steps an axis suffice; the bound only stops rounding from going in circles.
 _STEPS = 200

@@ -12,14 +12,13 @@ from typing import Any
 
 from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m')
 

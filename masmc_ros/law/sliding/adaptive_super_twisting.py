@@ -21,13 +21,12 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.sliding.super_twisting import following, integrated, surface_rate
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     SIGMA,

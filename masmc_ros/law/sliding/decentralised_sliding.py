@@ -24,13 +24,12 @@ from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus, zero
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('decentralised_sliding.q', 'axes', 20.0, 'Rate Q of the reaching law', '1/s'),

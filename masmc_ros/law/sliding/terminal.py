@@ -23,11 +23,10 @@ from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.limits import clipped
@@ -25,8 +26,6 @@ from masmc_ros.numerics.tuples import unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
-
-Numbers = tuple[float, ...]
 
 
 @formula

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import read_row, write_row
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
@@ -21,8 +22,6 @@ from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import each, from_index, head, joined, tail
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
 _ROUND = 6755399441055744.0

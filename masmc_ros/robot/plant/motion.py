@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
 from masmc_ros.numerics.tuples import each
 from masmc_ros.robot import mechanism
 
-Numbers = tuple[float, ...]
 State = tuple[Numbers, Numbers]
 """Positions, and the joints' rates."""
 

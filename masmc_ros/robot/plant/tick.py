@@ -27,8 +27,6 @@ from masmc_ros.robot.plant.drives import drive
 from masmc_ros.robot.plant.measurement import measure
 from masmc_ros.robot.plant.motion import runge_kutta_stage
 
-Numbers = tuple[float, ...]
-
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
     Field('theta', 'parameters', 'Its base inertial parameters'),

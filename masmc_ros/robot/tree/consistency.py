@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.tuples import from_index
-from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import PER_BODY
 import numpy as np

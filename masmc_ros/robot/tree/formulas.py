@@ -14,6 +14,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
@@ -23,7 +24,6 @@ from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
 from masmc_ros.numerics.tuples import each, joined
 from masmc_ros.robot.gradient_step import gradient_step
-from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion

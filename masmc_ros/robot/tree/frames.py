@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.tree.spatial import inner, Rotation, Vector
@@ -15,7 +16,6 @@ from masmc_ros.robot.tree.task.rotation_vector import vector_of
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
 _UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

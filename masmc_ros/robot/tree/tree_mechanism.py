@@ -13,6 +13,7 @@ from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.tuples import LONGEST
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (
@@ -47,9 +48,6 @@ from masmc_ros.robot.tree.spatial import rotate, scale, transpose
 from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 NAME = 'tree'
 """As `robot.mechanism` has it."""

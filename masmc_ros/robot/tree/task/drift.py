@@ -23,11 +23,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.tuples import dot, each, least
-from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
 from masmc_ros.robot.tree.task.redundancy import motion_from_task

@@ -23,12 +23,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
 from masmc_ros.numerics.tuples import from_index
-from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.model import (

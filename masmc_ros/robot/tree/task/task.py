@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
 from masmc_ros.numerics.tuples import each, from_index
-from masmc_ros.robot.mechanism import Numbers, Tracking
+from masmc_ros.robot.mechanism import Tracking
 from masmc_ros.robot.tree.kinematics import (
     add_point_forces,
     joint_position,
