@@ -21,7 +21,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 
@@ -34,9 +34,10 @@ def _ahead(velocity: float, acceleration: float, time: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return no torque; write the command as the drives take it to the memory."""
-    v = each(_ahead, tick.reference_velocity, tick.reference_acceleration, 0.5 * tick.period)
+    half = 0.5 * tick.period
+    v = elementwise(_ahead, tick.reference_velocity, tick.reference_acceleration, half)
     put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
-    return each(zero, get(memory, 'commanded', lane))
+    return elementwise(zero, get(memory, 'commanded', lane))
 
 
 RATES = register(

@@ -11,7 +11,7 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 
@@ -62,11 +62,11 @@ def tick_of(
         posture,
         position,
         v,
-        each(reference_velocity, follows.velocity, follows.error, sigma),
-        each(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
+        elementwise(reference_velocity, follows.velocity, follows.error, sigma),
+        elementwise(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
     )
     a_r = mechanism.compensated(model, a_r, drift)
-    surface = each(sliding_surface, follows.error, follows.velocity_error, sigma)
+    surface = elementwise(sliding_surface, follows.error, follows.velocity_error, sigma)
     return Tick(
         get(settings, 'period', lane),
         model,

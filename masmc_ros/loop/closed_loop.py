@@ -14,7 +14,7 @@ from masmc_ros.loop.control import control
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.tick import (
     advance,
@@ -166,7 +166,7 @@ def is_finite(now: Any) -> bool:
 @formula
 def _rest(values: Any) -> float:
     """Return zero for numbers that all are finite, not-a-number for any other."""
-    return dot(each(_nothing, values), values)
+    return dot(elementwise(_nothing, values), values)
 
 
 @formula

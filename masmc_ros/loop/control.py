@@ -17,7 +17,7 @@ from masmc_ros.numerics.compiled import formula, inlined
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, tail, thirds
+from masmc_ros.numerics.tuples import elementwise, tail, thirds
 from masmc_ros.robot import drift, mechanism
 
 SETTINGS = (
@@ -70,7 +70,7 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
     posture = mechanism.posture(model, position)
     measured = tail(get(now, 'velocity', lane), before)
     is_estimated = get(settings, 'velocity_source', lane) == ESTIMATED
-    rates = each(_chosen, is_estimated, get(memory, 'rates', lane), measured)
+    rates = elementwise(_chosen, is_estimated, get(memory, 'rates', lane), measured)
     tick = tick_of(
         settings,
         lane,
@@ -95,7 +95,7 @@ def _control(settings: Any, memory: Any, now: Any, lane: int) -> None:
         tick.velocity,
         tick.reference_velocity,
         tick.surface,
-        each(minus, raw, torque),
+        elementwise(minus, raw, torque),
     )
     put(now, 'raw_torque', lane, raw)
     put(now, 'torque', lane, torque)

@@ -14,7 +14,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import each, from_index, tail, thirds, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ def dense(settings: Any, now: Any) -> Any:
     desired = thirds(get(signals, 'reference', 0))
     v = mechanism.motion(model, rates)
     rates_of_all = get(signals, 'velocity', 0)
-    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, each(zero, v))
+    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, elementwise(zero, v))
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,

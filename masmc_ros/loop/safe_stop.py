@@ -31,7 +31,7 @@ from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.record import fill, get, new_record, put
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -122,8 +122,8 @@ def _stop_torque(
     if is_estimated:
         share = elapsed / (elapsed + _FILTER)
         before = get(body, 'angles', 0)
-        rates = each(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
-    v_r = each(
+        rates = elementwise(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
+    v_r = elementwise(
         _led,
         get(body, 'reference_rates', 0),
         get(body, 'reference_angles', 0),
@@ -131,7 +131,7 @@ def _stop_torque(
         1.0 / (1.0 + _BRAKING * elapsed),
         pull,
     )
-    q_r = each(moved, get(body, 'reference_angles', 0), v_r, elapsed)
+    q_r = elementwise(moved, get(body, 'reference_angles', 0), v_r, elapsed)
     put(body, 'position', 0, at)
     put(body, 'angles', 0, angles)
     put(body, 'rates', 0, rates)
@@ -139,13 +139,13 @@ def _stop_torque(
     put(body, 'reference_angles', 0, q_r)
     theta = get(body, 'nominal', 0)
     bend = mechanism.posture(model, at)
-    apart = each(_apart, rates, v_r, angles, q_r, stiffness)
+    apart = elementwise(_apart, rates, v_r, angles, q_r, stiffness)
     motion = mechanism.motion(model, apart)
-    weight = mechanism.coriolis(model, bend, theta, each(zero, motion))
+    weight = mechanism.coriolis(model, bend, theta, elementwise(zero, motion))
     inertia = mechanism.inertia(model, bend, theta)
-    feedback = mechanism.inertia_times(model, inertia, each(_scaled, motion, gain))
-    raw = mechanism.joint_torques(model, each(minus, weight, feedback))
-    torque = each(
+    feedback = mechanism.inertia_times(model, inertia, elementwise(_scaled, motion, gain))
+    raw = mechanism.joint_torques(model, elementwise(minus, weight, feedback))
+    torque = elementwise(
         limited,
         raw,
         get(body, 'torque', 0),
@@ -154,7 +154,7 @@ def _stop_torque(
         get(body, 'period', 0),
     )
     # Zero for finite numbers, NaN otherwise.
-    is_finite = dot(each(minus, torque, torque), torque) == 0.0
+    is_finite = dot(elementwise(minus, torque, torque), torque) == 0.0
     if is_finite:
         put(body, 'torque', 0, torque)
         write_along(out, 0, torque)

@@ -19,7 +19,7 @@ from typing import Any
 
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0
@@ -120,24 +120,24 @@ def _turned_sine(sine: float, cosine: float, shifted: float) -> float:
 def _before_turning(angles: Any) -> tuple[Any, Any, Any]:
     # Step by step for all: long sums of products wait for their own results, and a processor
     # looks only so far ahead for others that do not.
-    bounded = each(_bounded, angles)
-    shifted = each(_shifted, bounded)
-    r = each(_remainder, bounded, shifted)
-    return each(_sine, r), each(_cosine, r), shifted
+    bounded = elementwise(_bounded, angles)
+    shifted = elementwise(_shifted, bounded)
+    r = elementwise(_remainder, bounded, shifted)
+    return elementwise(_sine, r), elementwise(_cosine, r), shifted
 
 
 @formula
 def sines(angles: Any) -> Any:
     """Return the sine of each angle in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
-    return each(_turned_sine, sine, cosine, shifted)
+    return elementwise(_turned_sine, sine, cosine, shifted)
 
 
 @formula
 def sines_and_cosines(angles: Any) -> Any:
     """Return (sin, cos) of each angle of a tuple in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
-    return each(_turned, sine, cosine, shifted)
+    return elementwise(_turned, sine, cosine, shifted)
 
 
 @formula

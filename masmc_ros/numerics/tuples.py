@@ -68,7 +68,7 @@ def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
     return compiler.builder.extract_value(array.shape, 0)
 
 
-def each(function: Callable[..., Any], *arguments: Any) -> Any:
+def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return function(a, b, ...) of every entry; a number stands for a vector of it."""
     vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
     found = (
@@ -84,7 +84,7 @@ def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
     )
 
 
-def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
+def _type_of_elementwise(context: Any, function: Any, *kinds: Any) -> types.Type:
     if any(map(is_array, kinds)):
         return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
@@ -93,11 +93,11 @@ def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
     )
 
 
-@generated(each, _type_of_each)
-def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(elementwise, _type_of_elementwise)
+def _elementwise(compiler: Compiler, kinds: Any, values: Any) -> Any:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
     if is_array(compiler.result):
-        return _each_of_arrays(compiler, function, kinds, values)
+        return _elementwise_of_arrays(compiler, function, kinds, values)
     rows = [
         compiler.entries(value, kind) if _is_tuple(kind) else value
         for kind, value in zip(kinds, values, strict=True)
@@ -113,7 +113,7 @@ def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
-def _each_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
+def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
     build = compiler.builder
     count = next(
         _length(compiler, kind, value)

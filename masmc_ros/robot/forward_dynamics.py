@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 
@@ -24,6 +24,6 @@ def joint_accelerations(
 ) -> Numbers:
     """Return those of H^-1 (f - V v - g)."""
     bias = mechanism.coriolis(model, posture, theta, mechanism.motion(model, rates))
-    force = each(minus, mechanism.forces(model, torques), bias)
+    force = elementwise(minus, mechanism.forces(model, torques), bias)
     h = mechanism.inertia(model, posture, theta)
     return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))

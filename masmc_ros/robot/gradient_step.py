@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -28,7 +28,7 @@ def theta_step(
     model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """Return theta - T Gamma^-1 g."""
-    return each(gradient_step, theta, gradient, get(settings, 'gamma', lane), period)
+    return elementwise(gradient_step, theta, gradient, get(settings, 'gamma', lane), period)
 
 
 @formula

@@ -15,7 +15,7 @@ from typing import Any
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, from_index, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.mechanism import of_model, Tracking
 
@@ -33,7 +33,7 @@ def task_from_forces(model: Any, posture: Any, forces: Numbers) -> Numbers:
 @formula
 def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
     """Return e = x - x_d."""
-    return each(minus, mechanism.task_position(model, posture, position), desired)
+    return elementwise(minus, mechanism.task_position(model, posture, position), desired)
 
 
 @formula
@@ -46,7 +46,7 @@ def tracking(
 ) -> Tracking:
     """Return e, edot twice, and the desired velocity and acceleration as they are."""
     error = task_error(model, posture, position, desired[0])
-    rate = each(minus, mechanism.task_velocity(model, posture, motion), desired[1])
+    rate = elementwise(minus, mechanism.task_velocity(model, posture, motion), desired[1])
     return Tracking(error, rate, rate, desired[1], desired[2])
 
 
@@ -62,7 +62,8 @@ def reference_motion(
     """Return v_r = J^-1 xdot_r, a_r = J^-1 (xddot_r - Jdot v_r), and if J is close to singular."""
     v_r = mechanism.motion_from_task(model, posture, velocity, motion)
     drift = task_drift(model, posture, motion, v_r)
-    a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift), motion)
+    difference = elementwise(minus, acceleration, drift)
+    a_r = mechanism.motion_from_task(model, posture, difference, motion)
     return v_r, a_r, mechanism.is_singular(model, posture)
 
 

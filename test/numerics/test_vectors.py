@@ -20,7 +20,7 @@ from masmc_ros.numerics.arrays import (
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, new_record, put
-from masmc_ros.numerics.tuples import dot, each, from_index, LONGEST, unit
+from masmc_ros.numerics.tuples import dot, elementwise, from_index, LONGEST, unit
 import numpy as np
 import pytest
 
@@ -47,8 +47,8 @@ def everything(records: Any) -> Any:
     """Return what the functions on vectors make of a field of the second lane."""
     record = records[0]
     a = get(record, 'values', 1)
-    b = each(_combined, a, 2.0)
-    put(record, 'values', 0, each(_combined, a, b))
+    b = elementwise(_combined, a, 2.0)
+    put(record, 'values', 0, elementwise(_combined, a, b))
     rows = np.zeros((2, 3))
     write_part(rows, 1, 1, (1.5, 2.5))
     lanes = np.zeros((2, 3, 2))

@@ -25,7 +25,7 @@ DECLARED = """
            label='stretched', title='Error of all axes'),
 """
 COMPUTED = """
-    put(now, 'push', lane, each(minus, raw, torque))
+    put(now, 'push', lane, elementwise(minus, raw, torque))
     put(now, 'stretched', lane, math.sqrt(dot(tick.error, tick.error)))
 """
 IMPORTED = """

@@ -29,7 +29,7 @@ from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each, from_index, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -166,7 +166,8 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held:
         get(settings, 'gamma', lane),
         tick.period * get(settings, 'concurrent_learning_kappa', lane),
     )
-    gradient = each(plus, tracking_gradient(tick), each(_rate, recalled, tick.period))
+    recalled_rate = elementwise(_rate, recalled, tick.period)
+    gradient = elementwise(plus, tracking_gradient(tick), recalled_rate)
     adapt_along(settings, tick, memory, lane, raw, held, gradient)
     put(memory, 'concurrent_learning_torque', lane, held)
     put(memory, 'concurrent_learning_velocity', lane, tick.velocity)

@@ -34,7 +34,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (
@@ -81,9 +81,9 @@ def _force(s: float, a: float, k: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
-    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, each(alone, tick.surface))
-    u = each(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
+    degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, elementwise(alone, tick.surface))
+    u = elementwise(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
     return model_torque(tick, get(memory, 'estimate', lane), u)
 
 
@@ -93,14 +93,14 @@ def learn(
 ) -> None:
     """Learn the rules, unless limits cut the torque: then they would wind up."""
     if torque == raw:
-        degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+        degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
         gamma = get(settings, 'fuzzy_gain_gamma', lane)
         train_rules(
             memory['fuzzy_gain_theta'],
             lane,
             degrees,
-            each(alone, tick.surface),
-            each(learning_step, tick.surface, gamma, tick.period),
+            elementwise(alone, tick.surface),
+            elementwise(learning_step, tick.surface, gamma, tick.period),
             tick.period * get(settings, 'fuzzy_gain_leak', lane),
         )
 

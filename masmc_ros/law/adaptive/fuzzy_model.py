@@ -41,7 +41,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -112,9 +112,9 @@ def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)
     return (
-        each(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
-        each(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
-        each(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
+        elementwise(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
+        elementwise(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
+        elementwise(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
     )
 
 
@@ -134,16 +134,16 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
     first, second, third = _inputs(settings, tick, lane, z)
-    return each(
+    return elementwise(
         _held,
         mean_of_rules(memory['fuzzy_model_theta'], lane, first, second),
         z,
         get(settings, 'fuzzy_model_k', lane),
-        each(
+        elementwise(
             _switched,
             third,
             get(settings, 'fuzzy_model_k_h', lane),
-            mean_of_rules(memory['fuzzy_model_eta'], lane, third, each(alone, z)),
+            mean_of_rules(memory['fuzzy_model_eta'], lane, third, elementwise(alone, z)),
         ),
     )
 
@@ -164,15 +164,15 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, z, gamma, -tick.period),
+            elementwise(learning_step, z, gamma, -tick.period),
             pull,
         )
         train_rules(
             memory['fuzzy_model_eta'],
             lane,
             third,
-            each(alone, z),
-            each(learning_step, z, gamma_h, tick.period),
+            elementwise(alone, z),
+            elementwise(learning_step, z, gamma_h, tick.period),
             pull,
         )
 

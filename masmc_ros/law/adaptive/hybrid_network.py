@@ -39,7 +39,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -100,8 +100,8 @@ def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
     """Return the sets of both inputs."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     return (
-        each(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
-        each(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
+        elementwise(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
+        elementwise(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
     )
 
 
@@ -116,7 +116,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
     first, second = _inputs(settings, tick, lane, z)
-    correction = each(
+    correction = elementwise(
         _correction,
         z,
         get(settings, 'hybrid_network_k', lane),
@@ -124,7 +124,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         get(memory, 'hybrid_network_robust', lane),
         get(settings, 'hybrid_network_delta', lane),
     )
-    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
     f = model_forces(tick, get(memory, 'estimate', lane), a)
     return mechanism.joint_torques(tick.model, f)
 
@@ -143,10 +143,12 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period),
+            elementwise(
+                learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period
+            ),
             tick.period * leak,
         )
-        robust = each(
+        robust = elementwise(
             grown,
             get(memory, 'hybrid_network_robust', lane),
             z,

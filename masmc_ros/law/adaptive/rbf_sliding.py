@@ -38,7 +38,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (
@@ -106,8 +106,8 @@ def _inputs(settings: Any, tick: Tick, lane: int) -> Any:
     velocity_span = get(settings, 'rbf_sliding_velocity_span', lane)
     acceleration_span = get(settings, 'rbf_sliding_acceleration_span', lane)
     return (
-        each(_velocity, tick.desired_velocity, tick.error, sigma, velocity_span),
-        each(
+        elementwise(_velocity, tick.desired_velocity, tick.error, sigma, velocity_span),
+        elementwise(
             _acceleration,
             tick.desired_acceleration,
             tick.error_derivative,
@@ -122,14 +122,14 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     first, second = _inputs(settings, tick, lane)
     network = mean_of_rules(memory['rbf_sliding_weights'], lane, first, second)
-    reaching = each(
+    reaching = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'rbf_sliding_k', lane),
         get(settings, 'rbf_sliding_k_s', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
-    return model_torque(tick, get(memory, 'estimate', lane), each(plus, network, reaching))
+    return model_torque(tick, get(memory, 'estimate', lane), elementwise(plus, network, reaching))
 
 
 @formula
@@ -146,7 +146,7 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, tick.surface, -rate, tick.period),
+            elementwise(learning_step, tick.surface, -rate, tick.period),
             tick.period * rate * get(settings, 'rbf_sliding_nu', lane) * distance,
         )
 

@@ -27,7 +27,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
@@ -51,14 +51,14 @@ def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    correction = each(
+    correction = elementwise(
         _corrected,
         rate_error(tick),
         get(memory, 'computed_torque_integral', lane),
         get(settings, 'computed_torque_k_d', lane),
         get(settings, 'computed_torque_k_p', lane),
     )
-    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
     return mechanism.joint_torques(tick.model, model_forces(tick, tick.nominal, a))
 
 
@@ -69,7 +69,7 @@ def learn(
     """Integrate the rates' error, unless limits cut the torque: then it would wind up."""
     if torque == raw:
         w = get(memory, 'computed_torque_integral', lane)
-        following = each(moved, w, rate_error(tick), tick.period)
+        following = elementwise(moved, w, rate_error(tick), tick.period)
         put(memory, 'computed_torque_integral', lane, following)
 
 

@@ -27,7 +27,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import moved
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('nonlinear_feedback.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
@@ -50,7 +50,7 @@ def _with_integral(acceleration: float, k_i: float, w: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    acceleration = each(
+    acceleration = elementwise(
         _with_integral,
         spring(
             tick,
@@ -74,7 +74,7 @@ def learn(
             memory,
             'nonlinear_feedback_integral',
             lane,
-            each(moved, w, tick.error, tick.period),
+            elementwise(moved, w, tick.error, tick.period),
         )
 
 

@@ -30,7 +30,7 @@ from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each, from_index, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -120,8 +120,8 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         tick, get(settings, 'null_space_k_d', lane), get(settings, 'null_space_k_p', lane)
     )
     # J of the acceleration with which the task has none is -Jdot v.
-    still = motion_acceleration(tick, each(zero, commanded))
-    wanted = each(plus, commanded, mechanism.task_velocity(model, posture, still))
+    still = motion_acceleration(tick, elementwise(zero, commanded))
+    wanted = elementwise(plus, commanded, mechanism.task_velocity(model, posture, still))
     h = mechanism.inertia(model, posture, tick.nominal)
     mobility = from_index(
         _mobility_column, tick.surface, (model, posture, h, tick.surface, tick.velocity)
@@ -131,12 +131,12 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     if len(tick.velocity) > len(tick.surface):
         # What the whole task leaves free follows the posture: H a less what the task has of it.
         moved = mechanism.task_velocity(model, posture, still)
-        task_force = each(
+        task_force = elementwise(
             minus, task_force, prioritised_force(mobility, moved, len(tick.surface))
         )
-        f = each(plus, f, mechanism.inertia_times(model, h, still))
+        f = elementwise(plus, f, mechanism.inertia_times(model, h, still))
     pushed = mechanism.forces_from_task(model, posture, task_force, tick.velocity)
-    return mechanism.joint_torques(model, each(plus, f, pushed))
+    return mechanism.joint_torques(model, elementwise(plus, f, pushed))
 
 
 NULL_SPACE = register(

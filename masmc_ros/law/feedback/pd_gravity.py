@@ -23,7 +23,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
@@ -41,7 +41,7 @@ def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
@@ -49,7 +49,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         get(settings, 'pd_gravity_k_d', lane),
     )
     pushed = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
-    f = each(plus, gravity_forces(tick, tick.nominal), pushed)
+    f = elementwise(plus, gravity_forces(tick, tick.nominal), pushed)
     return mechanism.joint_torques(tick.model, f)
 
 

@@ -22,7 +22,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import moved
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('pid.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
@@ -42,7 +42,7 @@ def _force(error: float, rate: float, w: float, k_p: float, k_d: float, k_i: flo
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
@@ -61,7 +61,7 @@ def learn(
     """Integrate the error, unless limits cut the torque: then it would wind up."""
     if torque == raw:
         w = get(memory, 'pid_integral', lane)
-        put(memory, 'pid_integral', lane, each(moved, w, tick.error, tick.period))
+        put(memory, 'pid_integral', lane, elementwise(moved, w, tick.error, tick.period))
 
 
 PID = register(

@@ -28,7 +28,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -71,7 +71,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, get(memory, 'momentum_observer_velocity', lane))
     gain = tick.period * get(settings, 'momentum_observer_rate', lane)
-    d = each(
+    d = elementwise(
         _observed,
         get(memory, 'momentum_observer_disturbance', lane),
         mechanism.inertia_times(tick.model, h, before),
@@ -86,7 +86,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     )
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
-    return mechanism.joint_torques(tick.model, each(_forces, wanted, model, d))
+    return mechanism.joint_torques(tick.model, elementwise(_forces, wanted, model, d))
 
 
 @formula
@@ -95,7 +95,7 @@ def learn(
 ) -> None:
     """Remember what moves the robot until the next tick."""
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
-    drive = each(minus, mechanism.forces(tick.model, torque), model)
+    drive = elementwise(minus, mechanism.forces(tick.model, torque), model)
     put(memory, 'momentum_observer_drive', lane, drive)
     put(memory, 'momentum_observer_velocity', lane, tick.velocity)
 

@@ -27,7 +27,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
@@ -56,10 +56,10 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, get(memory, 'time_delay_velocity', lane))
     commanded = mechanism.forces(tick.model, get(memory, 'commanded', lane))
-    left = each(minus, commanded, mechanism.inertia_times(tick.model, h, before))
+    left = elementwise(minus, commanded, mechanism.inertia_times(tick.model, h, before))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
-    f = each(plus, wanted, each(_known, left, model))
+    f = elementwise(plus, wanted, elementwise(_known, left, model))
     return mechanism.joint_torques(tick.model, f)
 
 

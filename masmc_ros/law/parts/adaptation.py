@@ -25,7 +25,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -213,10 +213,10 @@ def adapt_along(
         settings,
         lane,
         get(memory, 'estimate', lane),
-        each(_share, gradient, share),
+        elementwise(_share, gradient, share),
         tick.period,
     )
-    following = each(pulled_estimate, moved, tick.nominal, tick.period, rate)
+    following = elementwise(pulled_estimate, moved, tick.nominal, tick.period, rate)
     put(memory, 'estimate', lane, following)
 
 
@@ -262,7 +262,7 @@ def projected(
     clip_to_box(n, nominal, lower, upper, estimate)
     part = MARGIN * lower
     for _ in range(_CUTS):
-        above = each(_less, to_vector(estimate, nominal), nominal, part)
+        above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
             return to_vector(estimate, nominal)
@@ -273,7 +273,7 @@ def projected(
             bound += lower * normal[j] * nominal[j]
         move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
     for _ in range(_HALVINGS):
-        above = each(_less, to_vector(estimate, nominal), nominal, part)
+        above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
             break

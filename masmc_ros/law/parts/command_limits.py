@@ -12,7 +12,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry(
@@ -37,7 +37,7 @@ PARAMETERS = (
 @formula
 def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
     """Return a torque within the controller's limits, `before` being the last tick's."""
-    return each(
+    return elementwise(
         limited,
         raw,
         before,

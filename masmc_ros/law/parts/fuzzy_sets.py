@@ -16,7 +16,7 @@ from typing import Any
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import exp
-from masmc_ros.numerics.tuples import each, from_index
+from masmc_ros.numerics.tuples import elementwise, from_index
 
 FIVE = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Centres of the sets of each of two inputs."""
@@ -48,11 +48,11 @@ def _part(value: float, total: float) -> float:
 @formula
 def gaussian(x: float, centres: Numbers) -> Numbers:
     """Return how far x belongs to each of the normalised Gaussians at centres."""
-    found = each(_bell, centres, _within(x), centres[1] - centres[0])
+    found = elementwise(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
     for value in found:
         total += value
-    return each(_part, found, total)
+    return elementwise(_part, found, total)
 
 
 @formula
@@ -64,7 +64,7 @@ def _hat(centre: float, x: float, spacing: float) -> float:
 @formula
 def triangular(x: float, centres: Numbers) -> Numbers:
     """Return how far x belongs to each of the triangles between centres."""
-    return each(_hat, centres, _within(x), centres[1] - centres[0])
+    return elementwise(_hat, centres, _within(x), centres[1] - centres[0])
 
 
 @formula

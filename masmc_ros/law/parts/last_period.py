@@ -14,7 +14,7 @@ from typing import Any
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 
@@ -31,11 +31,11 @@ def _middle(now: float, before: float) -> float:
 @formula
 def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
     """Return dv/dt over the last period."""
-    return each(_rate, tick.velocity, before, tick.period)
+    return elementwise(_rate, tick.velocity, before, tick.period)
 
 
 @formula
 def last_regressor(tick: Tick, before: Numbers) -> Any:
     """Return W = Y(q, v, v, dv/dt) of the last period: the forces in it were W theta."""
-    v = each(_middle, tick.velocity, before)
+    v = elementwise(_middle, tick.velocity, before)
     return mechanism.regressor(tick.model, tick.posture, v, v, last_acceleration(tick, before))

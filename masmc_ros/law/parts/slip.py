@@ -18,7 +18,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -38,7 +38,7 @@ def squared_slip(tick: Tick) -> float:
     """Return the squared velocity of the base against its wheels, m/s and rad/s together."""
     rates = tail(tick.position_rates, tick.velocity)
     rolling = mechanism.position_rates(tick.model, tick.posture, rates)
-    slip = each(minus, tick.position_rates, rolling)
+    slip = elementwise(minus, tick.position_rates, rolling)
     return dot(slip, slip)
 
 

@@ -18,7 +18,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import column, each, tail
+from masmc_ros.numerics.tuples import column, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -106,7 +106,7 @@ MEMORY = (
 def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) -> Numbers:
     """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    torque = each(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
+    torque = elementwise(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
     bend = mechanism.posture_of_joints(model, angles)
     return mechanism.joint_accelerations(model, bend, theta, rates, torque)
 
@@ -146,15 +146,15 @@ def estimate_rates(
     if get(memory, 'estimator_initialised', lane) == 0:
         put(memory, 'estimator_initialised', lane, 1)
         put(memory, 'angles', lane, measured)
-        put(memory, 'rates', lane, each(zero, angles))
-        put(memory, 'unmodelled', lane, each(zero, angles))
+        put(memory, 'rates', lane, elementwise(zero, angles))
+        put(memory, 'unmodelled', lane, elementwise(zero, angles))
         return
     gain = gains(get(settings, 'estimator_bandwidth', lane), period)
-    a = each(zero, angles)
+    a = elementwise(zero, angles)
     if knows_torques:
         model = mechanism.model_of(settings, lane)
         a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
-    found = each(
+    found = elementwise(
         _followed, angles, rates, unmodelled, a, measured, period, gain[0], gain[1], gain[2]
     )
     put(memory, 'angles', lane, column(found, 0))

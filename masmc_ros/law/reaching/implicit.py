@@ -33,7 +33,7 @@ from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import each, least, matrix_times
+from masmc_ros.numerics.tuples import elementwise, least, matrix_times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -70,8 +70,8 @@ def disturbance_estimate(
     `inertia` is H_x in kg by its columns, `predicted` the s+ of the previous tick in m/s,
     not-a-number where there is none; `gain_per_period` is beta / T in 1/s.
     """
-    impulse = matrix_times(inertia, each(minus, s, predicted))
-    following = each(_followed, disturbance, impulse, gain_per_period)
+    impulse = matrix_times(inertia, elementwise(minus, s, predicted))
+    following = elementwise(_followed, disturbance, impulse, gain_per_period)
     is_off = (gain_per_period == 0.0) | (predicted[0] != predicted[0])
     return disturbance if is_off else following
 
@@ -95,10 +95,10 @@ def solution(
 ) -> tuple[Numbers, Numbers]:
     """Return s+ in m/s and zeta."""
     force = matrix_times(inertia, s)
-    box = each(_times, k_s2, period)
+    box = elementwise(_times, k_s2, period)
     # On the surface all boxes hold, and there is nothing to be solved.
-    if least(each(_holds, force, box)) > 0.0:
-        return each(zero, s), each(_within, force, box)
+    if least(elementwise(_holds, force, box)) > 0.0:
+        return elementwise(zero, s), elementwise(_within, force, box)
     return _solved(inertia, period, k_s1, k_s2, s)
 
 
@@ -138,7 +138,7 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
     put(memory, 'disturbance', lane, disturbance)
     put(memory, 'predicted', lane, following)
-    return each(_pushed, k_s1, following, k_s2, zeta, disturbance)
+    return elementwise(_pushed, k_s1, following, k_s2, zeta, disturbance)
 
 
 @formula
@@ -151,11 +151,11 @@ def correct(
     The disturbance estimate then takes for a disturbance only what is one.
     """
     if torque != raw:
-        force = mechanism.forces(tick.model, each(minus, torque, raw))
+        force = mechanism.forces(tick.model, elementwise(minus, torque, raw))
         h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
         a = mechanism.inertia_solve(tick.model, h, force)
         change = mechanism.task_velocity(tick.model, tick.posture, a)
-        predicted = each(moved, get(memory, 'predicted', lane), change, tick.period)
+        predicted = elementwise(moved, get(memory, 'predicted', lane), change, tick.period)
         put(memory, 'predicted', lane, predicted)
 
 

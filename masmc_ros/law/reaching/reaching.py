@@ -17,7 +17,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m')
@@ -102,7 +102,7 @@ def reaching_force(s: float, k_s1: float, k_s2: float, switched: float) -> float
 @formula
 def force_of(settings: Any, tick: Tick, lane: int, switched: Numbers) -> Numbers:
     """Return the reaching force of an explicit term from sw(s) on every axis."""
-    return each(
+    return elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'k_s1', lane),

@@ -28,7 +28,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 
 PARAMETERS = (
@@ -54,12 +54,12 @@ MEMORY = (ESTIMATE, Field('adaptive_gain_switching', 'axes', 'k', 'N'))
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'adaptive_gain_k', lane),
         get(memory, 'adaptive_gain_switching', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
     return model_torque(tick, get(memory, 'estimate', lane), u)
 
@@ -86,7 +86,7 @@ def learn(
 ) -> None:
     """Let the gains grow, or only leak while limits cut the torque: more would not help."""
     share = 1.0 if torque == raw else 0.0
-    following = each(
+    following = elementwise(
         _following,
         get(memory, 'adaptive_gain_switching', lane),
         tick.surface,

@@ -26,7 +26,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -73,12 +73,12 @@ def _beta(alpha: float, epsilon: float) -> float:
 @formula
 def _gains(settings: Any, memory: Any, lane: int) -> tuple[Numbers, Numbers]:
     """Return alpha and beta."""
-    alpha = each(
+    alpha = elementwise(
         plus,
         get(settings, 'adaptive_super_twisting_least', lane),
         get(memory, 'adaptive_super_twisting_growth', lane),
     )
-    return alpha, each(_beta, alpha, get(settings, 'adaptive_super_twisting_epsilon', lane))
+    return alpha, elementwise(_beta, alpha, get(settings, 'adaptive_super_twisting_epsilon', lane))
 
 
 @formula
@@ -86,8 +86,8 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     alpha, beta = _gains(settings, memory, lane)
     w = get(memory, 'adaptive_super_twisting_w', lane)
-    s_next = each(following, tick.surface, w, alpha, beta, tick.period)
-    nu = each(surface_rate, tick.surface, s_next, tick.period)
+    s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
+    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
@@ -108,10 +108,10 @@ def learn(
     if torque == raw:
         alpha, beta = _gains(settings, memory, lane)
         w = get(memory, 'adaptive_super_twisting_w', lane)
-        s_next = each(following, tick.surface, w, alpha, beta, tick.period)
-        w = each(integrated, w, tick.surface, s_next, beta, tick.period)
+        s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
+        w = elementwise(integrated, w, tick.surface, s_next, beta, tick.period)
         put(memory, 'adaptive_super_twisting_w', lane, w)
-        growth = each(
+        growth = elementwise(
             _grown,
             get(memory, 'adaptive_super_twisting_growth', lane),
             tick.surface,

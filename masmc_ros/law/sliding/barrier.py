@@ -27,7 +27,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -72,10 +72,10 @@ def _surface_rate(
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     width = get(settings, 'barrier_width', lane)
-    nu = each(
+    nu = elementwise(
         _surface_rate,
         tick.surface,
-        each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
+        elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
         get(memory, 'barrier_growth', lane),
         get(settings, 'barrier_start', lane),
         width,
@@ -98,10 +98,10 @@ def learn(
 ) -> None:
     """Let the gain grow outside, unless limits cut the torque: it would wind up."""
     width = get(settings, 'barrier_width', lane)
-    inside = each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
+    inside = elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
     put(memory, 'barrier_inside', lane, inside)
     if torque == raw:
-        growth = each(
+        growth = elementwise(
             _grown,
             get(memory, 'barrier_growth', lane),
             inside,

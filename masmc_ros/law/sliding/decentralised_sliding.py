@@ -28,7 +28,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
 PARAMETERS = (
@@ -52,8 +52,8 @@ def _of_group(
     tick: Tick, theta: Numbers, group: Any, chosen: int, rates: Numbers, derivative: Numbers
 ) -> Numbers:
     """Return the torques of the chosen group's motion, all other joints at rest."""
-    v = mechanism.motion(tick.model, each(_where, rates, 0.0, group, chosen))
-    a = mechanism.motion(tick.model, each(_where, derivative, 0.0, group, chosen))
+    v = mechanism.motion(tick.model, elementwise(_where, rates, 0.0, group, chosen))
+    a = mechanism.motion(tick.model, elementwise(_where, derivative, 0.0, group, chosen))
     y = mechanism.regressor(tick.model, tick.posture, v, v, a)
     return mechanism.joint_torques(tick.model, mechanism.regressor_times(tick.model, y, theta))
 
@@ -61,30 +61,30 @@ def _of_group(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    reaching = each(
+    reaching = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'decentralised_sliding_q', lane),
         get(settings, 'decentralised_sliding_p', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
-    reference = each(
+    reference = elementwise(
         reference_acceleration,
         tick.desired_acceleration,
         tick.error_derivative,
         get(settings, 'sigma', lane),
     )
-    a = motion_acceleration(tick, each(plus, reference, reaching))
+    a = motion_acceleration(tick, elementwise(plus, reference, reaching))
     rates = mechanism.joint_rates(tick.model, tick.velocity)
     derivative = mechanism.joint_rates(tick.model, a)
     theta, group = get(memory, 'estimate', lane), get(settings, 'group', lane)
     last = group[0]
     for number in group:
         last = number if number > last else last
-    found = each(zero, rates)
+    found = elementwise(zero, rates)
     for chosen in range(last + 1):
         alone = _of_group(tick, theta, group, chosen, rates, derivative)
-        found = each(_where, alone, found, group, chosen)
+        found = elementwise(_where, alone, found, group, chosen)
     return found
 
 

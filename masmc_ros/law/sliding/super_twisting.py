@@ -27,7 +27,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -63,7 +63,7 @@ def integrated(w: float, s: float, s_next: float, k_2: float, period: float) -> 
 
 @formula
 def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    return each(
+    return elementwise(
         following,
         tick.surface,
         get(memory, 'super_twisting_w', lane),
@@ -77,7 +77,7 @@ def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     s_next = _following(settings, tick, memory, lane)
-    nu = each(surface_rate, tick.surface, s_next, tick.period)
+    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
@@ -89,7 +89,7 @@ def learn(
 ) -> None:
     """Integrate, unless limits cut the torque: then it would wind up."""
     if torque == raw:
-        w = each(
+        w = elementwise(
             integrated,
             get(memory, 'super_twisting_w', lane),
             tick.surface,

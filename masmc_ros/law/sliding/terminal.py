@@ -26,7 +26,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),
@@ -54,7 +54,7 @@ def _commanded(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    acceleration = each(
+    acceleration = elementwise(
         _commanded,
         tick.desired_acceleration,
         tick.error,

@@ -26,7 +26,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('variable_structure.alpha', 'axes', 200.0, 'Gain alpha by |e|', 'N/m'),
@@ -48,7 +48,7 @@ def _switched(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _switched,
         tick.surface,
         tick.error,

@@ -11,7 +11,7 @@ from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
 from masmc_ros.numerics.record import get, lane_count, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -34,8 +34,9 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 def write_push(plant: Any, memory: Any, time: float) -> None:
     """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
     for lane in range(lane_count(plant)):
-        angles = each(_angle, time, get(plant, 'frequency', lane), get(plant, 'phase', lane))
-        torque = each(_torque, get(plant, 'amplitude', lane), sines(angles))
+        frequency, phase = get(plant, 'frequency', lane), get(plant, 'phase', lane)
+        angles = elementwise(_angle, time, frequency, phase)
+        torque = elementwise(_torque, get(plant, 'amplitude', lane), sines(angles))
         put(memory, 'disturbance', lane, torque)
 
 

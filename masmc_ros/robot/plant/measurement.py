@@ -20,7 +20,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, from_index, head, joined, tail
+from masmc_ros.numerics.tuples import elementwise, from_index, head, joined, tail
 from masmc_ros.robot import mechanism
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
@@ -54,17 +54,17 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
     model = mechanism.model_of(plant, lane)
     position, rates = get(memory, 'position', lane), get(memory, 'rates', lane)
     resolution, pose = get(plant, 'resolution', lane), get(memory, 'odometry', lane)
-    angles = each(quantised, tail(position, rates), resolution)
+    angles = elementwise(quantised, tail(position, rates), resolution)
     counts = mechanism.counts_turns(model, resolution)
     if (tick == 0) | (not counts):
         pose = head(position, pose)
     else:
-        turned = each(minus, angles, get(memory, 'counted', lane))
+        turned = elementwise(minus, angles, get(memory, 'counted', lane))
         pose = mechanism.dead_reckoned(model, pose, turned)
     put(memory, 'odometry', lane, pose)
     put(memory, 'counted', lane, angles)
     noise = from_index(_noise, rates, (get(plant, 'seed', lane), tick))
-    rates = each(_noisy, rates, get(plant, 'noise', lane), noise)
+    rates = elementwise(_noisy, rates, get(plant, 'noise', lane), noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)
     return seen, mechanism.position_rates(model, posture, rates)

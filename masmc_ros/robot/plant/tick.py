@@ -13,7 +13,7 @@ from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import column, each
+from masmc_ros.numerics.tuples import column, elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.disturbance import (
     moment,
@@ -75,8 +75,8 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
     """Let the drives follow the commanded rates for one step of h seconds."""
     model = mechanism.model_of(plant, lane)
     commanded = mechanism.commanded_joint_rates(model, get(now, 'rates', lane))
-    missing = each(minus, commanded, get(memory, 'rates', lane))
-    found = each(
+    missing = elementwise(minus, commanded, get(memory, 'rates', lane))
+    found = elementwise(
         drive,
         missing,
         get(memory, 'drive_integral', lane),
@@ -88,7 +88,7 @@ def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: i
     torque = column(found, 0)
     put(memory, 'driven', lane, torque)
     put(memory, 'drive_integral', lane, column(found, 1))
-    put(now, 'applied', lane, each(_share, get(now, 'applied', lane), torque, steps))
+    put(now, 'applied', lane, elementwise(_share, get(now, 'applied', lane), torque, steps))
 
 
 @formula
@@ -103,14 +103,14 @@ def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
     # What is the same in all lanes is decided outside of the loops, which else stay scalar.
     if (plant['takes_rates'][0] != 0) | holds:
         for lane in range(lanes):
-            nothing = each(zero, get(now, 'torque', lane))
+            nothing = elementwise(zero, get(now, 'torque', lane))
             put(now, 'applied', lane, nothing)
             if holds:
                 put(now, 'rates', lane, nothing)
     else:
         for lane in range(lanes):
             asked = get(now, 'torque', lane)
-            held = each(
+            held = elementwise(
                 limited,
                 asked,
                 get(memory, 'driven', lane),
@@ -120,7 +120,7 @@ def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
             )
             put(now, 'applied', lane, held)
             put(memory, 'driven', lane, held)
-            put(memory, 'drive_integral', lane, each(zero, asked))
+            put(memory, 'drive_integral', lane, elementwise(zero, asked))
 
 
 @formula
@@ -128,7 +128,7 @@ def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
     """Clear the torque of drives that held without a command, if torques are commanded."""
     if holds & (plant['takes_rates'][0] == 0):
         for lane in range(lane_count(plant)):
-            nothing = each(zero, get(now, 'torque', lane))
+            nothing = elementwise(zero, get(now, 'torque', lane))
             put(now, 'applied', lane, nothing)
             put(memory, 'driven', lane, nothing)
 

@@ -20,7 +20,7 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.dynamics import moments_about_base
 from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
 from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
@@ -203,8 +203,9 @@ def _propagate_inertia(
     gives = 1.0 / pivot
     joints[body, _GIVES], joints[body, _LEFT] = gives, left
     away = _outer(n, f, gives)
-    kept = each(minus, to, away)
-    write_part(inertias, parent, 0, each(plus, read_part(inertias, parent, 0, INERTIA), kept))
+    kept = elementwise(minus, to, away)
+    total = elementwise(plus, read_part(inertias, parent, 0, INERTIA), kept)
+    write_part(inertias, parent, 0, total)
     c_n, c_f = _answer(to, turned, moved)
     part = (left - (inner(n, turned) + inner(f, moved))) * gives
     moment = add(add(p_n, c_n), scale(n, part))

@@ -22,7 +22,7 @@ from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
-from masmc_ros.numerics.tuples import each, joined
+from masmc_ros.numerics.tuples import elementwise, joined
 from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
@@ -162,7 +162,7 @@ def motion_error(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return nu - nu_r."""
-    return each(minus, motion, reference)
+    return elementwise(minus, motion, reference)
 
 
 @formula
@@ -232,7 +232,7 @@ def theta_step(
     """
     gamma = get(settings, 'gamma', lane)
     if get(settings, 'adaptation', lane) != NATURAL:
-        return each(gradient_step, theta, gradient, gamma, period)
+        return elementwise(gradient_step, theta, gradient, gamma, period)
     is_free = get(settings, 'projection_lower', lane) == 0.0
     upper = 1.0e300 if is_free else get(settings, 'projection_upper', lane)
     nominal = get(settings, 'nominal', lane)
@@ -277,7 +277,7 @@ def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
 @formula
 def coriolis(model: TreeModel, posture: Posture, theta: Numbers, motion: Numbers) -> Numbers:
     """Return C nu + g and friction."""
-    still = each(zero, motion)
+    still = elementwise(zero, motion)
     return regressor_times(model, regressor(model, posture, motion, motion, still), theta)
 
 

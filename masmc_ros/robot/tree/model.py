@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import read_down
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -249,7 +249,7 @@ def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -
     around: Rotation = read_down(numbers, first, lane, ROTATION)
     along: Rotation = read_down(numbers, first + 9, lane, ROTATION)
     across: Rotation = read_down(numbers, first + 18, lane, ROTATION)
-    return each(_turned_entry, around, along, across, sine, cosine)
+    return elementwise(_turned_entry, around, along, across, sine, cosine)
 
 
 @formula

@@ -22,7 +22,7 @@ from masmc_ros.numerics.arrays import array_of, read_down, to_vector, write_down
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import AT_ONCE
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import dot, each, matrix_times
+from masmc_ros.numerics.tuples import dot, elementwise, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
@@ -113,7 +113,7 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
         (mass, 0.0, 0.0, 0.0), (x, xx, 0.0, 0.0), (y, xy, yy, 0.0), (z, zx, yz, zz)
     )
     # Columns of C = L sqrt(D), and its rows.
-    roots = each(_root, pivots)
+    roots = elementwise(_root, pivots)
     p, q, r, s = (
         (roots[0], b[0] * roots[0], c[0] * roots[0], d[0] * roots[0]),
         (0.0, roots[1], c[1] * roots[1], d[1] * roots[1]),
@@ -162,12 +162,12 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
         _solved(series, rows[2]),
         _solved(series, rows[3]),
     )
-    by_weight = each(_inverse, weights)
+    by_weight = elementwise(_inverse, weights)
     e, f, g, h = (
-        each(_times, p, by_weight),
-        each(_times, q, by_weight),
-        each(_times, r, by_weight),
-        each(_times, s, by_weight),
+        elementwise(_times, p, by_weight),
+        elementwise(_times, q, by_weight),
+        elementwise(_times, r, by_weight),
+        elementwise(_times, s, by_weight),
     )
     found = (
         dot(p, e),
@@ -203,7 +203,7 @@ def bounded(inertial_parameters: Moments, nominal: Moments, upper: float) -> Mom
     size = inertial_parameters[4] + inertial_parameters[5] + inertial_parameters[6]
     most = upper * (nominal[4] + nominal[5] + nominal[6])
     part = min(part, most / size) if size > most else part
-    return each(_times, inertial_parameters, part)
+    return elementwise(_times, inertial_parameters, part)
 
 
 @formula

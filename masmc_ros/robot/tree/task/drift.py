@@ -27,7 +27,7 @@ from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, each, least
+from masmc_ros.numerics.tuples import dot, elementwise, least
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
 from masmc_ros.robot.tree.task.redundancy import motion_from_task
@@ -46,14 +46,14 @@ def reachable_surface(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return J (nu - nu_r)."""
-    found: Numbers = task_velocity(model, posture, each(minus, motion, reference))
+    found: Numbers = task_velocity(model, posture, elementwise(minus, motion, reference))
     return found
 
 
 @formula
 def compensated(model: TreeModel, acceleration: Numbers, drift: Numbers) -> Numbers:
     """Return a_r less the estimated drift."""
-    return each(minus, acceleration, drift)
+    return elementwise(minus, acceleration, drift)
 
 
 @formula
@@ -83,7 +83,7 @@ def _ahead(time: float, longest: float) -> float:
 def _unseen(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return N nu, the part of velocities that the task does not see."""
     seen = task_velocity(model, posture, motion)
-    return each(minus, motion, motion_from_task(model, posture, seen, motion))
+    return elementwise(minus, motion, motion_from_task(model, posture, seen, motion))
 
 
 @formula
@@ -102,16 +102,17 @@ def follow_drift(
     rate = drift_rate_of(model)
     if (rate > 0.0) & (get(settings, 'takes_rates', lane) == 0):
         period, gain = get(settings, 'period', lane), get(memory, 'drift_gain', lane)
-        error, predicted = each(minus, motion, reference), get(memory, 'drift_predicted', lane)
+        error = elementwise(minus, motion, reference)
+        predicted = get(memory, 'drift_predicted', lane)
         is_reached = dot(surface, surface) <= REACHED * REACHED
         if is_reached & (predicted[0] == predicted[0]):
             drift = get(memory, 'drift', lane)
-            drift = each(_corrected, drift, error, predicted, gain / period)
+            drift = elementwise(_corrected, drift, error, predicted, gain / period)
             put(memory, 'drift', lane, _unseen(model, posture, drift))
             slowest = rate * period / (1.0 + rate * period)
             put(memory, 'drift_gain', lane, max(slowest, gain / (1.0 + gain)))
-        limited = each(_limited, get(memory, 'drift_limited', lane), missing, period)
+        limited = elementwise(_limited, get(memory, 'drift_limited', lane), missing, period)
         put(memory, 'drift_limited', lane, limited)
-        persists = least(each(_ahead, limited, LONGEST_LIMITED)) < 0.0
+        persists = least(elementwise(_ahead, limited, LONGEST_LIMITED)) < 0.0
         share = np.nan if persists else 1.0 - damping_of(model) * period
-        put(memory, 'drift_predicted', lane, each(_decayed, error, share))
+        put(memory, 'drift_predicted', lane, elementwise(_decayed, error, share))

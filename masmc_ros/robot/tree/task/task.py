@@ -19,7 +19,7 @@ from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.numerics.tuples import each, from_index
+from masmc_ros.numerics.tuples import elementwise, from_index
 from masmc_ros.robot.mechanism import Tracking
 from masmc_ros.robot.tree.kinematics import (
     add_point_forces,
@@ -128,7 +128,7 @@ def task_error(
         at, turned = POSE * frame, POSE * frame + _ROTATED
         r, p = frame_pose(model, posture, frame)
         aim = rotation_of(read_part(off, 0, turned, VECTOR))
-        write_part(off, 0, at, each(minus, p, read_part(off, 0, at, VECTOR)))
+        write_part(off, 0, at, elementwise(minus, p, read_part(off, 0, at, VECTOR)))
         write_part(off, 0, turned, orientation_error(r, aim))
     first = POSE * frames_of(model) - 1
     for body in range(1, bodies_of(model)):
@@ -238,13 +238,13 @@ def tracking(
         # Angular ones in the place of the vector's derivatives.
         write_part(wanted, 1, turned, omega)
         write_part(wanted, 2, turned, alpha)
-        rate = each(minus, v, read_part(wanted, 1, at, VECTOR))
-        write_part(found, _ERROR, at, each(minus, p, read_part(wanted, 0, at, VECTOR)))
+        rate = elementwise(minus, v, read_part(wanted, 1, at, VECTOR))
+        write_part(found, _ERROR, at, elementwise(minus, p, read_part(wanted, 0, at, VECTOR)))
         write_part(found, _ERROR, turned, orientation_error(r, aim))
         write_part(found, _ERROR_RATE, at, rate)
         write_part(found, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
         write_part(found, _RATE, at, rate)
-        write_part(found, _RATE, turned, each(minus, w, omega))
+        write_part(found, _RATE, turned, elementwise(minus, w, omega))
     base, first = base_of(model), POSE * frames_of(model)
     for joint in range(bodies_of(model) - 1):
         at = first + joint
