@@ -332,7 +332,7 @@ class ControllerCore:
         self._held_since, self._awaited = None, ''
         self._set_pacing(PACINGS[pacing])
         if self._pending is None:
-            signals = self.controller.now[0]
+            signals = self.controller.signals[0]
             self._position[:] = signals['position'][:, 0]
             self._velocity[:] = signals['velocity'][:, 0]
         if self._order.last is not None and self._was_computed and not self.supervisor.is_active:

@@ -75,7 +75,7 @@ def declared_for(
 ) -> tuple[Parameter, ...]:
     """Return declarations for a mechanism, each name once, in the order in which they come."""
     known: dict[str, Parameter] = {}
-    for each in declarations:
-        parameter = each.of(mechanism) if isinstance(each, PerEntry) else each
+    for declaration in declarations:
+        parameter = declaration.of(mechanism) if isinstance(declaration, PerEntry) else declaration
         known.setdefault(parameter.name, parameter)
     return tuple(known.values())

@@ -10,8 +10,8 @@ after `~/emergency_stop` the controller therefore continues to command
     tau = sat(g(q) - alpha H(q) [(v - v_r) + (alpha / 4) (q - q_r)])
 
 with gravity g and full inertia H of the nominal model. The reference brakes from the joint
-velocities of the moment at which the law ended: v_r' = -8 v_r, q_r' = v_r. Wheels are held
-like other joints. `gravity` and hand guiding have no stiffness, the term with q - q_r.
+velocities at the end of the law: v_r' = -8 v_r, q_r' = v_r. Wheels are held like other joints.
+`gravity` and hand guiding have no stiffness, the term with q - q_r.
 
 The gain alpha is bounded by the period T, an assumed delay of another period, and the time in
 which `torque_rate_limit` lets a torque rise to `torque_limit`. The full inertia is essential: with
@@ -37,7 +37,7 @@ from masmc_ros.robot import mechanism
 import numpy as np
 
 VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
-"""Values of `fault_action`."""
+"""Choices of `fault_action`."""
 
 GUIDE = 'guide'
 """Action while the arm is guided by hand: gravity torque and light damping."""
@@ -50,9 +50,9 @@ BALANCE = 'balance'
 
 BALANCE_TIME = 0.1
 """
-Time in s for which the last gravity torque is better than none.
+Time in s for which the last gravity torque is better than no torque.
 
-With wrong masses it lets an arm fall as void does, but in another direction, after 0.2 s.
+With wrong masses the arm falls after 0.2 s as with void, but in another direction.
 """
 
 PARAMETER = Parameter(
@@ -79,7 +79,7 @@ _UNFOLDING = 4.0
 _UNFOLDING_SPEED = 0.5
 
 _FILTER = 0.005
-"""Time constant in s of velocities that are differences of joint angles."""
+"""Time constant in s of the filter for velocities computed from joint angles."""
 
 _LONGEST = 0.1
 """Longest time in s between two states that the reference accounts for."""
@@ -153,7 +153,7 @@ def _stop_torque(
         get(body, 'rate_limit', 0),
         get(body, 'period', 0),
     )
-    # Zero for finite numbers, NaN otherwise.
+    # The sum is zero for finite numbers and NaN otherwise.
     is_finite = dot(elementwise(minus, torque, torque), torque) == 0.0
     if is_finite:
         put(body, 'torque', 0, torque)
@@ -163,7 +163,7 @@ def _stop_torque(
 
 @formula
 def _led(rate: float, angle: float, goal: float, share: float, pull: float) -> float:
-    """Return a velocity that is braked, and led to a goal if `pull` is not zero."""
+    """Return the next reference velocity: braked, and directed to a goal if `pull` is not zero."""
     return rate * share + (1.0 - share) * clipped(pull * (goal - angle), _UNFOLDING_SPEED)
 
 
@@ -185,7 +185,7 @@ def _apart(rate: float, v_r: float, angle: float, q_r: float, stiffness: float) 
 
 class SafeStop:
     """
-    Commands torques in the place of a controller's law.
+    Torque commands in place of a controller's law.
 
     Results are written into `torque` and `commanded` of the controller.
 
@@ -319,16 +319,16 @@ class SafeStop:
         return posture
 
     def release(self) -> None:
-        """Command nothing from now on; the commanded torque is zero."""
+        """End all commands; the commanded torque is zero."""
         self.action = VOID
         self._controller.output_not_applied()
 
     def end(self) -> None:
-        """Let the law continue from the torque that was commanded last."""
+        """Let the law continue from the last commanded torque."""
         self.action = VOID
 
     def hand_over(self) -> None:
-        """Restart the controller, which continues from the torque that was commanded last."""
+        """Restart the controller from the last commanded torque."""
         commanded = self._controller.commanded.copy()
         self._controller.reset()
         if self.commands:
@@ -336,7 +336,7 @@ class SafeStop:
         self.action = VOID
 
     def _largest_gain(self) -> float:
-        """Return the gain alpha in 1/s that period, delay and torque rate limit allow."""
+        """Return the largest gain alpha in 1/s for period, delay and torque rate limit."""
         values = self._controller.values
         bounds = [0.4 / (2.0 * self._controller.period), _MOST_GAIN]
         for limit, rate in zip(

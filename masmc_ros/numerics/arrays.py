@@ -102,15 +102,15 @@ def _places(
         compiler.cast(value, kind, types.intp)
         for value, kind in zip(values[1:], kinds[1:], strict=True)
     ]
-    build, found = compiler.builder, []
+    build, pointers = compiler.builder, []
     for i in range(count):
         at = [
             build.add(index, index.type(i)) if k == which else index
             for k, index in enumerate(start)
         ]
         place = cgutils.get_item_pointer(compiler.context, build, kinds[0], array, at)
-        found.append(place)
-    return found
+        pointers.append(place)
+    return pointers
 
 
 def _read(which: int, indices: int) -> Any:
@@ -129,10 +129,11 @@ def _written(which: int, indices: int) -> Any:
     """Return what emits the writing of a tuple from an index on, of which one goes up."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
-        given = kinds[1 + indices]
-        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, len(given))
-        entries = compiler.entries(values[1 + indices], given)
-        for place, entry, kind in zip(places, entries, given, strict=True):
+        value_type = kinds[1 + indices]
+        count = len(value_type)
+        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, count)
+        entries = compiler.entries(values[1 + indices], value_type)
+        for place, entry, kind in zip(places, entries, value_type, strict=True):
             compiler.builder.store(compiler.cast(entry, kind, kinds[0].dtype), place)
         return compiler.context.get_dummy_value()
 
@@ -197,10 +198,10 @@ def _split_buffer(compiler: Compiler, kinds: Any, values: Any) -> Any:
         for value, kind in zip(values[1:], kinds[1:], strict=True)
     ]
     second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
-    found = []
+    parts = []
     for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
         # Both own the vector, which ends with the last of them.
         part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
         context.nrt.incref(build, MATRIX, part)
-        found.append(part)
-    return compiler.tuple_of(found)
+        parts.append(part)
+    return compiler.tuple_of(parts)

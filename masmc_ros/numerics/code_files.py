@@ -45,10 +45,10 @@ class CodeFiles:
     def load(self, key: Any) -> Any:
         """Return what was saved under a key; None where nothing is, or what is damaged."""
         try:
-            made_of, found, data = pickle.loads(self._path(key).read_bytes())
+            made_of, signature, data = pickle.loads(self._path(key).read_bytes())
         except (OSError, *_DAMAGED):
             return None
-        return data if made_of == self._made_of and found == key else None
+        return data if made_of == self._made_of and signature == key else None
 
     def has(self, key: Any) -> bool:
         """Return True if there is a file for a key, whole or damaged."""

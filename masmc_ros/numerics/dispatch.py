@@ -67,8 +67,8 @@ def interface(
             return context.resolve_value_type(formula_of(kinds[0]))
 
         def result(context: Any, *kinds: Any) -> types.Type:
-            found: types.Type = called(context, target(context, kinds), kinds).return_type
-            return found
+            return_type: types.Type = called(context, target(context, kinds), kinds).return_type
+            return return_type
 
         @generated(plain, result)
         def write(compiler: Compiler, kinds: Any, values: Any) -> Any:

@@ -45,8 +45,8 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
         prefer_literal = True
 
         def generic(self, args: Sequence[Type], kws: Any) -> Any:
-            found = result(self.context, *args)
-            return None if found is None else signature(found, *args)
+            return_type = result(self.context, *args)
+            return None if return_type is None else signature(return_type, *args)
 
     infer_global(plain, types.Function(type(f'Of_{plain.__name__}', (Template,), {})))
 
@@ -67,13 +67,13 @@ class Compiler:
         """Emit into Numba's function that is being built; `result` is the call's type."""
         self.context, self.builder, self.result = context, builder, result
 
-    def entries(self, value: Any, of: Type) -> list[Any]:
+    def entries(self, value: Any, kind: Type) -> list[Any]:
         """Return the entries of a tuple."""
-        return [self.builder.extract_value(value, i) for i in range(len(of))]
+        return [self.builder.extract_value(value, i) for i in range(len(kind))]
 
-    def tuple_of(self, values: Sequence[Any], of: Type | None = None) -> Any:
+    def tuple_of(self, values: Sequence[Any], kind: Type | None = None) -> Any:
         """Return a tuple of values."""
-        return self.context.make_tuple(self.builder, of or self.result, values)
+        return self.context.make_tuple(self.builder, kind or self.result, values)
 
     def number(self, value: float) -> Any:
         """Return a constant."""
@@ -91,21 +91,21 @@ class Compiler:
             self.builder, function, signature(result, *kinds), values
         )
 
-    def cast(self, value: Any, given: Type, wanted: Type) -> Any:
+    def cast(self, value: Any, kind: Type, wanted: Type) -> Any:
         """Return a value as one of another type."""
-        return self.context.cast(self.builder, value, given, wanted)
+        return self.context.cast(self.builder, value, kind, wanted)
 
-    def call(self, function: Type, result: Type, given: Sequence[Type], values: Any) -> Any:
+    def call(self, function: Type, result: Type, kinds: Sequence[Type], values: Any) -> Any:
         """Call a compiled function, `function` being its type."""
-        wanted = called(self.context.typing_context, function, given)
+        wanted = called(self.context.typing_context, function, kinds)
         cast = [
-            self.cast(value, of, to)
-            for value, of, to in zip(values, given, wanted.args, strict=True)
+            self.cast(value, kind, to)
+            for value, kind, to in zip(values, kinds, wanted.args, strict=True)
         ]
         target = self.context.get_function(function, wanted)
         self.context.add_linking_libs(getattr(target, 'libs', ()))
-        found = target(self.builder, cast)
-        return self.cast(found, wanted.return_type, result)
+        returned = target(self.builder, cast)
+        return self.cast(returned, wanted.return_type, result)
 
 
 def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:

@@ -96,8 +96,8 @@ def _cosine(r: float) -> float:
         )
     )
     half = 0.5 * z
-    rest = 1.0 - half
-    return rest + (((1.0 - rest) - half) + z * tail)
+    remainder = 1.0 - half
+    return remainder + (((1.0 - remainder) - half) + z * tail)
 
 
 @formula
@@ -156,9 +156,9 @@ def angle_of(sine: float, cosine: float) -> float:
     """Return the angle in [0, pi] of a sine that is not negative and a cosine."""
     # sin t / (1 + cos t) = tan t/2; on either side of a quarter turn the quotient is at most one.
     is_small = cosine >= 0.0
-    of = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
-    inverted = of > 1.0
-    u = 1.0 / of if inverted else of
+    tangent = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
+    inverted = tangent > 1.0
+    u = 1.0 / tangent if inverted else tangent
     half = u * (0.9953545 - u * u * (0.2886790 - 0.0793392 * u * u))
     t = 2.0 * half
     t = math.pi - t if inverted else t

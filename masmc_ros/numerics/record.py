@@ -180,8 +180,9 @@ def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
             build.store(build.load(place), entry_place(compiler, VECTOR, out, loop.index))
         return out
     places = _places(compiler, kinds, values)
-    found = [build.load(place) for place in places]
-    return compiler.tuple_of(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
+    entries = [build.load(place) for place in places]
+    is_tuple = isinstance(compiler.result, types.BaseTuple)
+    return compiler.tuple_of(entries) if is_tuple else entries[0]
 
 
 def put(record: Any, name: str, lane: int, value: Any) -> None:
@@ -196,19 +197,19 @@ def put(record: Any, name: str, lane: int, value: Any) -> None:
 @generated(put, lambda context, record, name, lane, value: types.none)
 def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
     kind = kinds[0].fields[kinds[1].literal_value].type.dtype
-    value, given = values[3], kinds[3]
-    if is_array(given):
+    value, value_kind = values[3], kinds[3]
+    if is_array(value_kind):
         build = compiler.builder
         with cgutils.for_range(build, _count(compiler, kinds)) as loop:
-            number = build.load(entry_place(compiler, given, value, loop.index))
+            number = build.load(entry_place(compiler, value_kind, value, loop.index))
             build.store(number, _component(compiler, kinds, values, loop.index))
         return compiler.context.get_dummy_value()
-    entries, of = [value], [given]
-    is_vector = isinstance(given, types.BaseTuple)
+    entries, entry_kinds = [value], [value_kind]
+    is_vector = isinstance(value_kind, types.BaseTuple)
     if is_vector:
-        entries, of = compiler.entries(value, given), list(given)
+        entries, entry_kinds = compiler.entries(value, value_kind), list(value_kind)
     for place, entry, entry_kind in zip(
-        _places(compiler, kinds, values), entries, of, strict=True
+        _places(compiler, kinds, values), entries, entry_kinds, strict=True
     ):
         compiler.builder.store(compiler.cast(entry, entry_kind, kind), place)
     return compiler.context.get_dummy_value()

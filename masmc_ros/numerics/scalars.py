@@ -21,7 +21,7 @@ def minus(a: float, b: float) -> float:
 
 
 @formula
-def zero(of: float) -> float:
+def zero(value: float) -> float:
     """Return 0, whatever the number is."""
     return 0.0
 

@@ -50,9 +50,9 @@ def clear(array: Any) -> None:
 @formula
 def copy_into(array: Any, values: Any) -> None:
     """Write one array into another of its shape, both in the order of rows."""
-    flat, given = array.reshape(array.size), values.reshape(values.size)
+    flat, source = array.reshape(array.size), values.reshape(values.size)
     for i in range(len(flat)):
-        flat[i] = given[i]
+        flat[i] = source[i]
 
 
 def _empty(shape: Any) -> Any:
@@ -77,16 +77,16 @@ def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
     room = cgutils.alloca_once(build, number, most)
     # Else it is chance, for each process anew, which numbers lie across two cache lines.
     room.align = CACHE_LINE
-    found = cgutils.alloca_once(build, context.get_value_type(compiler.result))
+    buffer = cgutils.alloca_once(build, context.get_value_type(compiler.result))
     fits = build.icmp_signed('<=', count, most)
     with build.if_else(fits, likely=True) as (then, otherwise):
         with then:
-            build.store(array_over(compiler, compiler.result, room, lengths), found)
+            build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
             pair = types.UniTuple(types.intp, len(lengths))
             shape = context.make_tuple(build, pair, lengths)
-            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), found)
-    return build.load(found)
+            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), buffer)
+    return build.load(buffer)
 
 
 def array_over(

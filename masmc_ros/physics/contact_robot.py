@@ -90,7 +90,7 @@ class ContactRobot(SimulatedRobot):
         data, memory, model = self._data, self.memory[0], self._model
         parts, forces = self._parts, self._parts.forces
         for step in range(self._steps):
-            moved = self.settings, self.memory, self.tick, step, self.now, holds
+            moved = self.settings, self.memory, self.tick, step, self.signals, holds
             self._drive = self._drive or bound(plant_drive, *moved)
             memory['rates'][:, 0] = self._rates()
             self._drive(*moved)
@@ -141,7 +141,7 @@ class ContactRobot(SimulatedRobot):
     @property
     def _is_lost(self) -> bool:
         """Return True if MuJoCo met numbers that are too large."""
-        return any(self._data.warning[each].number for each in _LOST)
+        return any(self._data.warning[warning].number for warning in _LOST)
 
     def _settle(self) -> None:
         """Put the robot at its start, at rest on its wheels."""
@@ -178,7 +178,7 @@ class ContactRobot(SimulatedRobot):
 
     def _see(self, holds: bool = False) -> bool:
         """Measure the state; return True if it is finite."""
-        moved = self.settings, self.memory, self.delayed, self.tick, self.now, holds
+        moved = self.settings, self.memory, self.delayed, self.tick, self.signals, holds
         self._observe = self._observe or bound(plant_observe, *moved)
         return self._observe(*moved)
 
@@ -187,12 +187,12 @@ class ContactRobot(SimulatedRobot):
         """Return what `CONTACT` names of each wheel in turn (4 wheels)."""
         data, parts = self._data, self._parts
         base = self._base_rates()
-        found = np.zeros((len(parts.radii), len(CONTACT)))
-        found[:, 0] = parts.radii * (data.qvel[parts.turning] - parts.rolling @ base)
-        found[:, 1] = 0.0 if parts.has_rollers else base[1]
+        rows = np.zeros((len(parts.radii), len(CONTACT)))
+        rows[:, 0] = parts.radii * (data.qvel[parts.turning] - parts.rolling @ base)
+        rows[:, 1] = 0.0 if parts.has_rollers else base[1]
         # In every point of contact there are a normal and two friction forces.
         for wheel, touches in enumerate(parts.wheels[:, None] == data.contact.geom[:, 1]):
             firsts = data.contact.efc_address[touches]
             normal, along, across = data.efc_force[firsts[:, None] + range(3)].sum(axis=0)
-            found[wheel, 2:] = normal, math.hypot(along, across)
-        return found.ravel()
+            rows[wheel, 2:] = normal, math.hypot(along, across)
+        return rows.ravel()

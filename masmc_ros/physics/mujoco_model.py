@@ -217,13 +217,13 @@ def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
 
 def _omni_wheels(distance: float) -> list[_Wheel]:
     """Return wheels that roll around the middle of the base, the first ahead to the left."""
-    found = []
+    wheels = []
     for number in range(_OMNI_COUNT):
         angle = (number + 0.5) * 2.0 * math.pi / _OMNI_COUNT
         outward = np.array([math.cos(angle), math.sin(angle), 0.0])
         centre = distance * outward + [0.0, 0.0, _OMNI_RADIUS]
-        found.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
-    return found
+        wheels.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
+    return wheels
 
 
 def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
@@ -244,12 +244,12 @@ def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
 
 def _number(tree: TreeRobot, joint: str) -> int:
     """Return the number of the body that a joint moves."""
-    return 1 + [each.name for each in tree.joints].index(joint)
+    return 1 + [candidate.name for candidate in tree.joints].index(joint)
 
 
 def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
     """Add the bodies, the base first, and return them."""
-    found: list[Any] = []
+    bodies: list[Any] = []
     for number, inertial_parameters in enumerate(tree.inertial_parameters):
         if number == 0:
             body = spec.worldbody.add_body(name='base')
@@ -259,7 +259,7 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
             rotation = tree.tree.rotation[number].reshape(3, 3)
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-            body = found[tree.tree.parent[number]].add_body(
+            body = bodies[tree.tree.parent[number]].add_body(
                 name=joint.child, pos=tree.tree.offset[number], quat=quaternion
             )
             slides = joint.kind == 'prismatic'
@@ -270,8 +270,8 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
                 armature=armature,
             )
         _set_inertia(body, inertial_parameters)
-        found.append(body)
-    return found
+        bodies.append(body)
+    return bodies
 
 
 def _set_inertia(body: Any, inertial_parameters: Array) -> None:

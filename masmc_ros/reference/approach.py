@@ -83,14 +83,14 @@ def _approach_sample(
 
 
 @kernel
-def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bool:
+def _steps(before: Any, current: Any, time: float, limit: float, speed: float) -> bool:
     """Return True if a reference does not continue that of `time` s before."""
     steps = False
-    n = len(now) // 3
+    n = len(current) // 3
     for i in range(n):
-        expected = before[i] + 0.5 * time * (before[n + i] + now[n + i])
-        steps |= not abs(now[i] - expected) <= limit
-        steps |= not abs(now[n + i] - before[n + i]) <= speed
+        expected = before[i] + 0.5 * time * (before[n + i] + current[n + i])
+        steps |= not abs(current[i] - expected) <= limit
+        steps |= not abs(current[n + i] - before[n + i]) <= speed
     return steps
 
 

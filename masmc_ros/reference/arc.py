@@ -79,9 +79,9 @@ class Arc:
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         if not length > 0.0:
             raise InputError(f'arc.normal = {list(normal)}: expected a direction')
-        nx, ny, nz = (each / length for each in normal)
+        nx, ny, nz = (component / length for component in normal)
         start = values['start'][first:first + dimensions]
-        away = [at - of for at, of in zip(start, values['centre'], strict=True)]
+        away = [at - centre for at, centre in zip(start, values['centre'], strict=True)]
         x, y, z = away if dimensions == _SPACE else (*away, 0.0)
         along = x * nx + y * ny + z * nz
         u = x - along * nx, y - along * ny, z - along * nz
@@ -97,13 +97,13 @@ class Arc:
     @classmethod
     def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Arc:
         """Make it for the first place of the task; InputError where it has none."""
-        found = _coordinates(mechanism)
-        if not found:
+        coordinates = _coordinates(mechanism)
+        if not coordinates:
             raise InputError(
                 'type = arc: a trajectory of x and y; expected another type, as the task is '
                 f'{", ".join(axis.name for axis in mechanism.axes)}'
             )
-        return cls(values, found[0])
+        return cls(values, coordinates[0])
 
     def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""

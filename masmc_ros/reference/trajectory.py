@@ -32,7 +32,7 @@ def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         return Parameter(name, default, description, unit=unit, length=len(default))
 
     units = dict.fromkeys(axis.unit for axis in mechanism.axes)
-    unit, per_second = ', '.join(units), ', '.join(f'{each}/s' for each in units)
+    unit, per_second = ', '.join(units), ', '.join(f'{unit_name}/s' for unit_name in units)
     return (
         per_axis('offset', 'Position at t = 0 without the sine', unit),
         per_axis('slope', 'Velocity without the sine', per_second),
@@ -110,7 +110,12 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )
     declared = (load(name).parameters for name in types())
     return (
-        kind, *(p for each in declared for p in (each(mechanism) if callable(each) else each))
+        kind,
+        *(
+            parameter
+            for declaration in declared
+            for parameter in (declaration(mechanism) if callable(declaration) else declaration)
+        ),
     )
 
 

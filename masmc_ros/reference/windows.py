@@ -80,9 +80,9 @@ def _between(first: Any, second: Any, period: float, part: float, out: Any) -> N
 class ReferenceWindows:
     """Windows received so far; newer ones replace older where they overlap."""
 
-    def __init__(self, axes: int, told: Callable[[str], object] = lambda _: None) -> None:
-        """Start without a reference of so many axes; `told` is told who has lost it."""
-        self._size, self._told = 3 * axes, told
+    def __init__(self, axes: int, on_notice: Callable[[str], object] = lambda _: None) -> None:
+        """Start without a reference of so many axes; `on_notice` is told who has lost it."""
+        self._size, self._told = 3 * axes, on_notice
         self._windows: list[Window] = []
         self._recent: Window | None = None
         self._set_point: Array | None = None
@@ -110,12 +110,12 @@ class ReferenceWindows:
         if len(self._windows) > _MOST:
             del self._windows[0]
 
-    def set_point(self, numbers: Array, now: int | None = None) -> None:
+    def set_point(self, numbers: Array, stamp: int | None = None) -> None:
         """
         Hold a position (axes), with its velocity and acceleration after it if given.
 
         Raises InputError for another count, for numbers that are not finite, and while windows
-        cover the stamp `now` in ns; None is any.
+        cover `stamp` in ns; None stands for any time.
         """
         counts = self._size // 3, 2 * self._size // 3, self._size
         if numbers.size not in counts or not np.isfinite(numbers).all():
@@ -124,7 +124,7 @@ class ReferenceWindows:
                     numbers.tolist(), *counts
                 )
             )
-        if self._windows and (now is None or self._covering(now) is not None):
+        if self._windows and (stamp is None or self._covering(stamp) is not None):
             raise InputError(
                 'a set-point beside a trajectory, which goes on; end it first, or wait until it '
                 'has ended'
@@ -153,9 +153,9 @@ class ReferenceWindows:
         for window in reversed(self._windows):
             if window.covers(stamp):
                 return window
-        near = [each for each in self._windows if each.covers(stamp, each.period_ns)]
-        before = [each for each in near if each.end < stamp]
-        after = [each for each in near if each.start > stamp]
+        near = [w for w in self._windows if w.covers(stamp, w.period_ns)]
+        before = [candidate for candidate in near if candidate.end < stamp]
+        after = [candidate for candidate in near if candidate.start > stamp]
         if not (before and after):
             return None
         first, second = before[-1], after[-1]

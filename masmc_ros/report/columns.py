@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import CONTACT, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED
 from masmc_ros.numerics.aliases import Array
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +102,7 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Array | Series | None]]:
         )
     ]
     yield reference, run.reference
-    for signal in TOLD:
+    for signal in PUBLISHED:
         if not (signal.of_torques and run.commands_rates):
             of = run.components(signal)
             units = [signal.unit_of(each.unit) for each in of]

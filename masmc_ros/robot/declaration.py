@@ -152,7 +152,7 @@ def limited_speeds(
     Raises InputError for a setting that is not the name of a joint and a speed.
     """
     names = [joint.name for joint in joints]
-    found, named = speeds.copy(), set()
+    speed_limits, named = speeds.copy(), set()
     # A ROS parameter file writes an empty list as one empty string.
     for setting in filter(str.strip, settings):
         name, _, text = setting.strip().partition(' ')
@@ -172,8 +172,8 @@ def limited_speeds(
                 f"and a speed >= 0, such as '{name} 2.0'; 0 is no limit"
             )
         named.add(name)
-        found[names.index(name)] = speed or math.inf
-    return found
+        speed_limits[names.index(name)] = speed or math.inf
+    return speed_limits
 
 
 class Shape(NamedTuple):
@@ -329,10 +329,10 @@ class Mechanism:
     @property
     def group_of_joints(self) -> tuple[int, ...]:
         """Number of the group of each joint, one more than the last for a joint of none."""
-        found = [len(self.groups)] * len(self.joints)
+        groups = [len(self.groups)] * len(self.joints)
         for number, group in enumerate(self.groups):
-            found[group.joints] = [number] * (group.end - group.first)
-        return tuple(found)
+            groups[group.joints] = [number] * (group.end - group.first)
+        return tuple(groups)
 
     @property
     def joint_limits(self) -> Mapping[str, Array]:
@@ -359,8 +359,8 @@ class Mechanism:
 
     def _limit(self, name: str, otherwise: float) -> Numbers:
         """Return a limit of every joint, `otherwise` for all where none has one."""
-        found = self.joint_limits.get(name)
-        return (otherwise,) * len(self.joints) if found is None else tuple(found.tolist())
+        limit = self.joint_limits.get(name)
+        return (otherwise,) * len(self.joints) if limit is None else tuple(limit.tolist())
 
     @cached_property
     def tag(self) -> str:
@@ -403,5 +403,5 @@ def formulas_of_tag(tag: str) -> Any:
 def formulas_of_model(model: type) -> Any:
     """Return the formulas of the class of a mechanism's lengths."""
     return next(
-        each.formulas for each in _KNOWN.values() if each.formulas.MODEL is model
+        mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model
     )

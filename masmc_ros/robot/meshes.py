@@ -22,11 +22,11 @@ def mesh_files(description: str) -> dict[str, Path]:
     Relative names are left out: a description that was published has no folder. Raises
     InputError for what is no description.
     """
-    found = {}
+    paths = {}
     for link in read_urdf(description, 'the description').links.values():
         for name in link.meshes:
             with suppress(InputError):
                 path = resource_path(name)
                 if '://' in name and path.suffix.lower() in _SUFFIXES and path.is_file():
-                    found[name] = path
-    return found
+                    paths[name] = path
+    return paths

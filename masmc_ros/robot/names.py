@@ -19,7 +19,7 @@ JOINT_NAMES_PARAMETER = 'robot.joint_names'
 
 def all_joints(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints' own names in the order of a joint state."""
-    return tuple(each.name for each in mechanism.positions)
+    return tuple(joint.name for joint in mechanism.positions)
 
 
 def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -55,7 +55,7 @@ def _are_joint_names(mechanism: Mechanism, names: Sequence[str]) -> bool:
 
 def joint_names_parameter(mechanism: Mechanism) -> Parameter:
     """Return the declaration of every node that knows joints by name."""
-    base = ', '.join(each.short for each in mechanism.base)
+    base = ', '.join(coordinate.short for coordinate in mechanism.base)
     driven = len(mechanism.joints)
     return Parameter(
         JOINT_NAMES_PARAMETER,

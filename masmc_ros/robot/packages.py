@@ -41,36 +41,36 @@ def resource_path(uri: str, folder: Path | None = None) -> Path:
         where the package is not found, or the scheme is another.
 
     """
-    scheme, separator, rest = uri.partition('://')
+    scheme, separator, relative = uri.partition('://')
     if not separator:
         return (folder or Path()) / uri
     if scheme == 'file':
-        return Path(unquote(rest))
-    name, _, path = rest.partition('/')
+        return Path(unquote(relative))
+    name, _, path = relative.partition('/')
     if scheme != 'package' or not name:
         raise InputError(f'{uri}: expected package://NAME/PATH, file:///PATH or a path')
-    found = next(_folders(name), None)
-    if found is None:
+    package_folder = next(_folders(name), None)
+    if package_folder is None:
         raise InputError(
             f"{uri}: no package '{name}' in the ament indices of AMENT_PREFIX_PATH"
             f" ({_told('AMENT_PREFIX_PATH')}) and {sys.prefix}, in ROS_PACKAGE_PATH"
             f" ({_told('ROS_PACKAGE_PATH')}), or among Python's; source the workspace that has"
             ' it, or give a path'
         )
-    return found / path
+    return package_folder / path
 
 
 def _folders(name: str) -> Iterator[Path]:
     """Yield the folders of a package of a name."""
     # Python wheels may have a separate prefix next to Python's packages.
-    own = [Path(sys.prefix), *(Path(each, 'cmeel.prefix') for each in sys.path if each)]
+    own = [Path(sys.prefix), *(Path(place, 'cmeel.prefix') for place in sys.path if place)]
     for prefix in [*_listed('AMENT_PREFIX_PATH'), *own]:
         if (prefix / _INDEX / name).is_file():
             yield prefix / 'share' / name
     for folder in _listed('ROS_PACKAGE_PATH'):
-        for each in (folder / name, folder):
-            if each.name == name and each.is_dir():
-                yield each
+        for place in (folder / name, folder):
+            if place.name == name and place.is_dir():
+                yield place
     # What has no specification, such as __main__, is a ValueError.
     with suppress(ValueError):
         spec = find_spec(name) if name.isidentifier() else None
@@ -79,7 +79,7 @@ def _folders(name: str) -> Iterator[Path]:
 
 
 def _listed(variable: str) -> list[Path]:
-    return [Path(each) for each in os.environ.get(variable, '').split(os.pathsep) if each]
+    return [Path(path) for path in os.environ.get(variable, '').split(os.pathsep) if path]
 
 
 def _told(variable: str) -> str:

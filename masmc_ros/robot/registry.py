@@ -45,8 +45,10 @@ def load(name: str) -> Mechanism:
         return BUILT_IN[name]
     mechanism = load_plug_in(ENTRY_POINTS, NAME, name)
     if not isinstance(mechanism, Mechanism) or mechanism.name != name:
-        found = getattr(mechanism, 'name', mechanism)
-        raise InputError(f'{NAME} = {name}: found {found}, expected a Mechanism of this name')
+        name_of_plug_in = getattr(mechanism, 'name', mechanism)
+        raise InputError(
+            f'{NAME} = {name}: found {name_of_plug_in}, expected a Mechanism of this name'
+        )
     return register(mechanism)
 
 

@@ -52,24 +52,24 @@ class Robot:
 
     def task_positions(self, position: Array) -> Array:
         """Return x (n, axes) in m of positions (n, positions) in the order of joint_states."""
-        found: Array = _task_positions(self.body, position)
-        return found
+        positions: Array = _task_positions(self.body, position)
+        return positions
 
     def start(self, pose: tuple[float, ...], angles: tuple[float, ...]) -> tuple[float, ...]:
         """Return the positions of `initial_pose` and of the joints' angles."""
-        found: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
-        return found
+        positions: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
+        return positions
 
     @cached_property
     def frame_origins(self) -> Array:
         """Position of each frame in its parent, (frames, 3) in m; zero in the world frame."""
-        found: Array = self.mechanism.formulas.frame_origins(self.geometry)
-        return found
+        origins: Array = self.mechanism.formulas.frame_origins(self.geometry)
+        return origins
 
     def frame_transforms(self, position: Array) -> Array:
         """Return the transforms (n, frames, 7) of positions (n, positions), m and quaternions."""
-        found: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
-        return found
+        transforms: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
+        return transforms
 
     @property
     def height(self) -> float:

@@ -76,8 +76,8 @@ def motion_error(
 
 
 @formula
-def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, h, template = of
+def _task_inertia_column(arguments: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, h, template = arguments
     v = mechanism.motion_from_task(model, posture, unit(template, j), template)
     return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
 

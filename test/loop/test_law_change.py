@@ -95,7 +95,7 @@ def test_change_of_missing_code_waits_until_it_is_ready(bench: Bench) -> None:
     found = change.poll()
     assert found is not None
     assert found.values == {'law': 'pid'}
-    assert found.text == 'law = pid: ready after 2.0 s; now in force'
+    assert found.text == 'law = pid: ready after 2.0 s; now active'
     assert bench.values('law') == ('pid',)
     assert change.awaited == ''
     assert change.poll() is None

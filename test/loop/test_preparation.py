@@ -25,7 +25,7 @@ PATIENCE = 60.0
 
 
 def test_a_live_change_compiles_nothing() -> None:
-    preparation.load(TWO_LINK, preparation.laws_at_hand())
+    preparation.load(TWO_LINK, preparation.laws_loaded_at_start())
     compiled = len(control_tick.signatures), len(post_update.signatures)
     values = load_scenario(str(PAPER), ('controller.projection.lower=0.5',))['controller']
     controller = Controller(robot_of(values), 1e-3, values)

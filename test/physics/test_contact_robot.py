@@ -267,7 +267,7 @@ def test_what_stands_still_is_refused() -> None:
 
 def test_runs_side_by_side_are_rigid_ones() -> None:
     run = load_scenario(PAPER, ['plant.physics=mujoco', 'duration=0.1'])
-    with pytest.raises(InputError, match='physics = mujoco: expected rigid of runs side by side'):
+    with pytest.raises(InputError, match='physics = mujoco: expected rigid for runs in one batch'):
         BatchSimulation([run])
 
 

@@ -64,16 +64,16 @@ MEMORY = (
 
 
 @formula
-def _row(of: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
+def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
-    model, w, template, motion = of
+    model, w, template, motion = arguments
     return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
 
 
 @formula
-def _weighted_row(of: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
+def _weighted_row(arguments: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
     """Return row i of H^-1 W."""
-    model, w, template, motion, h = of
+    model, w, template, motion, h = arguments
     column = mechanism.inertia_solve(model, h, unit(motion, i))
     return mechanism.regressor_transpose_times(model, w, column, template)
 
@@ -134,13 +134,13 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     n = len(theta)
     work = np.empty((n, n + 1))
     for i in range(n):
-        rest = vector[i, lane]
+        residual = vector[i, lane]
         for j in range(n):
             entry = information[i * n + j, lane]
-            rest -= entry * theta[j]
+            residual -= entry * theta[j]
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
-        work[i, n] = weight * rest
+        work[i, n] = weight * residual
     solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]

@@ -69,8 +69,8 @@ MEMORY = (
 @formula
 def _degrees(s: float, span: float) -> Numbers:
     """Return psi(s)."""
-    found: Numbers = gaussian(s / span, SEVEN)
-    return found
+    degrees: Numbers = gaussian(s / span, SEVEN)
+    return degrees
 
 
 @formula

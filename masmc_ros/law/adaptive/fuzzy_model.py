@@ -95,15 +95,15 @@ MEMORY = (
 @formula
 def _five(x: float, span: float) -> Numbers:
     """Return how far x belongs to each of FIVE triangles."""
-    found: Numbers = triangular(x / span, FIVE)
-    return found
+    degrees: Numbers = triangular(x / span, FIVE)
+    return degrees
 
 
 @formula
 def _seven(x: float, span: float) -> Numbers:
     """Return how far x belongs to each of SEVEN triangles."""
-    found: Numbers = triangular(x / span, SEVEN)
-    return found
+    degrees: Numbers = triangular(x / span, SEVEN)
+    return degrees
 
 
 @formula

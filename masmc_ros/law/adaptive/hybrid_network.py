@@ -91,8 +91,8 @@ MEMORY = (
 
 @formula
 def _sets(x: float, span: float) -> Numbers:
-    found: Numbers = gaussian(x / span, FIVE)
-    return found
+    degrees: Numbers = gaussian(x / span, FIVE)
+    return degrees
 
 
 @formula

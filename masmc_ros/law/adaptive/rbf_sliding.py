@@ -88,15 +88,15 @@ MEMORY = (ESTIMATE, Field('rbf_sliding_weights', ('axes', RULES), 'W', 'N'))
 @formula
 def _velocity(desired: float, error: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xdot_r of one axis."""
-    found: Numbers = gaussian(reference_velocity(desired, error, sigma) / span, FIVE)
-    return found
+    activations: Numbers = gaussian(reference_velocity(desired, error, sigma) / span, FIVE)
+    return activations
 
 
 @formula
 def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xddot_r of one axis."""
-    found: Numbers = gaussian(reference_acceleration(desired, rate, sigma) / span, FIVE)
-    return found
+    activations: Numbers = gaussian(reference_acceleration(desired, rate, sigma) / span, FIVE)
+    return activations
 
 
 @formula

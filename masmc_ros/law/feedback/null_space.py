@@ -52,9 +52,9 @@ _LEAST_SHARE = 1.0e-6
 
 
 @formula
-def _mobility_column(of: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
+def _mobility_column(arguments: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
     """Return a column of J H^-1 J'."""
-    model, posture, h, axes, template = of
+    model, posture, h, axes, template = arguments
     f = mechanism.forces_from_task(model, posture, unit(axes, j), template)
     return mechanism.task_velocity(model, posture, mechanism.inertia_solve(model, h, f))
 

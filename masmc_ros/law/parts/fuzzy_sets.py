@@ -48,11 +48,11 @@ def _part(value: float, total: float) -> float:
 @formula
 def gaussian(x: float, centres: Numbers) -> Numbers:
     """Return how far x belongs to each of the normalised Gaussians at centres."""
-    found = elementwise(_bell, centres, _within(x), centres[1] - centres[0])
+    degrees = elementwise(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
-    for value in found:
+    for value in degrees:
         total += value
-    return elementwise(_part, found, total)
+    return elementwise(_part, degrees, total)
 
 
 @formula
@@ -68,14 +68,14 @@ def triangular(x: float, centres: Numbers) -> Numbers:
 
 
 @formula
-def alone(of: float) -> Numbers:
+def alone(value: float) -> Numbers:
     """Return the second input of a system that has one alone."""
     return (1.0,)
 
 
 @formula
-def _output(of: tuple[Any, int, Any, Any], i: int) -> float:
-    weights, lane, first, second = of
+def _output(arguments: tuple[Any, int, Any, Any], i: int) -> float:
+    weights, lane, first, second = arguments
     columns = len(second[0])
     place = i * len(first[0]) * columns
     total = 0.0

@@ -19,13 +19,13 @@ from masmc_ros.robot import mechanism
 
 
 @formula
-def _rate(now: float, before: float, period: float) -> float:
-    return (now - before) / period
+def _rate(value: float, before: float, period: float) -> float:
+    return (value - before) / period
 
 
 @formula
-def _middle(now: float, before: float) -> float:
-    return 0.5 * (now + before)
+def _middle(value: float, before: float) -> float:
+    return 0.5 * (value + before)
 
 
 @formula

@@ -154,12 +154,12 @@ def estimate_rates(
     if knows_torques:
         model = mechanism.model_of(settings, lane)
         a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
-    found = elementwise(
+    estimates = elementwise(
         _followed, angles, rates, unmodelled, a, measured, period, gain[0], gain[1], gain[2]
     )
-    put(memory, 'angles', lane, column(found, 0))
-    put(memory, 'rates', lane, column(found, 1))
-    put(memory, 'unmodelled', lane, column(found, 2))
+    put(memory, 'angles', lane, column(estimates, 0))
+    put(memory, 'rates', lane, column(estimates, 1))
+    put(memory, 'unmodelled', lane, column(estimates, 2))
 
 
 @formula

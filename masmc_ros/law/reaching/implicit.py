@@ -192,8 +192,8 @@ def implicit_reaching(
         leaving = _exceeded_most(n, inertia, period, k_s2, s, following, zeta)
         if leaving < 0:
             break
-        rest = _force(n, inertia, s, following, leaving)
-        zeta[leaving] = 1.0 if rest > 0.0 else -1.0
+        force = _force(n, inertia, s, following, leaving)
+        zeta[leaving] = 1.0 if force > 0.0 else -1.0
     for i in range(n):
         if zeta[i] == 0.0:
             zeta[i] = _within(_force(n, inertia, s, following, i), period * k_s2[i])

@@ -76,8 +76,8 @@ def _following(
     period: float,
 ) -> float:
     """Return the k of one axis after a period."""
-    found = grown(k, s, share * gamma, dead_zone, leak, period)
-    return found if found < most else most
+    gain = grown(k, s, share * gamma, dead_zone, leak, period)
+    return gain if gain < most else most
 
 
 @formula

@@ -81,11 +81,11 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     last = group[0]
     for number in group:
         last = number if number > last else last
-    found = elementwise(zero, rates)
+    torques = elementwise(zero, rates)
     for chosen in range(last + 1):
         alone = _of_group(tick, theta, group, chosen, rates, derivative)
-        found = elementwise(_where, alone, found, group, chosen)
-    return found
+        torques = elementwise(_where, alone, torques, group, chosen)
+    return torques
 
 
 DECENTRALISED_SLIDING = register(

@@ -29,7 +29,7 @@ from masmc_ros.log.read.decode import (
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
-from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
@@ -243,7 +243,7 @@ def _run(path: Path, records: Records) -> Run:
     )
     references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
     told = {}
-    for signal in TOLD:
+    for signal in PUBLISHED:
         count = signal.count(mechanism.sizes)
         each = series(telemetry_topic(signal.label), telemetry(signal.label, count))
         if each is not None:

@@ -15,7 +15,7 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
@@ -110,7 +110,7 @@ class SimulationLog:
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
         rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
-        of_torques = (telemetry_topic(signal.label) for signal in TOLD if signal.of_torques)
+        of_torques = (telemetry_topic(signal.label) for signal in PUBLISHED if signal.of_torques)
         torques = COMMAND_TOPIC, *of_torques
         for name in torques if simulation.controller.commands_rates else rates:
             del types[name]
@@ -239,7 +239,7 @@ class SimulationLog:
             return
         chosen = (block.ticks % decimation == 0) & block.tick_block.active
         stamps = block.stamps[chosen]
-        for signal in TOLD:
+        for signal in PUBLISHED:
             topic = telemetry_topic(signal.label)
             if topic in self._channels:
                 values = getattr(block.tick_block, signal.name)[chosen]

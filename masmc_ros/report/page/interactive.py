@@ -11,7 +11,7 @@ from itertools import cycle, product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
@@ -128,7 +128,7 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
             title = f'Tracking error of {point.title}'
             quantity = f'error ({point.small_unit})'
             add(f'error_{point.symbol}', title, quantity, names, tracked.times, errors)
-    told = [signal for signal in TOLD if signal.title and signal.name in run.telemetry]
+    told = [signal for signal in PUBLISHED if signal.title and signal.name in run.telemetry]
     of_task = [signal for signal in told if signal.size == 'axes']
     add_told(of_task)
     if run.commands_rates:

@@ -37,9 +37,9 @@ def quantised(angle: float, resolution: float) -> float:
 
 
 @formula
-def _noise(of: tuple[Any, Any], joint: int) -> float:
+def _noise(seed_and_tick: tuple[Any, Any], joint: int) -> float:
     """Return a standard normal number of a seed, a tick and a joint."""
-    return gaussian(of[0], of[1], joint)
+    return gaussian(seed_and_tick[0], seed_and_tick[1], joint)
 
 
 @formula
@@ -71,9 +71,9 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
 
 
 @formula
-def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: int) -> None:
+def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any, lane: int) -> None:
     """
-    Write what is measured at a tick of the true state in `memory` into `now`.
+    Write what is measured at a tick of the true state in `memory` into `signals`.
 
     `delayed` (most of all delays + 1, positions and velocities, lanes) holds the latest
     measurements, that of tick k in row k mod (delay + 1).
@@ -86,5 +86,5 @@ def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: in
     write_row(delayed, tick % rows, n, lane, velocity)
     # Until the first measurement has come through, it is what there is.
     row = (tick - delay) % rows if tick > delay else 0
-    put(now, 'position', lane, read_row(delayed, row, 0, lane, position))
-    put(now, 'velocity', lane, read_row(delayed, row, n, lane, velocity))
+    put(signals, 'position', lane, read_row(delayed, row, 0, lane, position))
+    put(signals, 'velocity', lane, read_row(delayed, row, n, lane, velocity))

@@ -108,20 +108,20 @@ def write_accelerations(
         # What the joint's rate adds by itself stands in `motion` by now.
         alpha = add(read_part(motion, parent, 0, VECTOR), read_part(motion, body, 0, VECTOR))
         a = add(read_part(motion, parent, 3, VECTOR), read_part(motion, body, 3, VECTOR))
-        taken = inner(read_part(joints, body, 0, VECTOR), alpha)
-        taken += inner(read_part(joints, body, _FORCE, VECTOR), a)
-        found = (joints[body, _LEFT] - taken) * joints[body, _GIVES]
-        acceleration[k] = found
+        known = inner(read_part(joints, body, 0, VECTOR), alpha)
+        known += inner(read_part(joints, body, _FORCE, VECTOR), a)
+        joint_acceleration = (joints[body, _LEFT] - known) * joints[body, _GIVES]
+        acceleration[k] = joint_acceleration
         along = read_part(motion_subspaces, k, 0, VECTOR)
         across = read_part(motion_subspaces, k, 3, VECTOR)
-        write_part(motion, body, 0, add(alpha, scale(along, found)))
-        write_part(motion, body, 3, add(a, scale(across, found)))
+        write_part(motion, body, 0, add(alpha, scale(along, joint_acceleration)))
+        write_part(motion, body, 3, add(a, scale(across, joint_acceleration)))
 
 
 @formula
-def _inertia_of(of: Moments) -> Inertia:
+def _inertia_of(inertial_parameters: Moments) -> Inertia:
     """Return the inertia of a rigid body."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     return (
         yy + zz, -xy, -zx, zz + xx, -yz, xx + yy,
         0.0, -z, y, z, 0.0, -x, -y, x, 0.0,

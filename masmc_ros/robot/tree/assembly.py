@@ -195,14 +195,14 @@ def tree_robot(
     controlled = _controlled(description, where, wheels, joints, held or {})
     bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
     _check_moments(bodies, description, where)
-    kind, found = BASES[base], None
+    kind, driving = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
     rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
     if wheels:
         mounts = [_mount(description, where, frames, name) for name in wheels]
-        found = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
-        rotor[:kind, :kind] = found.inertia(armature)
+        driving = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
+        rotor[:kind, :kind] = driving.inertia(armature)
     axes = [VECTOR, *(joint.axis for joint in order)]
     kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in order]
     return TreeRobot(
@@ -218,7 +218,7 @@ def tree_robot(
         np.array([body.inertial_parameters for body in bodies]),
         tuple(order),
         frames,
-        found,
+        driving,
     )
 
 
@@ -292,8 +292,8 @@ def _merged(
             elif joint.kind != 'fixed':
                 rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
             frames[joint.child] = Frame(above.body, rotation, offset)
-        for each in below.get(joint.child, ()):
-            heapq.heappush(waiting, each)
+        for fixed_joint in below.get(joint.child, ()):
+            heapq.heappush(waiting, fixed_joint)
     if base_frame:
         _rebase(description, base_frame, frames, (parents, rotations, offsets))
     for name, frame in frames.items():
@@ -355,8 +355,8 @@ def _rotation(pose: Pose) -> Rotation:
     about_z = turn((0.0, 0.0, 1.0), *sin_cos(yaw))
     about_y = turn((0.0, 1.0, 0.0), *sin_cos(pitch))
     about_x = turn((1.0, 0.0, 0.0), *sin_cos(roll))
-    found: Rotation = product(product(about_z, about_y), about_x)
-    return found
+    rotation: Rotation = product(product(about_z, about_y), about_x)
+    return rotation
 
 
 def _moments(link: Link) -> Moments:
@@ -364,10 +364,10 @@ def _moments(link: Link) -> Moments:
     xx, xy, xz, yy, yz, zz = link.inertia
     half = (xx + yy + zz) / 2.0
     own = (link.mass, 0.0, 0.0, 0.0, half - xx, half - yy, half - zz, -xy, -yz, -xz)
-    found: Moments = moments_in_parent(
+    inertial_parameters: Moments = moments_in_parent(
         _rotation(link.centre), _vector(link.centre.offset), own
     )
-    return found
+    return inertial_parameters
 
 
 def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:

@@ -35,7 +35,7 @@ def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
 @kernel
 def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
     """Return the first pivot that is not positive, x of that body's pseudo-inertia, the body."""
-    pivot, found = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
+    pivot, motion = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     lower, x = np.zeros((4, 4)), np.zeros(4)
     for body in range(bodies_of(model)):
         at = PER_BODY * body
@@ -59,8 +59,8 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
                     for k in range(i + 1, column + 1):
                         x[i] -= lower[k, i] * x[k]
                 return pivot, (x[1], x[2], x[3], x[0], float(body))
-            found = (0.0, 0.0, 0.0, 1.0, float(body))
-    return pivot, found
+            motion = (0.0, 0.0, 0.0, 1.0, float(body))
+    return pivot, motion
 
 
 @formula

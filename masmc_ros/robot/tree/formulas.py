@@ -187,10 +187,10 @@ def _motions(
     acceleration: Numbers,
 ) -> Any:
     """Return the motions of the bodies, which both products with Y are made of."""
-    found = np.empty((bodies_of(model), dynamics.MOTION))
+    motions = np.empty((bodies_of(model), dynamics.MOTION))
     nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
-    dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, found)
-    return found
+    dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, motions)
+    return motions
 
 
 @kernel
@@ -201,11 +201,11 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     The inertia of rotors and wheels, which is no parameter, is in it.
     """
     parameters, reference = array_of(theta), array_of(y.reference)
-    found = scratch(len(reference))
+    forces = scratch(len(reference))
     acceleration = array_of(y.acceleration)
-    dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, found)
-    add_friction(model, parameters, reference, 1.0, found)
-    return to_vector(found, y.reference)
+    dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, forces)
+    add_friction(model, parameters, reference, 1.0, forces)
+    return to_vector(forces, y.reference)
 
 
 @kernel
@@ -214,10 +214,10 @@ def regressor_transpose_times(
 ) -> Numbers:
     """Return Y' v."""
     reference, along = array_of(y.reference), array_of(motion)
-    found = scratch(len(template))
-    dynamics.write_gradients(model, y.posture, y.motions, along, found)
-    write_friction_gradient(model, reference, along, found)
-    return to_vector(found, template)
+    gradient = scratch(len(template))
+    dynamics.write_gradients(model, y.posture, y.motions, along, gradient)
+    write_friction_gradient(model, reference, along, gradient)
+    return to_vector(gradient, template)
 
 
 @formula
@@ -290,10 +290,10 @@ def joint_accelerations(
     into_base(model, nu, False)
     into_base(model, f, True)
     add_friction(model, parameters, nu, -1.0, f)
-    found = scratch(len(nu))
-    write_accelerations(model, posture, parameters, nu, f, GRAVITY, found)
-    into_wheels(model, found, False)
-    return to_vector(found, rates)
+    accelerations = scratch(len(nu))
+    write_accelerations(model, posture, parameters, nu, f, GRAVITY, accelerations)
+    into_wheels(model, accelerations, False)
+    return to_vector(accelerations, rates)
 
 
 @formula
@@ -321,7 +321,7 @@ def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
 @kernel
 def counts_turns(model: TreeModel, resolution: Numbers) -> bool:
     """Return True if the wheels' encoders have a finite resolution."""
-    found, values = False, array_of(resolution)
+    is_finite, values = False, array_of(resolution)
     for i in range(base_of(model)):
-        found = found or values[i] > 0.0
-    return found
+        is_finite = is_finite or values[i] > 0.0
+    return is_finite

@@ -60,8 +60,8 @@ def _combined(a: Quaternion, b: Quaternion) -> Quaternion:
 @formula
 def _turned(q: Quaternion, v: Vector) -> Vector:
     """Return a vector turned by a quaternion."""
-    found = _combined(_combined(q, (v[0], v[1], v[2], 0.0)), (-q[0], -q[1], -q[2], q[3]))
-    return found[0], found[1], found[2]
+    rotated = _combined(_combined(q, (v[0], v[1], v[2], 0.0)), (-q[0], -q[1], -q[2], q[3]))
+    return rotated[0], rotated[1], rotated[2]
 
 
 @kernel
@@ -106,7 +106,7 @@ def transforms(frames: Frames, position: Any) -> Array:
     return out
 
 
-def world_of(pairs: Sequence[tuple[str, str]], of: Array) -> list[tuple[Array, Array]]:
+def world_of(pairs: Sequence[tuple[str, str]], transforms: Array) -> list[tuple[Array, Array]]:
     """
     Return rotation (3, 3) and origin (3) in the world of every child.
 
@@ -114,16 +114,16 @@ def world_of(pairs: Sequence[tuple[str, str]], of: Array) -> list[tuple[Array, A
     ----------
     pairs
         parent and child of the frames, parents first.
-    of
+    transforms
         (F, 7) of one position, as `transforms` returns them.
 
     """
     known = {pairs[0][0]: (np.eye(3), np.zeros(3))}
-    found = []
-    for (parent, child), row in zip(pairs, of, strict=True):
+    poses = []
+    for (parent, child), row in zip(pairs, transforms, strict=True):
         r, p = known[parent]
         quaternion = tuple(row[3:].tolist())
         own = np.array([_turned(quaternion, unit) for unit in _UNITS]).T
         known[child] = r @ own, p + r @ row[:3]
-        found.append(known[child])
-    return found
+        poses.append(known[child])
+    return poses

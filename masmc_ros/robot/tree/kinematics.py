@@ -322,7 +322,7 @@ def add_point_forces(
     point: Vector,
     force: Vector,
     moment: Vector,
-    found: Any,
+    generalised: Any,
 ) -> None:
     """Add to forces (n) those that do the work of force and moment on a point, in the world."""
     motion_subspaces = posture.motion_subspaces
@@ -331,5 +331,5 @@ def add_point_forces(
     about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
     k = base + body - 1
     while k >= 0:
-        found[k] += power(motion_subspaces, k, about, f)
+        generalised[k] += power(motion_subspaces, k, about, f)
         k = towards_base(model, base, k)

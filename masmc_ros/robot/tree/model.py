@@ -162,8 +162,8 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 @formula
 def axes_of(numbers: Any, lane: int, template: tuple[float, ...]) -> tuple[float, ...]:
     """Return the places of the task's axes, a tuple of their number."""
-    found: tuple[float, ...] = read_down(numbers, _AXES, lane, template)
-    return found
+    axes: tuple[float, ...] = read_down(numbers, _AXES, lane, template)
+    return axes
 
 
 @formula

@@ -58,7 +58,7 @@ def adapted(
     grows beyond `upper` times the nominal mass and size.
     """
     before, gains = array_of(theta), array_of(gamma)
-    rest, gradients = array_of(nominal), array_of(gradient)
+    nominal_values, gradients = array_of(nominal), array_of(gradient)
     bodies = bodies_of(model)
     out, columns = scratch(len(before)), scratch(_STEP + 1, AT_ONCE)
     copy_into(out, before)
@@ -70,7 +70,7 @@ def adapted(
             for i in range(PER_BODY):
                 columns[i, k] = before[at + i]
                 columns[_GRADIENT + i, k] = gradients[at + i]
-                columns[_NOMINAL + i, k] = rest[at + i]
+                columns[_NOMINAL + i, k] = nominal_values[at + i]
             columns[_STEP, k] = period / gains[at]
         # All of them: a processor computes all at once in the time of one.
         for k in range(AT_ONCE):
@@ -169,7 +169,7 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
         elementwise(_times, r, by_weight),
         elementwise(_times, s, by_weight),
     )
-    found = (
+    after_step = (
         dot(p, e),
         dot(p, f),
         dot(p, g),
@@ -182,12 +182,12 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
         dot(s, f),
     )
     _, _, is_still_body = _factor(
-        (found[0], 0.0, 0.0, 0.0),
-        (found[1], found[4], 0.0, 0.0),
-        (found[2], found[7], found[5], 0.0),
-        (found[3], found[9], found[8], found[6]),
+        (after_step[0], 0.0, 0.0, 0.0),
+        (after_step[1], after_step[4], 0.0, 0.0),
+        (after_step[2], after_step[7], after_step[5], 0.0),
+        (after_step[3], after_step[9], after_step[8], after_step[6]),
     )
-    return found if is_body & is_right & is_still_body else inertial_parameters
+    return after_step if is_body & is_right & is_still_body else inertial_parameters
 
 
 @formula
@@ -212,9 +212,9 @@ def _times(value: float, part: float) -> float:
 
 
 @formula
-def _gradient_rows(of: Moments) -> Rows:
+def _gradient_rows(gradient: Moments) -> Rows:
     """Return the symmetric matrix L with tr(L P) = the sum of gradients times moments."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = gradient
     return (
         (mass, x / 2.0, y / 2.0, z / 2.0),
         (x / 2.0, xx, xy / 2.0, zx / 2.0),
@@ -256,9 +256,9 @@ def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, 
 
 
 @formula
-def _pivot(left: float, of: float) -> tuple[float, bool]:
+def _pivot(left: float, entry: float) -> tuple[float, bool]:
     """Return what is left of a diagonal entry, 1 in place of what is no pivot, and if it is."""
-    is_right = (left > _LEAST * of) & (left < math.inf)
+    is_right = (left > _LEAST * entry) & (left < math.inf)
     return left if is_right else 1.0, is_right
 
 

@@ -292,8 +292,8 @@ class TreeMechanism(Mechanism):
         return self._frames.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
-        found: Array = transforms(self._frames, position)
-        return found
+        frame_poses: Array = transforms(self._frames, position)
+        return frame_poses
 
     def _description(
         self, values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str
@@ -315,9 +315,9 @@ class TreeMechanism(Mechanism):
 
     def _outline(self, lengths: Array, position: Array) -> Outline:
         """Return the base and the bodies on the way to each tip, seen from above."""
-        of = self._frame_transforms(self._frames.origin, position[None])[0]
+        poses = self._frame_transforms(self._frames.origin, position[None])[0]
         children = (child for _, child in self.frames)
-        places = dict(zip(children, world_of(self.frames, of), strict=True))
+        places = dict(zip(children, world_of(self.frames, poses), strict=True))
         r, origin = places[self.frames[0][1]]
         above = {child: parent for parent, child in self.frames}
         moving = {self.frames[i][1] for i in np.flatnonzero(self._frames.motion)}
@@ -515,25 +515,25 @@ def _friction(robot: TreeRobot, values: Mapping[str, Any], joints: int) -> Array
     kind = values['robot.friction']
     if kind == FRICTIONLESS:
         return np.zeros(0)
-    found = np.zeros((2, joints))
+    coefficients = np.zeros((2, joints))
     if kind == 'urdf':
         own = (*(robot.wheels.joints if robot.wheels else ()), *robot.joints)
-        found[0, joints - len(own):] = [joint.damping for joint in own]
-        found[1, joints - len(own):] = [joint.friction for joint in own]
+        coefficients[0, joints - len(own):] = [joint.damping for joint in own]
+        coefficients[1, joints - len(own):] = [joint.friction for joint in own]
     else:
-        for row, (name, _, _) in zip(found, _FRICTION, strict=True):
+        for row, (name, _, _) in zip(coefficients, _FRICTION, strict=True):
             row[:] = _as_many(values[f'robot.{name}_friction'], joints, f'robot.{name}_friction')
-    return found.ravel()
+    return coefficients.ravel()
 
 
 def _limits(robot: TreeRobot, margin: float) -> tuple[Array, Array, Array]:
     """Return lower and upper ends of all velocities' positions, and the margins before them."""
     base, joints = robot.tree.base, len(robot.joints)
-    found = np.zeros((3, base + joints))
+    limits = np.zeros((3, base + joints))
     ends = [end[-joints:] for end in (robot.limits.lower, robot.limits.upper)]
-    found[:2, base:] = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
-    found[2] = margin * (found[1] - found[0])
-    return found[0], found[1], found[2]
+    limits[:2, base:] = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
+    limits[2] = margin * (limits[1] - limits[0])
+    return limits[0], limits[1], limits[2]
 
 
 def _pairs(description: Description, base: str) -> tuple[tuple[str, str], ...]:

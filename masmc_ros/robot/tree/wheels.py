@@ -223,12 +223,12 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
                 f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles, places or'
                 ' robot.roller_angles that differ more'
             )
-    found = np.empty((rates, wheels))
+    inverse = np.empty((rates, wheels))
     for wheel in range(wheels):
         row = matrix[wheel].copy()
         solve(factored, row)
-        found[:, wheel] = row
-    return found
+        inverse[:, wheel] = row
+    return inverse
 
 
 @formula

@@ -46,8 +46,8 @@ def reachable_surface(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return J (nu - nu_r)."""
-    found: Numbers = task_velocity(model, posture, elementwise(minus, motion, reference))
-    return found
+    reachable: Numbers = task_velocity(model, posture, elementwise(minus, motion, reference))
+    return reachable
 
 
 @formula

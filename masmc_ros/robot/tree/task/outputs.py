@@ -81,19 +81,19 @@ class _Output(NamedTuple):
 def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
     """Return what outputs come to, each a kind, and what it is of; InputError for what is none."""
     outputs = [_output(text, task_robot) for text in texts]
-    frames = tuple(dict.fromkeys(each.link for each in outputs if each.link))
+    frames = tuple(dict.fromkeys(output.link for output in outputs if output.link))
     places: list[int] = []
     axes: list[Quantity] = []
-    for text, each in zip(texts, outputs, strict=True):
-        first = len(_AXES) * (frames.index(each.link) if each.link else len(frames))
-        end = each.link if len(frames) > 1 else 'tip'
-        for axis in each.axes:
+    for text, output in zip(texts, outputs, strict=True):
+        first = len(_AXES) * (frames.index(output.link) if output.link else len(frames))
+        end = output.link if len(frames) > 1 else 'tip'
+        for axis in output.axes:
             if first + axis in places:
                 raise InputError(
                     f"robot.task: '{text}' has an axis that one before it has; expected each once"
                 )
             places.append(first + axis)
-            if each.link:
+            if output.link:
                 name, unit = _AXES[axis]
                 axes.append(Quantity(f'{name}_{end}', unit))
             else:
@@ -105,17 +105,17 @@ def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
 
 
 def _output(text: str, task_robot: TaskRobot) -> _Output:
-    kind, _, of = text.strip().partition(' ')
-    of = of.strip()
+    kind, _, target = text.strip().partition(' ')
+    target = target.strip()
     if kind == JOINTS:
         names = [joint.name for joint in task_robot.joints]
-        unknown = [name for name in of.split() if name not in names]
+        unknown = [name for name in target.split() if name not in names]
         if unknown:
             raise InputError(
                 f"robot.task: no joint '{unknown[0]}' is controlled; "
                 f'{suggestion(unknown[0], tuple(names))}'
             )
-        return _Output(kind, '', tuple(names.index(name) for name in of.split() or names))
+        return _Output(kind, '', tuple(names.index(name) for name in target.split() or names))
     if kind not in OUTPUTS:
         kinds = (*OUTPUTS, JOINTS)
         raise InputError(f"robot.task: no output '{kind}'; {suggestion(kind, kinds)}")
@@ -125,7 +125,7 @@ def _output(text: str, task_robot: TaskRobot) -> _Output:
             'heading, and planar of a frame ahead of their axle, as none of their motions is '
             'sideways'
         )
-    link = of or (task_robot.base if kind in _OF_BASE else task_robot.tip)
+    link = target or (task_robot.base if kind in _OF_BASE else task_robot.tip)
     if link not in task_robot.links:
         known = suggestion(link, tuple(task_robot.links))
         raise InputError(f"robot.task: no link '{link}'; {known}")
@@ -145,14 +145,14 @@ class _Part(NamedTuple):
 def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point, ...]:
     """Return x and y of each output that has them, rotations alone, and joints of one unit."""
     parts, at = [], 0
-    for each in outputs:
-        end = at + len(each.axes)
-        if not each.link:
+    for output in outputs:
+        end = at + len(output.axes)
+        if not output.link:
             parts += _of_joints(axes, at, end)
-        elif each.axes[:2] == OUTPUTS['planar']:
-            parts.append(_Part(each.link, at, 2, 'm', is_place=True))
+        elif output.axes[:2] == OUTPUTS['planar']:
+            parts.append(_Part(output.link, at, 2, 'm', is_place=True))
         else:
-            parts.append(_Part(f'{each.kind} of {each.link}', at, len(each.axes), 'rad'))
+            parts.append(_Part(f'{output.kind} of {output.link}', at, len(output.axes), 'rad'))
         at = end
     if len(parts) == 1:
         (only,) = parts
@@ -166,12 +166,12 @@ def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point
 def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
     """Return neighbours of the same unit."""
     changes = [i for i in range(first + 1, end) if axes[i].unit != axes[i - 1].unit]
-    found = []
+    numbers = []
     for begin, stop in zip((first, *changes), (*changes, end), strict=True):
         name = f'{axes[begin].name} to {axes[stop - 1].name}'
         name = axes[begin].name if stop == begin + 1 else name if changes else JOINTS
-        found.append(_Part(name, begin, stop - begin, axes[begin].unit))
-    return found
+        numbers.append(_Part(name, begin, stop - begin, axes[begin].unit))
+    return numbers
 
 
 def _point(symbol: str, part: _Part) -> Point:

@@ -77,41 +77,43 @@ def _write_mobilities(
 
 
 @kernel
-def _factored(model: TreeModel, columns: Any, weights: Any, square: float, found: Any) -> bool:
+def _factored(
+    model: TreeModel, columns: Any, weights: Any, square: float, factorised: Any
+) -> bool:
     """
     Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular.
 
     `square` is that of the task's velocity that they are for.
     """
     m, bound = len(model.axes), least_pivot_of(model)
-    _write_compliance(model, columns, weights, found)
-    factor(found)
-    least = found[0, 0]
+    _write_compliance(model, columns, weights, factorised)
+    factor(factorised)
+    least = factorised[0, 0]
     for i in range(m):
-        least = min(least, found[i, i])
+        least = min(least, factorised[i, i])
     is_singular = not least > bound
     time = damped_time_of(model)
     bound = max(bound, time * time * square)
     if not least > bound:
         short = 1.0 - max(least, 0.0) / bound
         damping = bound * short * short
-        _write_compliance(model, columns, weights, found)
+        _write_compliance(model, columns, weights, factorised)
         for i in range(m):
-            found[i, i] += damping
-        factor(found)
+            factorised[i, i] += damping
+        factor(factorised)
     return is_singular
 
 
 @formula
-def _write_compliance(model: TreeModel, columns: Any, weights: Any, found: Any) -> None:
+def _write_compliance(model: TreeModel, columns: Any, weights: Any, compliance: Any) -> None:
     """Write J W^-1 J'."""
     m = len(model.axes)
-    clear(found)
+    clear(compliance)
     for k in range(len(columns)):
         for i in range(m):
             part = weights[k] * columns[k, i]
             for j in range(m):
-                found[i, j] += part * columns[k, j]
+                compliance[i, j] += part * columns[k, j]
 
 
 @formula
@@ -257,13 +259,13 @@ def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
 
 
 @formula
-def _entry_of(of: tuple[Any, int], i: int) -> float:
-    return of[0][of[1], i]
+def _entry_of(matrix_and_column: tuple[Any, int], i: int) -> float:
+    return matrix_and_column[0][matrix_and_column[1], i]
 
 
 @formula
-def _column_of(of: tuple[Any, Numbers], j: int) -> Numbers:
-    return from_index(_entry_of, of[1], (of[0], j))
+def _column_of(matrix_and_surface: tuple[Any, Numbers], j: int) -> Numbers:
+    return from_index(_entry_of, matrix_and_surface[1], (matrix_and_surface[0], j))
 
 
 @formula

@@ -58,16 +58,16 @@ _ERROR, _ERROR_RATE, _RATE = range(3)
 
 
 @formula
-def _entry(of: tuple[TreeModel, Any, int], i: int) -> float:
-    model, values, row = of
+def _entry(arguments: tuple[TreeModel, Any, int], i: int) -> float:
+    model, values, row = arguments
     return values[row, int(model.axes[i])]
 
 
 @formula
 def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
     """Return of a row of all coordinates those that are the task's axes."""
-    found: Numbers = from_index(_entry, model.axes, (model, values, row))
-    return found
+    entries: Numbers = from_index(_entry, model.axes, (model, values, row))
+    return entries
 
 
 @formula
@@ -79,9 +79,9 @@ def _coordinates(model: TreeModel) -> int:
 @formula
 def _put(model: TreeModel, values: Numbers, row: int, out: Any) -> None:
     """Write the task's axes into a row of all coordinates."""
-    given = array_of(values)
+    entries = array_of(values)
     for i in range(len(model.axes)):
-        out[row, axis_of(model, i)] = given[i]
+        out[row, axis_of(model, i)] = entries[i]
 
 
 @kernel
@@ -100,15 +100,15 @@ def frame_pose(model: TreeModel, posture: Posture, frame: int) -> tuple[Rotation
 @kernel
 def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numbers:
     """Return origins and rotation vectors of frames, and positions of joints."""
-    found = scratch(1, _coordinates(model))
+    coordinates = scratch(1, _coordinates(model))
     for frame in range(frames_of(model)):
         r, p = frame_pose(model, posture, frame)
-        write_part(found, 0, POSE * frame, p)
-        write_part(found, 0, POSE * frame + _ROTATED, vector_of(r))
+        write_part(coordinates, 0, POSE * frame, p)
+        write_part(coordinates, 0, POSE * frame + _ROTATED, vector_of(r))
     first = POSE * frames_of(model) - 1
     for body in range(1, bodies_of(model)):
-        found[0, first + body] = joint_position(posture, body)
-    return _of_task(model, found, 0)
+        coordinates[0, first + body] = joint_position(posture, body)
+    return _of_task(model, coordinates, 0)
 
 
 @kernel
@@ -139,16 +139,16 @@ def task_error(
 @kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return velocities of origins, angular velocities, and the rates of joints."""
-    found, nu = scratch(1, _coordinates(model)), array_of(motion)
+    coordinates, nu = scratch(1, _coordinates(model)), array_of(motion)
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         v, w = point_velocity(model, posture, nu, body, offset)
-        write_part(found, 0, POSE * frame, v)
-        write_part(found, 0, POSE * frame + _ROTATED, w)
+        write_part(coordinates, 0, POSE * frame, v)
+        write_part(coordinates, 0, POSE * frame + _ROTATED, w)
     first, base = POSE * frames_of(model), base_of(model)
     for joint in range(bodies_of(model) - 1):
-        found[0, first + joint] = nu[base + joint]
-    return _of_task(model, found, 0)
+        coordinates[0, first + joint] = nu[base + joint]
+    return _of_task(model, coordinates, 0)
 
 
 @kernel
@@ -160,16 +160,16 @@ def forces_from_task(
     clear(pull)
     _put(model, force, 0, pull)
     base, size = base_of(model), base_of(model) + bodies_of(model) - 1
-    found = scratch(size)
-    clear(found)
+    generalised = scratch(size)
+    clear(generalised)
     for k in range(base, size):
-        found[k] = pull[0, POSE * frames_of(model) + k - base]
+        generalised[k] = pull[0, POSE * frames_of(model) + k - base]
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         at = POSE * frame
         pushed, turned = read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR)
-        add_point_forces(model, posture, body, offset, pushed, turned, found)
-    return to_vector(found, template)
+        add_point_forces(model, posture, body, offset, pushed, turned, generalised)
+    return to_vector(generalised, template)
 
 
 @formula
@@ -220,7 +220,7 @@ def tracking(
 ) -> Tracking:
     """Return how all follow; of a frame's rotation are desired a vector and its derivatives."""
     size, nu = _coordinates(model), array_of(motion)
-    wanted, found = scratch(3, size), scratch(3, size)
+    wanted, state = scratch(3, size), scratch(3, size)
     clear(wanted)
     _put(model, desired[0], 0, wanted)
     _put(model, desired[1], 1, wanted)
@@ -239,23 +239,23 @@ def tracking(
         write_part(wanted, 1, turned, omega)
         write_part(wanted, 2, turned, alpha)
         rate = elementwise(minus, v, read_part(wanted, 1, at, VECTOR))
-        write_part(found, _ERROR, at, elementwise(minus, p, read_part(wanted, 0, at, VECTOR)))
-        write_part(found, _ERROR, turned, orientation_error(r, aim))
-        write_part(found, _ERROR_RATE, at, rate)
-        write_part(found, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
-        write_part(found, _RATE, at, rate)
-        write_part(found, _RATE, turned, elementwise(minus, w, omega))
+        write_part(state, _ERROR, at, elementwise(minus, p, read_part(wanted, 0, at, VECTOR)))
+        write_part(state, _ERROR, turned, orientation_error(r, aim))
+        write_part(state, _ERROR_RATE, at, rate)
+        write_part(state, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
+        write_part(state, _RATE, at, rate)
+        write_part(state, _RATE, turned, elementwise(minus, w, omega))
     base, first = base_of(model), POSE * frames_of(model)
     for joint in range(bodies_of(model) - 1):
         at = first + joint
         rate_error = nu[base + joint] - wanted[1, at]
-        found[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
-        found[_ERROR_RATE, at] = rate_error
-        found[_RATE, at] = rate_error
+        state[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
+        state[_ERROR_RATE, at] = rate_error
+        state[_RATE, at] = rate_error
     return Tracking(
-        _of_task(model, found, _ERROR),
-        _of_task(model, found, _ERROR_RATE),
-        _of_task(model, found, _RATE),
+        _of_task(model, state, _ERROR),
+        _of_task(model, state, _ERROR_RATE),
+        _of_task(model, state, _RATE),
         _of_task(model, wanted, 1),
         _of_task(model, wanted, 2),
     )
