@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The kinematic law of commanded rates, for drives that have a velocity loop of their own.
+Kinematic law of commanded rates, for drives with a separate velocity loop.
 
-Drives that follow v_r let the error decay as on the sliding surface, edot = -sigma e. The
-command v_r + T a_r / 2 is held for a period, whose middle its second term looks ahead to.
+If the drives follow v_r, the error decays as on the sliding surface, edot = -sigma e. The command
+v_r + T a_r / 2 is v_r in the middle of the period for which it is held.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from masmc_ros.robot import mechanism
 
 @formula
 def _ahead(velocity: float, acceleration: float, time: float) -> float:
-    """Return a velocity so much later."""
+    """Return a velocity `time` s later."""
     return velocity + time * acceleration
 
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return no torque; write the command as the drives take it to the memory."""
+    """Return zero torque; write the command of the drives into the memory."""
     half = 0.5 * tick.period
     v = elementwise(_ahead, tick.reference_velocity, tick.reference_acceleration, half)
     put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robust sliding mode control (15): tau = Y theta_hat + J' u, the estimate stays as it is."""
+"""Robust sliding mode control (15): tau = Y theta_hat + J' u, with a constant estimate."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Between tuples, on which formulas work, and arrays, for what needs loops.
+Conversion between tuples, for formulas, and arrays, for loops.
 
-Indices are not negative and within the array; compiled code does not look.
+Indices must not be negative and must be within the array; compiled code does not check them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 
 def to_vector(array: Any, as_many: Numbers) -> Any:
-    """Return the first entries of an array, as many as a vector has."""
+    """Return the first entries of an array as a vector of the same kind and length as another."""
     count = len(as_many)
     return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
 
@@ -73,15 +73,15 @@ def write_down(array: Any, first: int, column: int, values: Numbers) -> None:
 
 def array_of(values: Numbers) -> Any:
     """
-    Return a vector as an array, which ends with the function that asks for it.
+    Return a vector as an array, which is valid until the calling function ends.
 
-    One that is an array comes as it is.
+    A vector that is an array is returned unmodified.
     """
     return np.array(values) if isinstance(values, tuple) else values
 
 
 def split_buffer(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
-    """Return an array (rows, columns) and one (others, wide), which share a vector's numbers."""
+    """Return two arrays, (rows, columns) and (others, wide), as views of consecutive parts."""
     count = rows * columns
     return (
         block[:count].reshape(rows, columns),
@@ -96,7 +96,7 @@ def _tuple_of(context: Any, array: Any, *others: Any) -> types.Type:
 def _places(
     compiler: Compiler, kinds: Any, values: Any, which: int, count: int
 ) -> list[Any]:
-    """Return pointers to entries of an array from an index on, of which one goes up."""
+    """Return pointers to consecutive entries of an array; index number `which` increases."""
     array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
     start = [
         compiler.cast(value, kind, types.intp)
@@ -114,7 +114,7 @@ def _places(
 
 
 def _read(which: int, indices: int) -> Any:
-    """Return what emits the reading of a tuple from an index on, of which one goes up."""
+    """Return the code generator that reads a tuple; index number `which` increases."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
         places = _places(
@@ -126,7 +126,7 @@ def _read(which: int, indices: int) -> Any:
 
 
 def _written(which: int, indices: int) -> Any:
-    """Return what emits the writing of a tuple from an index on, of which one goes up."""
+    """Return the code generator that writes a tuple; index number `which` increases."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
         value_type = kinds[1 + indices]
@@ -200,7 +200,7 @@ def _split_buffer(compiler: Compiler, kinds: Any, values: Any) -> Any:
     second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
     parts = []
     for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
-        # Both own the vector, which ends with the last of them.
+        # Both parts own the vector, which exists until neither is used.
         part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
         context.nrt.incref(build, MATRIX, part)
         parts.append(part)

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Vectors of any length in formulas: entry by entry, sums of products, parts.
+Operations on vectors of any length in formulas: elementwise functions, sums of products, parts.
 
-A vector is a tuple, which the compiler writes out entry by entry; one of more than LONGEST
-entries, as records hold them, is an array, through which it goes in loops. What is named here
-before `matrix_times` takes either.
+A vector of up to LONGEST entries is a tuple, which the compiler unrolls. A longer vector of a
+record is an array, which compiled code processes in loops. Functions before `matrix_times` accept
+both.
 
-Sums go from the first entry on and begin with zero, so that they have the same bits wherever
-they are computed.
+Sums start with zero and then add the first entry, so they are bitwise identical everywhere.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ VECTOR = types.Array(FLOAT, 1, 'C')
 MATRIX = types.Array(FLOAT, 2, 'C')
 
 LONGEST = 48
-"""Most entries of a vector that is a tuple."""
+"""Largest number of entries of a vector that is a tuple."""
 
 
 def _floats(n: int) -> types.Type:
@@ -53,7 +52,7 @@ def _empty(shape: Any) -> Any:
 
 
 def new_vector(compiler: Compiler, count: Any) -> Any:
-    """Return an array of so many numbers, not yet written."""
+    """Return an uninitialised array of `count` numbers."""
     return compiler.internal(_empty, VECTOR, (types.intp,), (count,))
 
 
@@ -69,7 +68,7 @@ def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
 
 
 def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return function(a, b, ...) of every entry; a number stands for a vector of it."""
+    """Return the vector of function(a, b, ...) by entries; a number applies to all entries."""
     vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
     entries = (
         function(*(a[i] if isinstance(a, tuple | np.ndarray) else a for a in arguments))
@@ -132,7 +131,7 @@ def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values
 
 
 def from_index(function: Callable[..., Any], template: Numbers, argument: Any) -> Any:
-    """Return function(argument, i) for every place i of a vector; of an array, an array."""
+    """Return the vector of function(argument, i) for every index i of `template`."""
     entries = [function(argument, i) for i in range(len(template))]
     return tuple(entries) if isinstance(template, tuple) else np.array(entries)
 
@@ -258,7 +257,7 @@ def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def least(vector: Numbers) -> float:
-    """Return the least entry."""
+    """Return the smallest entry."""
     smallest = vector[0]
     for value in vector:
         smallest = value if value < smallest else smallest
@@ -275,7 +274,7 @@ def _least(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def head(vector: Numbers, as_many: Numbers) -> Numbers:
-    """Return the first entries, as many as another tuple has."""
+    """Return the first entries, as many as those of another tuple."""
     return vector[: len(as_many)]
 
 
@@ -289,7 +288,7 @@ def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def tail(vector: Numbers, as_many: Numbers) -> Numbers:
-    """Return the last entries, as many as another tuple has."""
+    """Return the last entries, as many as those of another tuple."""
     return vector[len(vector) - len(as_many):]
 
 
@@ -299,7 +298,7 @@ def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def thirds(vector: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the three parts of equal length that a tuple is made of."""
+    """Return the three consecutive parts of a tuple, of equal length."""
     n = len(vector) // 3
     return vector[:n], vector[n:2 * n], vector[2 * n:]
 
@@ -313,7 +312,7 @@ def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def joined(first: Numbers, second: Numbers) -> Numbers:
-    """Return one tuple after the other."""
+    """Return the concatenation of two tuples."""
     return first + second
 
 
@@ -324,7 +323,7 @@ def _joined(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
-    """Return entry i of every row; in compiled code i is written as a number."""
+    """Return entry i of every row; in compiled code i must be a literal."""
     return tuple(row[i] for row in rows)
 
 

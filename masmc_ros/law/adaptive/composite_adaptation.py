@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Composite adaptation: theta_hat learns from what it did not predict, too.
+Composite adaptation: theta_hat adapts to prediction errors as well.
 
 The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of the last period and f the forces that
 were commanded in it, epsilon = H^-1 (W theta_hat - f) is the error of the predicted acceleration,
@@ -85,7 +85,7 @@ def _sum(tracking: float, prediction: float, weight: float) -> float:
 
 @formula
 def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return Y' sigma + kappa W' epsilon_f, and remember epsilon_f."""
+    """Return Y' sigma + kappa W' epsilon_f, and store epsilon_f."""
     before = get(memory, 'composite_adaptation_velocity', lane)
     w = last_regressor(tick, elementwise(_finite, before, tick.velocity))
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
@@ -102,8 +102,8 @@ def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     )
     put(memory, 'composite_adaptation_error', lane, error)
     prediction = mechanism.regressor_transpose_times(tick.model, w, error, tick.nominal)
-    # A step along W' epsilon that is explicit overshoots where the robot is accelerated much;
-    # kappa / (1 + T kappa q), q the curvature along it, takes it no farther than to its minimum.
+    # An explicit step along W' epsilon overshoots at large accelerations. The gain
+    # kappa / (1 + T kappa q), with the curvature q along the step, stops it at the minimum.
     step = elementwise(_divided, prediction, get(settings, 'gamma', lane))
     change = mechanism.regressor_times(tick.model, w, step)
     curvature = dot(change, mechanism.inertia_solve(tick.model, h, change))

@@ -105,7 +105,7 @@ def _add(
     weighted: tuple[Numbers, ...],
     forces: Numbers,
 ) -> None:
-    """Add to A and b, which fade."""
+    """Add the last period to A and b, after forgetting."""
     information = memory['concurrent_learning_information']
     vector = memory['concurrent_learning_vector']
     n = len(rows[0])
@@ -125,7 +125,7 @@ def _add(
 @kernel
 def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
     """
-    Return Gamma (theta - theta+) for theta+ after an implicit step, `weight` being T kappa.
+    Return Gamma (theta - theta+) for theta+ after an implicit step with `weight` T kappa.
 
     (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """

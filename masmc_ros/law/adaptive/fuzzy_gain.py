@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a fuzzy gain on each axis, learned, in place of the switching term.
+Sliding mode with an adaptive fuzzy gain on each axis, in place of the switching term.
 
     tau = Y theta_hat + J' u,    u_i = -A_i s_i - K_i,    K_i = theta_i' psi(s_i)
     theta_i' = gamma_i s_i psi(s_i) - leak theta_i
@@ -91,7 +91,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn the rules, unless limits cut the torque: then they would wind up."""
+    """Adapt the rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
         gamma = get(settings, 'fuzzy_gain_gamma', lane)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fuzzy model and fuzzy switching, both learned: nothing is known of the dynamics.
+Adaptive fuzzy model and adaptive fuzzy switching, without knowledge of the dynamics.
 
 With z = rates - rates_r, joint by joint,
 
@@ -10,8 +10,8 @@ With z = rates - rates_r, joint by joint,
     h_i = (k_i c + eta_i)' phi(z_i)
     theta_i' = -gamma_i z_i xi - leak theta_i,    eta_i' = gamma_h z_i phi - leak eta_i
 
-xi being 25 products of triangular sets of both, phi seven of z, centred at c. Before anything
-is learned h is linear in z between the outermost sets: what stands in place of k sgn(z).
+where xi are 25 products of triangular sets of both, and phi seven sets of z, centred at c. With
+initial rules, h is linear in z between the outermost sets; it replaces k sgn(z).
 Reference [10] of the paper; B. Yoo and W. Ham, "Adaptive fuzzy sliding mode control of nonlinear
 system", IEEE Transactions on Fuzzy Systems 6, 1998.
 """
@@ -94,21 +94,21 @@ MEMORY = (
 
 @formula
 def _five(x: float, span: float) -> Numbers:
-    """Return how far x belongs to each of FIVE triangles."""
+    """Return the membership of x in each of the FIVE triangular sets."""
     degrees: Numbers = triangular(x / span, FIVE)
     return degrees
 
 
 @formula
 def _seven(x: float, span: float) -> Numbers:
-    """Return how far x belongs to each of SEVEN triangles."""
+    """Return the membership of x in each of the SEVEN triangular sets."""
     degrees: Numbers = triangular(x / span, SEVEN)
     return degrees
 
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
-    """Return the sets of both inputs of the model, and those of switching."""
+    """Return the memberships of both inputs of the model, and those of switching."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)
     return (
@@ -152,7 +152,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn all rules, unless limits cut the torque: then they would wind up."""
+    """Adapt all rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
         first, second, third = _inputs(settings, tick, lane, z)

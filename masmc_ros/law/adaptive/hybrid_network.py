@@ -97,7 +97,7 @@ def _sets(x: float, span: float) -> Numbers:
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
-    """Return the sets of both inputs."""
+    """Return the memberships of both inputs."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     return (
         elementwise(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
@@ -107,7 +107,7 @@ def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
 
 @formula
 def _correction(z: float, k: float, network: float, robust: float, delta: float) -> float:
-    """Return what is taken off the reference's derivative of one joint."""
+    """Return the feedback subtracted from the reference acceleration of one joint."""
     return k * z + network + robust * saturation(z, delta)
 
 
@@ -133,7 +133,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn rules and robust gain, unless limits cut the torque: then they would wind up."""
+    """Adapt rules and robust gain, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
         first, second = _inputs(settings, tick, lane, z)

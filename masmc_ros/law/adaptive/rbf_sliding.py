@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a network of radial basis functions that learns what the model lacks.
+Sliding mode with an adaptive network of radial basis functions for the model error.
 
     tau = Y theta_hat + J' (W' Phi - K s - k sat(s / delta))
     W' = -Gamma^-1 (Phi s' + nu |s| W)
@@ -101,7 +101,7 @@ def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Num
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int) -> Any:
-    """Return both inputs of all axes' networks."""
+    """Return the memberships of both inputs, for all axes."""
     sigma = get(settings, 'sigma', lane)
     velocity_span = get(settings, 'rbf_sliding_velocity_span', lane)
     acceleration_span = get(settings, 'rbf_sliding_acceleration_span', lane)
@@ -136,7 +136,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Train the networks, unless limits cut the torque: then they would wind up."""
+    """Train the networks, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         first, second = _inputs(settings, tick, lane)
         rate = get(settings, 'rbf_sliding_rate', lane)

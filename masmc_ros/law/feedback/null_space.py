@@ -4,7 +4,7 @@
 """
 Operational space control: the first axes of the task first, the others in their null space.
 
-With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, cut into the first axes (1) and
+With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, split into the first axes (1) and
 the others (2), and Lambda_1 = A_11^-1, Lambda_2 = A_22^-1,
 
     F_2 = Lambda_2 b_2,    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
@@ -67,11 +67,11 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
     Parameters
     ----------
     mobility
-        A by its columns, 1/kg.
+        Columns of A, 1/kg.
     wanted
-        b in m/s2.
+        b in m/s².
     first
-        number of axes that come first, limited to those there are.
+        Number of axes with priority, at most the number of axes.
 
     """
     n = len(wanted)
@@ -119,7 +119,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     commanded = spring(
         tick, get(settings, 'null_space_k_d', lane), get(settings, 'null_space_k_p', lane)
     )
-    # J of the acceleration with which the task has none is -Jdot v.
+    # For zero task acceleration, J times the acceleration is -Jdot v.
     still = motion_acceleration(tick, elementwise(zero, commanded))
     wanted = elementwise(plus, commanded, mechanism.task_velocity(model, posture, still))
     h = mechanism.inertia(model, posture, tick.nominal)
@@ -129,7 +129,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     task_force = prioritised_force(mobility, wanted, get(settings, 'null_space_first_axes', lane))
     f = mechanism.coriolis(model, posture, tick.nominal, tick.velocity)
     if len(tick.velocity) > len(tick.surface):
-        # What the whole task leaves free follows the posture: H a less what the task has of it.
+        # The free motion of the task follows the posture: H a minus its part in the task.
         moved = mechanism.task_velocity(model, posture, still)
         task_force = elementwise(
             minus, task_force, prioritised_force(mobility, moved, len(tick.surface))

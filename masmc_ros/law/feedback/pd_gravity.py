@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PD in task space with the nominal model's forces against gravity.
+PD control in task space with gravity compensation by the nominal model.
 
     tau = g(q) + J' (-K_p e - K_d edot)
 
-is passive: about a set point the robot is one with springs and dampers on its task.
+is passive: at a set-point the task behaves like springs and dampers.
 """
 
 from __future__ import annotations

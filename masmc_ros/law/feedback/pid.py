@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PID in task space, without a model: a spring, a damper and an integral on each axis.
+PID control in task space, without a model: spring, damper and integral on each axis.
 
     tau = J' u,    u = -K_p e - K_d edot - K_i w,    wdot = e
 """
@@ -58,7 +58,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, unless limits cut the torque: then it would wind up."""
+    """Integrate the error, except while the torque is limited."""
     if torque == raw:
         w = get(memory, 'pid_integral', lane)
         put(memory, 'pid_integral', lane, elementwise(moved, w, tick.error, tick.period))

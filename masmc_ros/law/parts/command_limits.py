@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's limits of what it commands: magnitude and rate of the torques."""
+"""Limits of the controller for magnitude and rate of the commanded torques."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PARAMETERS = (
 
 @formula
 def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
-    """Return a torque within the controller's limits, `before` being the last tick's."""
+    """Return a torque within the controller's limits; `before` is that of the last tick."""
     return elementwise(
         limited,
         raw,

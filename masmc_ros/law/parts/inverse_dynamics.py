@@ -33,7 +33,8 @@ def motion_acceleration(tick: Tick, acceleration: Numbers) -> Numbers:
     """
     Return J^-1 (xddot - Jdot v), the velocities' derivative for a task acceleration.
 
-    Damped where J is close to singular; what a redundant robot has left follows its posture.
+    It is damped close to a singularity of J. The free motion of a redundant robot follows its
+    posture.
     """
     return mechanism.reference_motion(
         tick.model, tick.posture, tick.position, tick.velocity, task_velocity(tick), acceleration

@@ -4,7 +4,7 @@
 """
 Acceleration of the robot in the last period, measured and according to the model.
 
-`before` is v at the tick before, not-a-number where there is none: the results are so, too.
+`before` is v at the previous tick. Without a previous tick it is NaN, and so are the results.
 """
 
 from __future__ import annotations

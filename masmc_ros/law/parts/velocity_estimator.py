@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rates from joint angles: a Luenberger observer of angle, rate and push, one joint at a time.
+Joint velocities from joint angles, by a Luenberger observer for each joint.
 
-Between two ticks the nominal model says how the commanded torque and the law's disturbance
-estimate accelerate the joint; the push, an acceleration, is what they leave unsaid. At a tick
-all three follow the angle that was measured. docs/estimator.md has the equations.
+The observer estimates angle, rate and unmodelled acceleration. Between two ticks the nominal model
+predicts the acceleration by the commanded torque and the law's disturbance estimate. At a tick all
+three are corrected by the measured angle. docs/estimator.md has the equations.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _UNMODELLED = 0.1
 @formula
 def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
     """
-    Return the gains of angle, rate (times T) and push (times T^2).
+    Return the gains of angle, rate (times T) and unmodelled acceleration (times T^2).
 
     Angle and rate are those of a critically damped filter of second order, both poles at
     1 / (1 + bandwidth T): bandwidth in rad/s, T the period in s.
@@ -75,10 +75,9 @@ def followed(
     gain: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """
-    Return angle (rad), rate (rad/s) and push (rad/s2) one period later.
+    Return angle (rad), rate (rad/s) and unmodelled acceleration (rad/s²) one period later.
 
-    `acceleration` (rad/s2) is what the model expects over the period, `measured` the angle at
-    its end.
+    `acceleration` (rad/s²) is that of the model in the period, `measured` the angle at its end.
     """
     total = acceleration + unmodelled
     reached = angle + period * rate + 0.5 * period * period * total
@@ -132,11 +131,11 @@ def estimate_rates(
     settings: Any, memory: Any, position: Numbers, lane: int, knows_torques: bool
 ) -> None:
     """
-    Bring the estimated angles, rates and pushes to the tick of a position.
+    Advance the estimated angles, rates and unmodelled accelerations to the tick of a position.
 
-    Over ticks that were left out it is one long period with its own gains: those of a short one
-    would take what the rates were off by for a jump of the angles, many times too large.
-    `knows_torques`: what drives make of commanded rates is not known, and all of it a push.
+    Skipped ticks are one long period with separate gains; the gains of a single period would be
+    many times too large. `knows_torques` is false with commanded rates: the torques of the drives
+    are unknown then, and all acceleration is unmodelled.
     """
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
     unmodelled = get(memory, 'unmodelled', lane)
@@ -166,7 +165,7 @@ def estimate_rates(
 def note_disturbance(
     memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
 ) -> None:
-    """Keep the law's disturbance estimate (N) as torques for the next expectation."""
+    """Store the law's disturbance estimate (N) as torques for the next prediction."""
     force = mechanism.forces_from_task(
         model, posture, disturbance, get(memory, 'rates', lane)
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contract of a reaching term: u(s) in N, and what limits of the torque change in it."""
+"""Interface of a reaching term: u(s) in N, and its correction for torque limits."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ BOUNDARY_LAYER = Parameter(
     exclusive_minimum=True,
     read_only=False,
 )
-"""Additional settings of the smooth ones."""
+"""Additional settings of the smooth terms."""
 
 
 @formula
 def _nothing_to_correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Leave the memory as it is."""
+    """Do nothing; default of `Reaching.correct`."""
 
 
 @dataclass(frozen=True)
 class Reaching:
-    """A reaching term, by the name that `switching` gives it."""
+    """Reaching term; `switching` selects it by name."""
 
     name: str
     reach: Callable[..., Any]
     """(settings, tick, memory, lane) -> u, a tuple in N."""
     correct: Callable[..., Any] = _nothing_to_correct
-    """(settings, tick, memory, lane, raw, torque): the law asked for `raw`, `torque` is held."""
+    """(settings, tick, memory, lane, raw, torque): the law requested `raw`, `torque` is held."""
     parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()
 
     @property
     def formulas(self) -> SimpleNamespace:
-        """Return the formulas by their names in the contract."""
+        """Return the formulas by the names of the functions of this interface."""
         return SimpleNamespace(reach=self.reach, correct=self.correct)
 
 
@@ -68,7 +68,7 @@ _KNOWN: dict[str, Reaching] = {}
 
 
 def register(term: Reaching) -> Reaching:
-    """Make a reaching term known to compiled code."""
+    """Make a reaching term available to compiled code, and return it."""
     _KNOWN[term.name] = term
     return term
 
@@ -90,7 +90,7 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Take note that `torque` is held where the law asked for `raw`."""
+    """Account for the held `torque`; the law requested `raw`."""
 
 
 @formula

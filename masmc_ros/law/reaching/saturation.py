@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The switching term linear in a boundary layer: sw(s) = s / delta, limited to [-1, 1]."""
+"""Switching term linear in a boundary layer: sw(s) = s / delta, limited to [-1, 1]."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The smooth switching term sw(s) = s / (|s| + delta)."""
+"""Smooth switching term sw(s) = s / (|s| + delta)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's switching term, sw(s) = sgn s. Sampled, it chatters."""
+"""Switching term of the paper, sw(s) = sgn s, which chatters in discrete time."""
 
 from __future__ import annotations
 

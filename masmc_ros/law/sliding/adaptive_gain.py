@@ -7,8 +7,8 @@ Sliding mode with an adaptive gain: the switching gain grows until it suffices.
     tau = Y theta_hat + J' u,    u = -K s - k sat(s / delta)
     k_i' = gamma (|s_i| - dead zone)+ - leak k_i,    0 <= k_i <= k_max
 
-per axis: with gamma |s_i| alone (reference [7] of the paper) k never stops growing where s is
-never exactly zero, hence dead zone, leak and bound.
+per axis. With gamma |s_i| alone (reference [7] of the paper), k grows indefinitely if s is never
+exactly zero; dead zone, leak and bound prevent this.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _following(
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Let the gains grow, or only leak while limits cut the torque: more would not help."""
+    """Adapt the gains; while the torque is limited they only leak."""
     share = 1.0 if torque == raw else 0.0
     following = elementwise(
         _following,

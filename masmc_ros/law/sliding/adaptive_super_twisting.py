@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting whose gains follow what the disturbance asks for.
+Super-twisting whose gains adapt to the disturbance.
 
     alpha' = rate sgn(|s| - zone),  alpha >= least,    beta = 2 epsilon alpha
 
-are k_1 and k_2 of `super_twisting`, whose implicit step this one takes.
+are k_1 and k_2 of `super_twisting`, whose implicit step this law uses.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 @formula
 def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> float:
-    """Return alpha beyond its least a period later."""
+    """Return alpha minus its minimum, a period later."""
     moved = growth + (period * rate if abs(s) > zone else -period * rate)
     return moved if moved > 0.0 else 0.0
 
@@ -104,7 +104,7 @@ def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> 
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate and move the gains, unless limits cut the torque: both would wind up."""
+    """Integrate and adapt the gains, except while the torque is limited."""
     if torque == raw:
         alpha, beta = _gains(settings, memory, lane)
         w = get(memory, 'adaptive_super_twisting_w', lane)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a barrier function for its gain: no bound of the disturbance is needed.
+Sliding mode with a barrier function as gain, without a known bound of the disturbance.
 
     sdot = nu,    nu = -K sgn s,    K = rho |s| / (eps - |s|)
 
-once |s| has come within eps / 2; before that K starts at K_0 and grows at the rate K' |s|. In
-implicit Euler, s+ being in the place of s on the right, |s+| < eps whatever s is.
+after |s| was below eps / 2. Before, K starts at K_0 and grows at the rate K' |s|. In implicit
+Euler, with s+ in place of s on the right, |s+| < eps for any s.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _grown(growth: float, inside: float, s: float, rate: float, period: float) -
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Let the gain grow outside, unless limits cut the torque: it would wind up."""
+    """Increase the gain outside the barrier, except while the torque is limited."""
     width = get(settings, 'barrier_width', lane)
     inside = elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
     put(memory, 'barrier_inside', lane, inside)

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Decentralised sliding mode control: platform and arm each by their own dynamics alone.
+Decentralised sliding mode control: separate dynamics of platform and arm.
 
     rates' derivative wanted:  J^-1 (xddot_r - Q s - P sat(s / delta) - Jdot v)
     tau_g = H_gg (wanted)_g + (V v)_g with the joints of all other groups at rest
 
-for every group g of joints, so that s' = -Q s - P sgn s (Gao and Hung's reaching law) as far as
-groups do not act on each other: what P has to outweigh. Reference [6] of the paper.
+for every group g of joints. Without coupling of the groups this gives the reaching law of Gao and
+Hung, s' = -Q s - P sgn s; P must exceed the coupling. Reference [6] of the paper.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PARAMETERS = (
 
 @formula
 def _where(value: float, other: float, group: int, chosen: int) -> float:
-    """Return the value of a joint of the chosen group, the other one elsewhere."""
+    """Return `value` for joints of the chosen group, `other` for all other joints."""
     return value if group == chosen else other
 
 
@@ -51,7 +51,7 @@ def _where(value: float, other: float, group: int, chosen: int) -> float:
 def _of_group(
     tick: Tick, theta: Numbers, group: Any, chosen: int, rates: Numbers, derivative: Numbers
 ) -> Numbers:
-    """Return the torques of the chosen group's motion, all other joints at rest."""
+    """Return the torques for the motion of the chosen group, with all other joints at rest."""
     v = mechanism.motion(tick.model, elementwise(_where, rates, 0.0, group, chosen))
     a = mechanism.motion(tick.model, elementwise(_where, derivative, 0.0, group, chosen))
     y = mechanism.regressor(tick.model, tick.posture, v, v, a)

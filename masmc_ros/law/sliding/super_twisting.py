@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting at the level of accelerations, in implicit Euler: no chatter.
+Super-twisting of accelerations in implicit Euler, without chatter.
 
     sdot = nu,    nu = -k_1 sqrt|s| sgn s + w,    wdot = -k_2 sgn s
 
-with s+ = s + T nu in the place of s on the right. With b = s + T w, |b| <= T^2 k_2 gives s+ = 0;
+with s+ = s + T nu in place of s on the right. With b = s + T w, |b| <= T^2 k_2 gives s+ = 0;
 otherwise s+ has the sign of b, and |s+| + T k_1 sqrt|s+| + T^2 k_2 = |b|.
 """
 
@@ -40,7 +40,7 @@ MEMORY = (ESTIMATE, Field('super_twisting_w', 'axes', 'w, integral part of nu', 
 
 @formula
 def following(s: float, w: float, k_1: float, k_2: float, period: float) -> float:
-    """Return s+ of one axis in m/s, of s and of w in m/s2."""
+    """Return s+ of one axis in m/s, for s in m/s and w in m/s²."""
     b = s + period * w
     beyond = abs(b) - period * period * k_2
     beyond = beyond if beyond > 0.0 else 0.0
@@ -57,7 +57,7 @@ def surface_rate(s: float, s_next: float, period: float) -> float:
 
 @formula
 def integrated(w: float, s: float, s_next: float, k_2: float, period: float) -> float:
-    """Return the next w in m/s2; on the surface it is all of nu."""
+    """Return the next w in m/s²; on the surface it equals nu."""
     return -s / period if s_next == 0.0 else w - period * k_2 * sign(s_next)
 
 
@@ -87,7 +87,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate, unless limits cut the torque: then it would wind up."""
+    """Integrate, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         w = elementwise(
             integrated,

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nonsingular fast terminal sliding mode: errors end, and do not only decay.
+Nonsingular fast terminal sliding mode: errors vanish in finite time.
 
     s_t = e + c_1 |e| e + c_2 |edot|^(3/2) sgn edot
     xddot_c = xddot_d - 2 / (3 c_2) sqrt|edot| sgn edot (1 + 2 c_1 |e|)
               - k_1 s_t - k_2 sqrt|s_t| sgn s_t
 
-The surface s_t is this law's own: what is logged as `surface` is s = edot + sigma e.
+The surface s_t is specific to this law; the logged `surface` is s = edot + sigma e.
 """
 
 from __future__ import annotations

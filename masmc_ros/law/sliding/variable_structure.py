@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Variable structure control: switched feedback, its gains in proportion to the errors.
+Variable structure control: switched feedback with gains proportional to the errors.
 
     tau = Y theta_hat + J' u,    u_i = -(alpha_i |e_i| + beta_i |edot_i| + k_i) sat(s_i / delta)
 
 K.-K. D. Young, "Controller design for a manipulator using theory of variable structure systems",
-IEEE Transactions on Systems, Man, and Cybernetics 8, 1978; reference [9] of the paper. What the
-model leaves out grows with the errors, and so does what is switched; k is for the disturbance.
+IEEE Transactions on Systems, Man, and Cybernetics 8, 1978; reference [9] of the paper. Model
+errors grow with the task errors, and so does the switched term; k is for the disturbance.
 """
 
 from __future__ import annotations
