@@ -86,7 +86,7 @@ def inputs(signals: NDArray[np.void]) -> tuple[NDArray[np.float64], ...]:
 def largest_slip(contact: NDArray[np.float64]) -> float:
     """Return the largest slip of a wheel in m/s, for contact signals (..., n)."""
     contacts = contact.reshape(-1, len(CONTACT))
-    return float(np.hypot(contacts[:, 0], wheels[:, 1]).max(initial=0.0))
+    return float(np.hypot(contacts[:, 0], contacts[:, 1]).max(initial=0.0))
 
 
 def least_normal_force(contact: NDArray[np.float64]) -> float:
