@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""An arc of a circle about an axis in space, from rest to rest, or a whole one and more."""
+"""Arc of a circle about an axis in space, from rest to rest, also of more than one turn."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SPACE = 3
 
 
 def _coordinates(mechanism: Mechanism) -> tuple[int, ...]:
-    """Return which task axes are x, y and perhaps z of the first place; none without a place."""
+    """Return the task axes of x, y and perhaps z of the first position; empty without one."""
     if not mechanism.places:
         return ()
     first, axes = mechanism.places[0].first, mechanism.axes
@@ -62,16 +62,16 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 class Arc:
     """
-    Goes about an axis through an angle, with the least jerk along the arc, and holds the ends.
+    Motion about an axis through an angle, with minimum jerk along the arc and holds at its ends.
 
-    x(t) = foot + u cos(angle(t)) + w sin(angle(t)): u leads from the axis to the start, and w
-    is across both.
+    x(t) = foot + u cos(angle(t)) + w sin(angle(t)), where u leads from the axis to the start and
+    w is perpendicular to both.
     """
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
     def __init__(self, values: Mapping[str, Any], first: int = 0) -> None:
-        """Take checked values, names without the type's prefix, and which task axis is x."""
+        """Initialise from checked values without the type's prefix; `first` is the axis of x."""
         self._start = np.array(values['start'], dtype=np.float64)
         self._first, dimensions = first, len(values['centre'])
         normal = values['normal'] if dimensions == _SPACE else (0.0, 0.0, 1.0)
@@ -96,7 +96,7 @@ class Arc:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Arc:
-        """Make it for the first place of the task; InputError where it has none."""
+        """Return the arc for the first position of the task; raise InputError without one."""
         coordinates = _coordinates(mechanism)
         if not coordinates:
             raise InputError(
@@ -129,7 +129,7 @@ def _sample(
         for j in range(circle.shape[1]):
             u, w = circle[0, j], circle[1, j]
             ahead, inward = w * c - u * s, u * c + w * s
-            # Of the start, so that it is there to the last bit before it sets out.
+            # The start itself is used, so the value before the motion is exact.
             out[k, first + j] = start[first + j] + (w * s - u * (1.0 - c))
             out[k, axes + first + j] = speed * ahead
             out[k, 2 * axes + first + j] = change * ahead - speed * speed * inward

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.numerics.tuples import LONGEST
-from masmc_ros.task_robot.declaration import Coordinate, Point, Quantity
+from masmc_ros.robot.declaration import Coordinate, Point, Quantity
 
 OUTPUTS = {
     'pose': (0, 1, 2, 3, 4, 5),
