@@ -43,8 +43,8 @@ class ContactRobot(SimulatedRobot):
     """
     Robot on wheels, simulated by MuJoCo, with the interface of `SimulatedRobot`.
 
-    The measured base pose is the true one even with slip. If encoders have a resolution,
-    it is that of odometry, without slip. For an omnidirectional base, commands are forces on the base,
+    The measured base pose is the true one even with slip. If encoders have a resolution, it is
+    that of odometry, without slip. For an omnidirectional base, commands are forces on the base,
     produced by the wheels; disturbances of the base act on it directly.
     """
 
