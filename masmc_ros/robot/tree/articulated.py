@@ -4,9 +4,9 @@
 """
 Forward dynamics of a tree by articulated bodies, O(n) (Featherstone, RBDA 2008, chapter 7).
 
-A body with all that hangs on it, its joints free, answers a motion's acceleration a with a wrench
-I_A a + p_A: what is left of the inertia is that which the joint's own force does not give way to.
-Conventions are those of `dynamics`; in one frame for all bodies nothing is transformed on the way.
+A subtree with free joints responds to the acceleration a of its root with the wrench I_A a + p_A,
+where I_A is the articulated-body inertia. Conventions are those of `dynamics`; all bodies use one
+frame, so there are no transformations between bodies.
 An articulated inertia [A B; B' M] has 21 numbers: A and M, symmetric, by rows of their upper
 triangles, and B between them by rows. It takes (omega, v) to (moment, force).
 """
@@ -44,7 +44,7 @@ _WRENCH, _ENTRIES = 21, 27
 """Start of p_A in the row of a body, which has inertia and wrench."""
 
 _FORCE, _GIVES, _LEFT, _OWN = 3, 6, 7, 8
-"""Of a joint: wrench U = I_A s by moment and force, 1 / s' U, and what is left of its force."""
+"""Indices in the row of a joint: wrench U = I_A s, its force, 1 / s' U, and residual force."""
 
 
 @kernel
@@ -73,11 +73,11 @@ def write_accelerations(
     Parameters
     ----------
     model
-        the robot; the inertia of its rotors couples velocities of the base only.
+        Robot; the inertia of its rotors couples only velocities of the base.
     posture
-        of its bodies.
+        Positions of its bodies.
     theta
-        (10 B) moments of its bodies, one after the other.
+        Inertial parameters (10 B), body by body.
     velocity
         (n) nu.
     forces
@@ -85,7 +85,7 @@ def write_accelerations(
     gravity
         m/s^2, downwards.
     acceleration
-        (n) what is written.
+        Output, acceleration (n).
 
     """
     motion_subspaces = posture.motion_subspaces
@@ -105,7 +105,7 @@ def write_accelerations(
     _move_base(model, motion_subspaces, inertias, forces, gravity, motion, acceleration)
     for body in range(1, bodies):
         k, parent = base + body - 1, parent_of(model, body)
-        # What the joint's rate adds by itself stands in `motion` by now.
+        # `motion` contains the acceleration v x s qdot of the joint rate.
         alpha = add(read_part(motion, parent, 0, VECTOR), read_part(motion, body, 0, VECTOR))
         a = add(read_part(motion, parent, 3, VECTOR), read_part(motion, body, 3, VECTOR))
         known = inner(read_part(joints, body, 0, VECTOR), alpha)
@@ -176,9 +176,9 @@ def _propagate_inertia(
     body: int,
 ) -> None:
     """
-    Add to its parent what a body with all that hangs on it does not give way to.
+    Propagate the articulated-body inertia of a subtree to its parent.
 
-    In `motion`, its joint's own part of the acceleration, v x s qdot, takes the velocity's place.
+    In `motion`, the acceleration v x s qdot of the joint rate replaces the velocity.
     """
     k, parent = base_of(model) + body - 1, parent_of(model, body)
     rotor = rotors_begin(model) + k * (len(motion_subspaces) + 1)
@@ -226,11 +226,11 @@ def _move_base(
     motion: Any,
     acceleration: Any,
 ) -> None:
-    """Write the base's part of the acceleration, and its motion's in place of the velocity."""
+    """Write the acceleration of the base, also in place of its velocity in `motion`."""
     base, size, rotors = base_of(model), len(motion_subspaces), rotors_begin(model)
     to = read_part(inertias, 0, 0, INERTIA)
     matrix, x = scratch(base, base), scratch(base)
-    # What stands still on the ground is accelerated upwards, for all that moves with it.
+    # Gravity is an upward acceleration of the fixed ground.
     n, f = _answer(to, VECTOR, (0.0, 0.0, gravity))
     n = add(n, read_part(inertias, 0, _WRENCH, VECTOR))
     f = add(f, read_part(inertias, 0, _WRENCH + 3, VECTOR))

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Which moments bodies can have: pseudo-inertias that are positive definite.
+Physical consistency of inertial parameters: positive definite pseudo-inertias.
 
-For adaptation that takes each number for itself; `natural_adaptation` needs none of it.
+It is for adaptation with independent parameters; `natural_adaptation` preserves consistency.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 @formula
 def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
-    """Return an entry of a body's pseudo-inertia, whose moments begin at `at`."""
+    """Return an entry of a body's pseudo-inertia, whose parameters start at `at`."""
     if i == 3 and j == 3:
         return theta[at]
     if i == 3 or j == 3:
@@ -34,7 +34,7 @@ def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
 
 @kernel
 def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
-    """Return the first pivot that is not positive, x of that body's pseudo-inertia, the body."""
+    """Return the first pivot that is not positive, with x of that pseudo-inertia and the body."""
     pivot, motion = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     lower, x = np.zeros((4, 4)), np.zeros(4)
     for body in range(bodies_of(model)):
@@ -44,7 +44,7 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
             total += abs(theta[at + i])
         if total == 0.0:
             continue
-        # From the mass on: rows and columns 3, 0, 1, 2.
+        # The order is mass first: rows and columns 3, 0, 1, 2.
         for column in range(4):
             for row in range(column, 4):
                 entry = _pseudo(theta, at, (row + 3) % 4, (column + 3) % 4)
@@ -65,7 +65,7 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
 
 @formula
 def _normal(x: Numbers, i: int) -> float:
-    """Return the derivative of x' P x by a moment."""
+    """Return the derivative of x' P x with respect to a parameter."""
     if i // PER_BODY != int(x[4]):
         return 0.0
     k = i % PER_BODY

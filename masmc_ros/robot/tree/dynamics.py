@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Dynamics of a tree of bodies on a base, with + - x and / only besides sines and cosines.
+Dynamics of a tree of bodies on a base, with only + - x and /, sines and cosines.
 
 Motions, wrenches and velocities as in `kinematics.py`: in the base's frame, about its origin.
 `inverse_dynamics` is the form of Slotine and Li (Echeandia and Wensing, arXiv 2010.01033): H a_r +
-C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the bodies' moments.
+C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def write_motions(
     """
     Write velocities, reference velocities and reference accelerations of bodies (B, MOTION).
 
-    Of nu, nu_r and a_r; gravity in m/s^2, downwards.
+    The arguments are nu, nu_r, a_r, and gravity downwards in m/s².
     """
     motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
@@ -117,7 +117,7 @@ def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
 
 @formula
 def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
-    """Return the moments of a body about the base's origin."""
+    """Return the inertial parameters of a body about the base's origin."""
     own: Moments = read_along(theta, PER_BODY * body, MOMENTS)
     if body == 0:
         return own
@@ -178,7 +178,7 @@ def inverse_dynamics(
     posture
         of its bodies.
     theta
-        (10 B) moments of its bodies, one after the other.
+        Inertial parameters (10 B), body by body.
     velocity
         (n) nu.
     reference
@@ -206,10 +206,10 @@ def moment_gradients(
     error: Any,
 ) -> Any:
     """
-    Return Y' sigma (10 B): what adaptation of the moments follows.
+    Return Y' sigma (10 B), the gradient for the adaptation of inertial parameters.
 
-    sigma' (H a_r + C nu_r + g) is the sum of moments times gradients, but for rotors and wheels;
-    the matrix Y is never formed. `error` (n) is sigma; the others as for `inverse_dynamics`.
+    sigma' (H a_r + C nu_r + g) is the sum of parameters times gradients, without rotors and
+    wheels. The matrix Y is never formed. `error` (n) is sigma; see `inverse_dynamics` for the others.
     """
     bodies = bodies_of(model)
     motion, gradients = scratch(bodies, MOTION), np.empty(PER_BODY * bodies)
@@ -247,7 +247,7 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -
     motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     size, rotors = base + bodies - 1, rotors_begin(model)
-    # Of the bodies, and then of composite ones: each with all that hangs on it.
+    # Parameters of the bodies, then of composite bodies: each with its subtree.
     inertial_parameters = scratch(bodies, PER_BODY)
     for body in range(bodies):
         write_part(inertial_parameters, body, 0, moments_about_base(posture, theta, body))
@@ -280,9 +280,9 @@ def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -
 @kernel
 def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """
-    Return H (n, n), of moments (10 B): composite bodies, O(n depth).
+    Return H (n, n) for inertial parameters (10 B), by composite bodies in O(n depth).
 
-    With the constant inertia of rotors and wheels.
+    It includes the constant inertia of rotors and wheels.
     """
     size = len(posture.motion_subspaces)
     matrix = np.empty((size, size))

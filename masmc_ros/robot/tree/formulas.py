@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The contract of mechanisms for a tree of bodies, its task poses of frames and positions of joints.
+Interface of mechanisms for a tree of bodies with tasks of frame poses and joint positions.
 
 Positions are x, y and yaw of the base in the world (where it stands, if it is fixed), then the
 positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
-Task and redundancy are in files of their own, as is what bodies can be.
+Task, redundancy and physical consistency are in separate files.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ POSE = 3
 
 ADAPTATIONS = ('natural', 'gradient')
 NATURAL = 0
-"""Places of what `adaptation` chooses among."""
+"""Indices of the choices of `adaptation`."""
 
 
 class Regressor(NamedTuple):
@@ -86,7 +86,7 @@ class Regressor(NamedTuple):
 
 @cache
 def model_of_axes(count: int) -> Any:
-    """Return `model_of` for a task of so many axes, which compiled code knows as it is made."""
+    """Return `model_of` for a task of `count` axes, which is a constant of the compiled code."""
     as_many = (0.0,) * count
 
     @formula
@@ -99,14 +99,14 @@ def model_of_axes(count: int) -> Any:
 
 @kernel
 def posture(model: TreeModel, position: Numbers) -> Posture:
-    """Return where the bodies are."""
+    """Return the positions of the bodies."""
     at = array_of(position)
     return place(model, at[0], at[1], at[2], at, POSE + base_of(model))
 
 
 @kernel
 def posture_of_joints(model: TreeModel, angles: Numbers) -> Posture:
-    """Return the same with the base at the origin."""
+    """Return the positions of the bodies with the base at the origin."""
     return place(model, 0.0, 0.0, 0.0, array_of(angles), base_of(model))
 
 
@@ -173,7 +173,7 @@ def regressor(
     reference: Numbers,
     acceleration: Numbers,
 ) -> Regressor:
-    """Return what Y is made of."""
+    """Return the factors of Y."""
     motions = _motions(model, posture, motion, reference, acceleration)
     return Regressor(posture, motions, reference, acceleration)
 
@@ -186,7 +186,7 @@ def _motions(
     reference: Numbers,
     acceleration: Numbers,
 ) -> Any:
-    """Return the motions of the bodies, which both products with Y are made of."""
+    """Return the motions of the bodies for products with Y."""
     motions = np.empty((bodies_of(model), dynamics.MOTION))
     nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
     dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, motions)
@@ -198,7 +198,7 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     """
     Return H a_r + C nu_r + g and friction.
 
-    The inertia of rotors and wheels, which is no parameter, is in it.
+    It includes the inertia of rotors and wheels, which is no parameter.
     """
     parameters, reference = array_of(theta), array_of(y.reference)
     forces = scratch(len(reference))
@@ -225,7 +225,7 @@ def theta_step(
     model: TreeModel, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
-    Return the moments after a step of natural adaptation, or of each number for itself.
+    Return the parameters after a step of natural adaptation, or of independent adaptation.
 
     The gain of a body is the entry of `gamma` for its mass; with projection, neither mass nor
     size of a body grows beyond `projection.upper` times the nominal one.
@@ -310,7 +310,7 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 
 @kernel
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
-    """Return the base's pose after wheels have turned, exact for the mean of both headings."""
+    """Return the base pose after a rotation of wheels; exact for the mean of both headings."""
     values = array_of(turned)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transforms of the link frames of a URDF: one for each of its joints, and the base's."""
+"""Transforms of the link frames of a URDF: one for each joint, and one for the base."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STANDS, TURNS, SLIDES, BASE = 0, 1, 2, 3
 
 
 class Frames(NamedTuple):
-    """Every frame in its parent where its joint is at zero, and how it moves from there."""
+    """Poses of frames in their parents with joints at zero, and their motion."""
 
     origin: Array
     """(F, 7) translation in m, quaternion x, y, z, w."""
@@ -34,7 +34,7 @@ class Frames(NamedTuple):
     motion: NDArray[np.int64]
     """(F) one of STANDS, TURNS, SLIDES, BASE."""
     place: NDArray[np.int64]
-    """(F) which position moves it."""
+    """(F) index of the position that moves it."""
 
 
 def pose(rotation: Rotation, offset: Sequence[float]) -> Array:
@@ -72,7 +72,7 @@ def transforms(frames: Frames, position: Any) -> Array:
     Parameters
     ----------
     frames
-        F of them.
+        Frames, F in number.
     position
         (n, positions): x, y and yaw of the base, then wheels and joints.
 
@@ -113,7 +113,7 @@ def world_of(pairs: Sequence[tuple[str, str]], transforms: Array) -> list[tuple[
     Parameters
     ----------
     pairs
-        parent and child of the frames, parents first.
+        Parent and child of the frames, parents first.
     transforms
         (F, 7) of one position, as `transforms` returns them.
 

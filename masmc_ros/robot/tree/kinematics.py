@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Where the bodies of a tree on a base are, and how they and points of them move.
+Kinematics of a tree on a base: positions and motions of bodies and their points.
 
 Velocities nu are the base's rates in its own frame (none; u, omega; or u, v, omega), then the
 joints' rates in the tree's order; forces are conjugate to them. Everything is expressed in the
-base's frame, about its origin: motions as angular velocity and velocity of what is at that origin,
-wrenches as moment about it and force. Nothing has to be transformed from body to body then, and
-the base, whose motion subspace is constant in its own frame, needs no constraint forces where it
-cannot slip sideways.
+base's frame, about its origin: motions as angular velocity and velocity at that origin, wrenches
+as moment about it and force. This needs no transformations between bodies. The motion subspace of
+the base is constant in its own frame, so a base that cannot move sideways needs no constraint
+forces.
 
 Body 0 is the base, every body comes after its parent. SI units, radians; z of the base is up.
 """
@@ -57,15 +57,15 @@ _POSITION = 12
 
 class Posture(NamedTuple):
     """
-    Where bodies are in the base's frame, and the base in the world's.
+    Positions of the bodies in the base's frame, and of the base in the world.
 
-    Loops take its arrays out first: to take one is to count a reference, which costs time.
+    Loops read its arrays in advance, because each access counts a reference, which takes time.
     """
 
     frames: Any
     """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
     motion_subspaces: Any
-    """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
+    """(n, 6) motion per velocity: angular velocity, and velocity at the base's origin."""
     sine: float
     """Of the base's yaw."""
     cosine: float
@@ -85,7 +85,7 @@ def place(
     model: TreeModel, x: float, y: float, yaw: float, position: Any, first: int
 ) -> Posture:
     """
-    Place all bodies.
+    Return the positions of all bodies.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def place(
     x, y, yaw
         pose of the base in the world, in m and rad.
     position
-        vector that has the joints' positions from `first` on.
+        Vector with the joint positions from index `first`.
     first
-        place of the first of them.
+        Index of the first joint position.
 
     """
     bodies, base = bodies_of(model), base_of(model)
@@ -158,7 +158,7 @@ def crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vecto
 
 @formula
 def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the sum of the motion in a row and of another."""
+    """Return the sum of the motion in a row and another motion."""
     return (
         add(read_part(motion, body, first, VECTOR), w),
         add(read_part(motion, body, first + 3, VECTOR), v),
@@ -169,7 +169,7 @@ def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Ve
 def write_velocity(
     model: TreeModel, motion_subspaces: Any, rates: Any, motion: Any, first: int, body: int
 ) -> tuple[Vector, Vector]:
-    """Write the motion of a body as `velocities` does, its parent's being there, and return it."""
+    """Write and return the motion of a body, after that of its parent; see `velocities`."""
     base = base_of(model)
     if body == 0:
         w, v = base_motion(base, rates)
@@ -207,14 +207,14 @@ def to_world(posture: Posture) -> Rotation:
 
 @formula
 def _tip(posture: Posture, body: int, point: Vector) -> Vector:
-    """Return where a body's point is in the base's frame."""
+    """Return the position of a body's point in the base's frame."""
     r = read_part(posture.frames, body, 0, ROTATION)
     return add(read_part(posture.frames, body, ORIGIN, VECTOR), rotate(r, point))
 
 
 @formula
 def towards_base(model: TreeModel, base: int, k: int) -> int:
-    """Return the next velocity on the way from velocity k to the world; -1 for none."""
+    """Return the next velocity on the way from velocity k to the world; -1 at its end."""
     if k < base:
         return k - 1
     at = parent_of(model, k - base + 1)
@@ -225,7 +225,7 @@ def towards_base(model: TreeModel, base: int, k: int) -> int:
 def point_velocity(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> tuple[Vector, Vector]:
-    """Return a point's velocity and its body's angular velocity, arguments as below."""
+    """Return a point's velocity and its body's angular velocity in the world."""
     moved = scratch(bodies_of(model), 6)
     velocities(model, posture, velocity, moved, 0)
     w, world = read_part(moved, body, 0, VECTOR), to_world(posture)
@@ -263,7 +263,7 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
 def write_jacobian(
     model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
 ) -> None:
-    """Write what `point_jacobian` returns."""
+    """Write the result of `point_jacobian`."""
     motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
@@ -280,7 +280,7 @@ def write_jacobian(
 def point_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> Any:
-    """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
+    """Return the time derivative of `point_jacobian` at velocities nu (n)."""
     columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian_rate(model, posture, velocity, body, point, columns)
     return columns
@@ -290,7 +290,7 @@ def point_jacobian_rate(
 def write_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
 ) -> None:
-    """Write what `point_jacobian_rate` returns."""
+    """Write the result of `point_jacobian_rate`."""
     motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
@@ -324,7 +324,7 @@ def add_point_forces(
     moment: Vector,
     generalised: Any,
 ) -> None:
-    """Add to forces (n) those that do the work of force and moment on a point, in the world."""
+    """Add the generalised forces of a force and moment on a point, in the world, to forces (n)."""
     motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     f = rotate_back(world, force)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Natural adaptation of a body's moments: masses stay positive, inertias those of bodies.
+Natural adaptation of inertial parameters, which preserves physical consistency.
 
 Pdot = -P L P / gamma, of the pseudo-inertia P and the gradient L (`spatial.power_gradient`) as a
 symmetric matrix, has the Bregman divergence of -log det as its Lyapunov function and one gain
@@ -10,7 +10,7 @@ for bodies of all sizes (Lee, Kwon and Park 2018). Sampled, with P = C C' and X 
 
     P+ = C (1 + X + X^2 / 2)^-1 C'
 
-is of second order in T, and positive definite whatever X is. Matrices are in the order 1, x, y, z.
+is of second order in T, and positive definite for any X. Matrices are in the order 1, x, y, z.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _LONGEST = 1.0
 """Norm of X above which a step is shortened: the series follows exp(X) up to there."""
 
 _LEAST = 1.0e-13
-"""Part of a diagonal entry above which a pivot is more than what rounding makes."""
+"""Part of a diagonal entry above which a pivot exceeds rounding errors."""
 
 
 _GRADIENT, _NOMINAL, _STEP = PER_BODY, 2 * PER_BODY, 3 * PER_BODY
-"""Rows next to the moments of bodies: their gradients, nominal moments, and steps."""
+"""First rows of gradients, nominal parameters and steps, after the parameters of bodies."""
 
 
 @kernel
@@ -52,10 +52,10 @@ def adapted(
     upper: float,
 ) -> Any:
     """
-    Return the moments of all bodies after a step of natural adaptation, and their friction.
+    Return the parameters of all bodies and of friction after a step of natural adaptation.
 
-    Vectors have ten numbers a body; the gain of one is the entry of `gamma` for its mass. None
-    grows beyond `upper` times the nominal mass and size.
+    Vectors have ten numbers per body; its gain is the entry of `gamma` for its mass. Mass and size
+    are limited to `upper` times their nominal values.
     """
     before, gains = array_of(theta), array_of(gamma)
     nominal_values, gradients = array_of(nominal), array_of(gradient)
@@ -72,7 +72,7 @@ def adapted(
                 columns[_GRADIENT + i, k] = gradients[at + i]
                 columns[_NOMINAL + i, k] = nominal_values[at + i]
             columns[_STEP, k] = period / gains[at]
-        # All of them: a processor computes all at once in the time of one.
+        # The loop always computes all columns, because a vector takes the time of one number.
         for k in range(AT_ONCE):
             moved = natural_step(
                 read_down(columns, 0, k, MOMENTS),
@@ -91,21 +91,21 @@ def adapted(
 @formula
 def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -> Moments:
     """
-    Return a body's moments after one step of natural adaptation.
+    Return the inertial parameters of a body after one step of natural adaptation.
 
     Parameters
     ----------
     inertial_parameters
-        of the body, in kg, kg m and kg m2: see `spatial`.
+        Parameters of the body in kg, kg·m and kg·m², see `spatial`.
     gradient
-        derivative by them of the power that adaptation takes away: `power_gradient`.
+        Derivative of the power by these parameters, see `power_gradient`.
     step
-        sampling period over gain, T / gamma, >= 0.
+        Sampling period over gain, T / gamma, >= 0.
 
     Returns
     -------
-        moments with a positive definite pseudo-inertia. What is none within rounding, such as
-        that of a frame without mass, stays as it is, as it does where a gradient is no number.
+        Parameters with a positive definite pseudo-inertia. They are unmodified if they are not
+        definite within rounding, such as those of a frame without mass, or if a gradient is NaN.
 
     """
     mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
@@ -193,10 +193,10 @@ def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -
 @formula
 def bounded(inertial_parameters: Moments, nominal: Moments, upper: float) -> Moments:
     """
-    Return a body's moments scaled down to where its mass and size are bounded.
+    Return the inertial parameters of a body, scaled down to bounds of mass and size.
 
-    A multiple of a body is one. Neither its mass nor the sum of its second moments is more than
-    `upper` times the nominal one.
+    Scaling preserves consistency. The bounds of the mass and of the sum of the second moments are
+    `upper` times the nominal values.
     """
     most = upper * nominal[0]
     part = most / inertial_parameters[0] if inertial_parameters[0] > most else 1.0
@@ -213,7 +213,7 @@ def _times(value: float, part: float) -> float:
 
 @formula
 def _gradient_rows(gradient: Moments) -> Rows:
-    """Return the symmetric matrix L with tr(L P) = the sum of gradients times moments."""
+    """Return the symmetric matrix L with tr(L P) = the sum of gradients times parameters."""
     mass, x, y, z, xx, yy, zz, xy, yz, zx = gradient
     return (
         (mass, x / 2.0, y / 2.0, z / 2.0),
@@ -238,7 +238,7 @@ def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, 
     """
     Return L and D of a matrix L D L' in rows up to the diagonal, and True if D is positive.
 
-    Of L, the rows below the first, whose entry on the diagonal is 1.
+    Returned are the rows of L below the first; its diagonal entries are 1.
     """
     a0, a_is_right = _pivot(a[0], a[0])
     by = 1.0 / a0
@@ -257,7 +257,7 @@ def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, 
 
 @formula
 def _pivot(left: float, entry: float) -> tuple[float, bool]:
-    """Return what is left of a diagonal entry, 1 in place of what is no pivot, and if it is."""
+    """Return the pivot, or 1 if it is not positive, and True if it is positive."""
     is_right = (left > _LEAST * entry) & (left < math.inf)
     return left if is_right else 1.0, is_right
 

@@ -8,7 +8,7 @@ A rotation R takes components in the child's frame to those in the parent's. The
 of a body holds its moments of mass about the origin of its frame, in SI units: mass, first
 moments x, y, z, and second moments xx, yy, zz, xy, yz, zx (integrals of x x dm, not moments of
 inertia, which are sums of two of them). As the 4 x 4 matrix P = [[Sigma, h], [h', m]] it is
-positive definite for whatever can exist (Wensing, Kim and Slotine, 2018).
+positive definite for every physical body (Wensing, Kim and Slotine, 2018).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Rotation = tuple[float, float, float, float, float, float, float, float, float]
 Moments = tuple[float, float, float, float, float, float, float, float, float, float]
 
 VECTOR: Vector = (0.0, 0.0, 0.0)
-"""A zero vector; as an argument it says how many entries are meant."""
+"""Zero vector; as an argument it defines the number of entries."""
 
 ROTATION: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 """No rotation."""
@@ -29,7 +29,7 @@ MOMENTS: Moments = (0.0,) * 10
 """No mass."""
 
 PER_BODY = len(MOMENTS)
-"""Numbers that a body has in theta."""
+"""Numbers per body in theta."""
 
 
 @formula

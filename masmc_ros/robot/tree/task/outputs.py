@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What a tree's task is made of: outputs, each of a frame or of joints, and the axes that they have.
+Outputs of the task of a tree, each of a frame or of joints, and their axes.
 
-This is the one place that knows them: coordinates, names, units and what reports show follow.
+Only this module defines outputs; coordinates, names, units and reports are derived from it.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ OUTPUTS = {
     'base': (0, 1, 5),
     'heading': (5,),
 }
-"""Kinds of outputs of frames: which of x, y, z and the rotation about them each has."""
+"""Types of outputs of frames, with their entries of x, y, z and the rotations."""
 
 JOINTS = 'joints'
-"""The kind of output of joints."""
+"""Type of output of joints."""
 
 _OF_BASE = ('base', 'heading')
-"""Kinds that are the base's where they name no frame."""
+"""Types that refer to the base unless they name a frame."""
 
 _AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz', 'rad'))
 """Coordinates of a frame."""
@@ -43,13 +43,13 @@ class TaskRobot(NamedTuple):
 
     links: Collection[str]
     joints: Sequence[Coordinate]
-    """Those that are controlled, without wheels."""
+    """Controlled joints, without wheels."""
     tip: str
-    """Link of the outputs that name none."""
+    """Default link of outputs."""
     base: str
-    """Link that those of the base are of."""
+    """Link of outputs of the base."""
     goes_sideways: bool
-    """Whether its base can, or stands."""
+    """True if the base can move sideways, or is fixed."""
 
 
 class Task(NamedTuple):
@@ -58,28 +58,28 @@ class Task(NamedTuple):
     frames: tuple[str, ...]
     """Links, each once."""
     places: tuple[int, ...]
-    """Of the axes among the coordinates of `task.py`."""
+    """Indices of the axes among the coordinates of `task.py`."""
     axes: tuple[Quantity, ...]
     points: tuple[Point, ...]
     """Groups of axes that reports evaluate together."""
 
     def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
-        """Return for each axis the position in a posture of its joint; 0 for one of a frame."""
+        """Return the joint position of each axis in a posture; 0 for axes of frames."""
         first = len(_AXES) * len(self.frames)
         return tuple(posture[at - first] if at >= first else 0.0 for at in self.places)
 
 
 class _Output(NamedTuple):
-    """One of them; of joints the link is empty."""
+    """Output; for joints the link is empty."""
 
     kind: str
     link: str
     axes: tuple[int, ...]
-    """Among the coordinates of the frame, or among the joints."""
+    """Indices among the coordinates of the frame, or among the joints."""
 
 
 def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
-    """Return what outputs come to, each a kind, and what it is of; InputError for what is none."""
+    """Return the task of outputs, each a type and its target; may raise InputError."""
     outputs = [_output(text, task_robot) for text in texts]
     frames = tuple(dict.fromkeys(output.link for output in outputs if output.link))
     places: list[int] = []
@@ -143,7 +143,7 @@ class _Part(NamedTuple):
 
 
 def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point, ...]:
-    """Return x and y of each output that has them, rotations alone, and joints of one unit."""
+    """Return the points of reports: x and y of outputs, rotations, and joints of one unit."""
     parts, at = [], 0
     for output in outputs:
         end = at + len(output.axes)

@@ -4,19 +4,19 @@
 """
 Motion and forces of a robot that has more velocities than its task.
 
-It chooses the velocities that cost least: with what else it would like to do, z, and mobilities
-W^-1, which go to zero in a margin before a joint's ends,
+The velocities minimise a weighted norm, with secondary velocities z and mobilities W^-1, which go
+to zero in a margin before a joint's ends,
 
     nu_r = z + W^-1 J' y,   (J W^-1 J' + lambda^2) y = xdot_r - J z,
 
-lambda being 0 where the task is not singular. If a joint would be faster than its speed limit
-allows, all of nu_r is divided by the same rho. a_r is the exact derivative for a constant lambda,
-less kappa sigma: H kappa sigma damps what the task does not see with the robot's own inertia,
-which is stable for any kappa, where gains that know no inertia are not.
+where lambda is 0 unless the task is singular. If a joint would exceed its speed limit, nu_r is
+divided by a common factor rho. a_r is the exact derivative for a constant lambda, minus kappa
+sigma: H kappa sigma damps the null space with the inertia of the robot, which is stable for any
+kappa, unlike gains without inertia.
 
 lambda^2 = b (1 - p / b)^2 grows from zero as the smallest pivot p of J W^-1 J' falls below b, the
-larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. So the task is damped before a joint would have
-to be faster than about 1 / DAMPED_TIME, in rad/s or m/s, if any of them has a speed limit.
+larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. If any joint has a speed limit, the task is
+therefore damped before a joint speed of about 1 / DAMPED_TIME, in rad/s or m/s.
 """
 
 from __future__ import annotations
@@ -81,9 +81,9 @@ def _factored(
     model: TreeModel, columns: Any, weights: Any, square: float, factorised: Any
 ) -> bool:
     """
-    Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular.
+    Write the factors of J W^-1 J' + lambda^2, and return True if the task is singular.
 
-    `square` is that of the task's velocity that they are for.
+    `square` is the squared task velocity.
     """
     m, bound = len(model.axes), least_pivot_of(model)
     _write_compliance(model, columns, weights, factorised)
@@ -156,7 +156,7 @@ def reference_motion(
     velocity: Numbers,
     acceleration: Numbers,
 ) -> tuple[Numbers, Numbers, bool]:
-    """Return nu_r, a_r - kappa (nu - nu_r), and whether the task is close to singular."""
+    """Return nu_r, a_r - kappa (nu - nu_r), and True if the task is close to singular."""
     base, gain, damping = base_of(model), posture_gain_of(model), damping_of(model)
     nu, at = array_of(motion), array_of(position)
     y, y_dot = array_of(velocity), array_of(acceleration)
@@ -166,7 +166,7 @@ def reference_motion(
     write_task_jacobian(model, posture, columns)
     write_task_jacobian_rate(model, posture, nu, changes)
     _write_mobilities(model, posture, nu, weights, growths)
-    # z and its derivative: the joints tend to their posture, the base to nothing.
+    # z and its derivative: joints move to their preferred positions, the base does not.
     z, z_dot = scratch(size), scratch(size)
     clear(z)
     clear(z_dot)
@@ -220,7 +220,7 @@ def motion_from_task(
 
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
-    """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
+    """Return (J H^-1 J')^-1 (m, m), slightly damped if it is singular."""
     m, size = len(model.axes), len(posture.motion_subspaces)
     columns, h = scratch(size, m), scratch(size, size)
     write_task_jacobian(model, posture, columns)

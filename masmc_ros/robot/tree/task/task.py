@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What follows a path of a tree: poses of frames and positions of joints, or some of their entries.
+Task of a tree: poses of frames and positions of joints, or some of their entries.
 
 A tree's *coordinates* are x, y, z of the origin in m and the rotation vector in rad of each frame
-that has a task, in the world's frame, one frame after the other, then the positions of all joints.
-The task's axes are places among them, which `outputs.py` finds. Its velocities are the origins' in
+in the task, in the world's frame, one frame after the other, then the positions of all joints.
+`outputs.py` determines the indices of the task axes among them. Its velocities are the origins' in
 m/s, the angular velocities in rad/s and the joints' rates.
 """
 
@@ -65,14 +65,14 @@ def _entry(arguments: tuple[TreeModel, Any, int], i: int) -> float:
 
 @formula
 def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
-    """Return of a row of all coordinates those that are the task's axes."""
+    """Return the task axes of a row of all coordinates."""
     entries: Numbers = from_index(_entry, model.axes, (model, values, row))
     return entries
 
 
 @formula
 def _coordinates(model: TreeModel) -> int:
-    """Return how many there are."""
+    """Return the number of coordinates."""
     return POSE * frames_of(model) + bodies_of(model) - 1
 
 
@@ -118,9 +118,9 @@ def task_error(
     """
     Return the distances of origins and joints.
 
-    Of a frame's rotation, the axis from R_d to R times the angle's sine.
+    For the rotation of a frame, it is the axis from R_d to R times the sine of the angle.
     """
-    # What is desired, and in its place what is off by then.
+    # The desired values, which are then replaced by the errors.
     off = scratch(1, _coordinates(model))
     clear(off)
     _put(model, desired, 0, off)
@@ -174,7 +174,7 @@ def forces_from_task(
 
 @formula
 def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
-    """Write of a frame's Jacobian (n, 6) what belongs to the task into that of the task."""
+    """Write the task axes of a frame's Jacobian (n, 6) into the Jacobian of the task."""
     for i in range(len(model.axes)):
         axis = axis_of(model, i) - POSE * frame
         if (axis >= 0) & (axis < POSE):
@@ -201,7 +201,7 @@ def write_task_jacobian(model: TreeModel, posture: Posture, columns: Any) -> Non
 def write_task_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, columns: Any
 ) -> None:
-    """Write the derivative by time of J at velocities nu (n)."""
+    """Write the time derivative of J at velocities nu (n)."""
     own = scratch(len(columns), POSE)
     clear(columns)
     for frame in range(frames_of(model)):
@@ -218,7 +218,7 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return how all follow; of a frame's rotation are desired a vector and its derivatives."""
+    """Return the tracking state; desired rotations are rotation vectors and their derivatives."""
     size, nu = _coordinates(model), array_of(motion)
     wanted, state = scratch(3, size), scratch(3, size)
     clear(wanted)
@@ -235,7 +235,7 @@ def tracking(
         omega, alpha = angular_motion(
             phi, read_part(wanted, 1, turned, VECTOR), read_part(wanted, 2, turned, VECTOR)
         )
-        # Angular ones in the place of the vector's derivatives.
+        # Angular velocities replace the derivatives of the rotation vector.
         write_part(wanted, 1, turned, omega)
         write_part(wanted, 2, turned, alpha)
         rate = elementwise(minus, v, read_part(wanted, 1, at, VECTOR))
