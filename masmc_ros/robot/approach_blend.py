@@ -51,6 +51,6 @@ def decayed(
 
 @formula
 def returned(speed: float, duration: float, part: float) -> Sample:
-    """Return the way of a coordinate that is braked from a speed and returns, and its rates."""
+    """Return the displacement of a coordinate that brakes and returns, and its derivatives."""
     braked = min(part * duration / SHORTEST, 1.0)
     return quintic((0.0, speed, 0.0), (0.0, 0.0, 0.0), SHORTEST, braked)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Adaptation of parameters that are free numbers: down their gradient.
+Adaptation of independent parameters by gradient descent.
 
-Formulas of the contract, for mechanisms that know nothing better of their parameters.
+These are default formulas for mechanisms without a more specific adaptation.
 """
 
 from __future__ import annotations
@@ -33,5 +33,5 @@ def theta_step(
 
 @formula
 def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
-    """Return False: numbers that are free may be those of no body."""
+    """Return False: independent parameters can be physically inconsistent."""
     return False

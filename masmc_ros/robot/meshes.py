@@ -1,6 +1,6 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The files of the meshes that a description names."""
+"""Mesh files of a robot description."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def mesh_files(description: str) -> dict[str, Path]:
     """
     Return the files of those meshes that are on this machine, by their names in a description.
 
-    Relative names are left out: a description that was published has no folder. Raises
-    InputError for what is no description.
+    Relative names are ignored, because a published description has no folder. Raises InputError
+    for an invalid description.
     """
     paths = {}
     for link in read_urdf(description, 'the description').links.values():

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot's joints and frames by name, whatever kind it is of."""
+"""Names of joints and frames of any type of robot."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def all_joints(mechanism: Mechanism) -> tuple[str, ...]:
 
 def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     """
-    Return the names of the joints in the order of a joint state, by checked values.
+    Return the names of the joints in the order of a joint state, from checked values.
 
-    Where the driven joints alone are named, the base's keep their names; where none are, all do.
+    Joints that the values do not rename keep their names.
     """
     return joint_names_of(mechanism_from(values), values.get(JOINT_NAMES_PARAMETER, ()))
 
@@ -37,7 +37,7 @@ def driven_joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return given names of a mechanism's last joints, after the others' own."""
+    """Return the joint names with `names` for the last joints of a mechanism."""
     own = all_joints(mechanism)
     return (*own[:len(own) - len(names)], *names)
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Files that URIs name: `package://NAME/path`, `file:///path`, and plain paths.
+Files of URIs: `package://NAME/path`, `file:///path`, and plain paths.
 
-Packages are looked for as ROS 2, ROS 1 and Python keep them; neither is needed for that.
+The search for packages uses the conventions of ROS 2, ROS 1 and Python, and requires none of them.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ _INDEX = Path('share/ament_index/resource_index/packages')
 
 def resource_path(uri: str, folder: Path | None = None) -> Path:
     """
-    Return the path that a URI means, whether there is a file or not.
+    Return the path of a URI, which need not exist.
 
     Parameters
     ----------
     uri
         `package://NAME/path`, `file:///path`, or a path.
     folder
-        that relative paths start from; None for the current one. Of a mesh it is the folder
-        of the description.
+        Folder of relative paths; None for the current one. For a mesh it is the folder of the
+        description.
 
     Raises
     ------
     InputError
-        where the package is not found, or the scheme is another.
+        If there is no such package, or the scheme is not supported.
 
     """
     scheme, separator, relative = uri.partition('://')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One robot: a mechanism with its lengths and base inertial parameters, and where it is."""
+"""Robot: a mechanism with lengths and base inertial parameters, and its kinematics."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _BODY = (
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot as the formulas take it."""
+    """Robot with the inputs of the formulas."""
 
     mechanism: Mechanism
     """Type of the robot."""
     values: Mapping[str, Any]
-    """Its own parameters by name, without `robot.`."""
+    """Parameters of the robot by name, without `robot.`."""
     geometry: Array
     """Lengths in m, in the order of the mechanism's model."""
     theta: Array
@@ -45,7 +45,7 @@ class Robot:
 
     @cached_property
     def body(self) -> NDArray[np.void]:
-        """Array of one record by which kernels know mechanism and lengths."""
+        """Return the record (1) with the mechanism and lengths for kernels."""
         record = new_record(_BODY, self.mechanism.sizes, 1, {'mechanism': self.mechanism.tag})
         fill(record, 'geometry', self.geometry)
         return record
@@ -82,7 +82,7 @@ class Robot:
 
 
 def robot_of(values: Mapping[str, Any]) -> Robot:
-    """Return the robot that a node's checked values describe; InputError where none can be so."""
+    """Return the robot of a node's checked values; raise InputError for an invalid robot."""
     mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
     lengths, theta = mechanism.formulas.constants(own)
@@ -91,10 +91,10 @@ def robot_of(values: Mapping[str, Any]) -> Robot:
 
 def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     """
-    Return the URDF of the robot that a node's checked values describe.
+    Return the URDF of the robot of a node's checked values.
 
-    `frame_prefix` is put before the name of every link, so that links and frames are the same.
-    Raises InputError as `robot_of`.
+    `frame_prefix` precedes the name of every link, so links and frames have equal names. Raises
+    InputError for an invalid robot.
     """
     driven = driven_joint_names(values)
     urdf: str = mechanism_from(values).formulas.description(values, driven, frame_prefix)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A task of as many axes as joints, whose errors are differences of coordinates.
+Formulas for tasks with as many axes as joints, whose errors are differences of coordinates.
 
-Formulas of the contract for mechanisms with such a task, which beside the rest of the contract
-have the two that stand first here.
+Mechanisms with such a task import them. In addition to the other formulas of the interface they
+have the first two formulas below.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return e, edot twice, and the desired velocity and acceleration as they are."""
+    """Return e, edot twice, and the unmodified desired velocity and acceleration."""
     error = task_error(model, posture, position, desired[0])
     rate = elementwise(minus, mechanism.task_velocity(model, posture, motion), desired[1])
     return Tracking(error, rate, rate, desired[1], desired[2])

@@ -9,8 +9,8 @@ bandwidth,
 
     torque = 2 w H_i (rate commanded - rate) + integral,   d integral / dt = w^2 H_i (...),
 
-with which the joint by itself has both poles at -w. The integral rests where it would push
-further into the motor's limit.
+with which the isolated joint has both poles at -w. The integral is constant if it would increase
+the torque beyond the motor limit.
 """
 
 from __future__ import annotations

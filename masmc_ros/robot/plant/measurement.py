@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How the plant's state is measured: encoders, odometry, noisy rates, delay.
+Measurement of the plant's state: encoders, odometry, noisy rates and delay.
 
-The encoders quantise the joints' angles. The pose of the base is what a robot without
-other sensors has: odometry from the quantised angles, exact where they are. Rates carry
-noise; those of the base are the joints' through the kinematics, so that everything measured
-agrees with itself. At last all is delayed by whole ticks.
+The encoders quantise the joint angles. The measured base pose is odometry from the quantised
+angles, and exact without quantisation. Rates have noise; those of the base are computed from the
+joint rates, so all measurements are consistent. Finally all values are delayed by whole ticks.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def _noisy(rate: float, deviation: float, noise: float) -> float:
 
 @formula
 def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Numbers]:
-    """Return positions and velocities as they are measured now, before the delay."""
+    """Return measured positions and velocities, before the delay."""
     model = mechanism.model_of(plant, lane)
     position, rates = get(memory, 'position', lane), get(memory, 'rates', lane)
     resolution, pose = get(plant, 'resolution', lane), get(memory, 'odometry', lane)
@@ -73,9 +72,9 @@ def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Nu
 @formula
 def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any, lane: int) -> None:
     """
-    Write what is measured at a tick of the true state in `memory` into `signals`.
+    Write the measurement of the true state in `memory` at a tick into `signals`.
 
-    `delayed` (most of all delays + 1, positions and velocities, lanes) holds the latest
+    `delayed` (maximum delay + 1, positions and velocities, lanes) contains the latest
     measurements, that of tick k in row k mod (delay + 1).
     """
     position, velocity = measured(plant, memory, tick, lane)
@@ -84,7 +83,7 @@ def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any, lane
     n = len(position)
     write_row(delayed, tick % rows, 0, lane, position)
     write_row(delayed, tick % rows, n, lane, velocity)
-    # Until the first measurement has come through, it is what there is.
+    # The first measurement is used until the delay has passed.
     row = (tick - delay) % rows if tick > delay else 0
     put(signals, 'position', lane, read_row(delayed, row, 0, lane, position))
     put(signals, 'velocity', lane, read_row(delayed, row, n, lane, velocity))

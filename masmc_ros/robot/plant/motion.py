@@ -52,8 +52,8 @@ def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) 
     """
     Take one of the four stages of a step of h seconds; after the last, `reached` is its end.
 
-    One stage for all lanes after the other, as short loops: a processor works on the next
-    lanes while it waits for results of these.
+    Each stage is a short loop over all lanes: a processor computes the next lanes while it waits
+    for results of these.
     """
     is_first, is_last = stage == 0, stage == 3
     weight = 1.0 if is_last else 2.0

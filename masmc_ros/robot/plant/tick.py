@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One tick of the plant, in all lanes: from a command to the next state, true and measured."""
+"""One tick of the plant in all lanes, from a command to the next true and measured state."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ SETTINGS = (
     Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
     Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
 )
-"""The robot, what disturbs it, and how its state is measured."""
+"""Settings of the plant: robot, disturbances and measurement."""
 
 MEMORY = (
     Field('position', 'positions', 'True positions', 'm, rad'),
@@ -101,7 +101,7 @@ def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     the drives then make of them, step by step.
     """
     lanes = lane_count(plant)
-    # What is the same in all lanes is decided outside of the loops, which else stay scalar.
+    # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
     if (plant['takes_rates'][0] != 0) | holds:
         for lane in range(lanes):
             nothing = elementwise(zero, get(signals, 'torque', lane))
@@ -204,7 +204,7 @@ def write_velocity(plant: Any, memory: Any) -> None:
 
 @formula
 def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
-    """Write the true state, and what is known of it, into `signals`."""
+    """Write the true state and its measurement into `signals`."""
     for lane in range(lane_count(plant)):
         position, velocity = get(memory, 'position', lane), get(memory, 'velocity', lane)
         put(signals, 'true_position', lane, position)

@@ -209,7 +209,7 @@ def moment_gradients(
     Return Y' sigma (10 B), the gradient for the adaptation of inertial parameters.
 
     sigma' (H a_r + C nu_r + g) is the sum of parameters times gradients, without rotors and
-    wheels. The matrix Y is never formed. `error` (n) is sigma; see `inverse_dynamics` for the others.
+    wheels. The matrix Y is never formed. `error` (n) is sigma; see also `inverse_dynamics`.
     """
     bodies = bodies_of(model)
     motion, gradients = scratch(bodies, MOTION), np.empty(PER_BODY * bodies)

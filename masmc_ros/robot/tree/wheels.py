@@ -7,7 +7,8 @@ Wheels that drive a base: linear map between wheel rates and base velocities.
 At the ground a wheel's rim moves against the base's frame by -r rate f, with f the rolling
 direction. The contact does not slip along a. For a plain wheel, and for rollers perpendicular to
 the axle, a is f; for a mecanum wheel it is the axis of the roller on the ground. The rate is
-v . a / (r f . a), with the velocity v of the wheel's centre (Muir and Neuman 1987; Campion, Bastin and d'Andrea-Novel 1996).
+v . a / (r f . a), with the velocity v of the wheel's centre (Muir and Neuman 1987; Campion,
+Bastin and d'Andrea-Novel 1996).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot as URDF: what it looks like, what it weighs, how its parts move.
+URDF of the robot: shapes, masses and joints.
 
 Frames and joints are those of `frames` and of joint_states. Masses, centres of mass and
 inertias about the vertical are the parameters'. What a planar model does not know is filled
