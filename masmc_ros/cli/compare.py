@@ -16,7 +16,7 @@ from masmc_ros.compare.trials import trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
 from masmc_ros.report.files import make_folder, whole_file
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
@@ -42,7 +42,7 @@ def compare(
             f'{file}: command_interface = velocity: rates are commanded by one law alone; '
             'expected effort'
         )
-    mechanism = chosen(scenario['plant'])
+    mechanism = mechanism_from(scenario['plant'])
     put_through = trials_named(trials)
     tasks = [
         Task(file, tuple(settings), contender, put_through, seeds)

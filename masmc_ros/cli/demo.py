@@ -24,7 +24,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import number
-from masmc_ros.robot.registry import chosen, DEFAULT
+from masmc_ros.robot.registry import DEFAULT, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
@@ -73,7 +73,7 @@ def demo(output: str, *, robot: str, composed: bool) -> int:
     scenario = load_scenario(str(parameters))
     values, own = scenario['plant'], scenario['controller']['switching']
     duration = values['duration']
-    start = _START if chosen(values).name == DEFAULT.name else _FIRST_START
+    start = _START if mechanism_from(values).name == DEFAULT.name else _FIRST_START
     logs = []
     for name, controller in RUNS.items():
         if own == controller.get('switching'):

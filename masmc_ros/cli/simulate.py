@@ -18,7 +18,7 @@ from masmc_ros.log.read.reader import is_log, read_run, Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import measure, second_half
 from masmc_ros.report.measure.recomputed import Recomputed
@@ -67,21 +67,21 @@ def simulate(file: str, settings: Sequence[str], output: str | None, *, overwrit
     singular, slip = 0, 0.0
     progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
     with log as writer, progress:
-        for stretch in simulation.run():
+        for tick_block in simulation.run():
             if writer is not None:
-                writer.write(stretch)
+                writer.write(tick_block)
                 if not errors and ticks > _PROGRESS_FROM:
-                    _tell_size(path, writer.size / len(stretch), ticks)
+                    _tell_size(path, writer.size / len(tick_block), ticks)
             if again is not None:
-                again.compare(stretch, simulation.timing)
-            errors.append(stretch.error)
-            active.append(stretch.active)
-            if not stretch.commands_rates:
-                torques.append(stretch.torque)
-            slip = max(slip, largest_slip(stretch.contact))
-            singular += int(stretch.singular.sum())
-            progress.update(len(stretch))
-    _print_table(source, simulation, errors, torques, active, stretch)
+                again.compare(tick_block, simulation.timing)
+            errors.append(tick_block.error)
+            active.append(tick_block.active)
+            if not tick_block.commands_rates:
+                torques.append(tick_block.torque)
+            slip = max(slip, largest_slip(tick_block.contact))
+            singular += int(tick_block.singular.sum())
+            progress.update(len(tick_block))
+    _print_table(source, simulation, errors, torques, active, tick_block)
     if again is not None:
         print(again.verdict(set_anew=bool(settings)))
     if output is not None:
@@ -144,7 +144,7 @@ def _print_table(
     errors: Sequence[Any],
     torques: Sequence[Any],
     active: Sequence[Any],
-    last: Stretch,
+    last: TickBlock,
 ) -> None:
     error = np.concatenate(errors)
     times = np.arange(len(error), dtype=np.float64) * simulation.timing.period

@@ -19,10 +19,10 @@ from typing import Any
 
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.report.measure.metrics import measure, Metrics, second_half
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,7 @@ def _leave_interrupts_to_parent() -> None:
 def compute(task: Task) -> tuple[Outcome, ...]:
     """Compute all runs of a contender; InputError where there are none."""
     settings = (*task.settings, *task.contender.settings)
-    mechanism = chosen(load_scenario(task.file, settings)['plant'])
+    mechanism = mechanism_from(load_scenario(task.file, settings)['plant'])
     found = []
     for trial in task.trials:
         scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism)))
@@ -92,7 +92,7 @@ def compute(task: Task) -> tuple[Outcome, ...]:
 
 def _reached(runs: Sequence[Any], mechanism: Mechanism) -> list[Metrics | None]:
     """Return the metrics of runs that are computed together."""
-    loop = SideBySide(runs)
+    loop = BatchSimulation(runs)
     errors, torques = [], []
     for signals in loop.run():
         errors.append(signals['error'].copy())

@@ -53,11 +53,11 @@ from masmc_ros.loop.safe_stop import BALANCE, BALANCE_TIME, GUIDE, SafeStop, UNF
 from masmc_ros.loop.simulated_robot import diverged
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.throttle import Throttle
 import numpy as np
-from numpy.typing import NDArray
 
 STATES, REFERENCE, LAW, RUNAWAY = 'states', 'reference', 'law', 'run-away'
 """Causes of faults."""
@@ -70,8 +70,6 @@ UNFOLDING_TIME = 5.0
 
 _QUIET = 1.0
 """Time in s between two lines about missing states."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -334,7 +332,7 @@ class ControllerCore:
         self._held_since, self._awaited = None, ''
         self._set_pacing(PACINGS[pacing])
         if self._pending is None:
-            signals = self.controller.now[0]
+            signals = self.controller.signals[0]
             self._position[:] = signals['position'][:, 0]
             self._velocity[:] = signals['velocity'][:, 0]
         if self._order.last is not None and self._was_computed and not self.supervisor.is_active:
@@ -379,7 +377,7 @@ class ControllerCore:
 
     def on_reset_adaptation(self) -> Actions:
         """Reset the adaptation; the next tick records it."""
-        self.controller.forget()
+        self.controller.reset_adaptation()
         self._queue_record(ADAPTATION_RESET)
         return NOTHING
 

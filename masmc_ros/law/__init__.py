@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The control laws: the sliding mode laws (13)-(23), sampled, one file each.
+Control laws, one file each: the sliding mode laws (13)-(23) in discrete time, and others.
 
-Nothing here knows how many axes or parameters the robot has: formulas speak of one axis or
-one parameter, or take tuples of any length. The contract is in `law.py`; the parts that laws
-are made of are in `parts/`, the reaching terms in `reaching/`.
+No formula depends on the number of axes or parameters of the robot: it computes one axis or one
+parameter, or accepts tuples of any length. `law.py` is the interface, `parts/` has common parts of
+laws, and `reaching/` the reaching terms.
 """

@@ -24,14 +24,14 @@ COMMAND_INTERFACE = Parameter(
     'effort: torques; velocity: joint velocities for drives with their own velocity loop',
     choices=COMMAND_INTERFACES,
 )
-"""Declared by the controller and by the plant, which must agree."""
+"""Parameter of the controller and of the plant, with equal values."""
 
 ENABLE_STAMPED_CMD_VEL = Parameter(
     'enable_stamped_cmd_vel',
     False,
     'Type of cmd_vel with command_interface velocity: TwistStamped instead of Twist',
 )
-"""Declared by both too; its name is that of Nav2's nodes, which send and take such a topic."""
+"""Parameter of both; Nav2 nodes use the same name for their topic."""
 
 
 def takes_rates(values: Mapping[str, Any]) -> bool:
@@ -40,7 +40,7 @@ def takes_rates(values: Mapping[str, Any]) -> bool:
 
 
 def check_agreement(plant: Mapping[str, Any], controller: Mapping[str, Any]) -> None:
-    """Raise InputError where a plant does not take what a controller sends, by their values."""
+    """Raise InputError if plant and controller values select different commands."""
     for name in (MECHANISM, COMMAND_INTERFACE.name, ENABLE_STAMPED_CMD_VEL.name):
         if plant[name] != controller[name]:
             raise InputError(

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declarations of live parameters: an entry for each of what a mechanism has several of."""
+"""Declarations of live parameters with one entry per axis, joint or base parameter."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ class PerEntry:
     Attributes
     ----------
     name
-        as `Parameter` has it.
+        Name of the parameter.
     size
-        what it has an entry for each of: 'axes', 'joints' or 'parameters'.
+        Kind of its entries: 'axes', 'joints' or 'parameters'.
     default
-        of every entry, or the name of what the mechanism has for it.
+        Default of every entry, or the name of the mechanism's default.
     description
-        what it means; what the entries are of is said after it.
+        Meaning; the description of the entries is appended.
     unit
         SI unit or ''.
     note
-        what is said last.
+        Last part of the description.
     is_positive
-        whether 0 is out of range too.
+        True if 0 is out of range.
 
     """
 
@@ -73,9 +73,9 @@ Declared = Parameter | PerEntry
 def declared_for(
     mechanism: Mechanism, declarations: Iterable[Declared]
 ) -> tuple[Parameter, ...]:
-    """Return declarations for a mechanism, each name once, in the order in which they come."""
+    """Return the declarations for a mechanism in their order, without duplicate names."""
     known: dict[str, Parameter] = {}
-    for each in declarations:
-        parameter = each.of(mechanism) if isinstance(each, PerEntry) else each
+    for declaration in declarations:
+        parameter = declaration.of(mechanism) if isinstance(declaration, PerEntry) else declaration
         known.setdefault(parameter.name, parameter)
     return tuple(known.values())

@@ -2,20 +2,41 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The contract of a control law: what a tick asks of it, and what it declares.
+Interface of a control law.
 
-A law is one file: a `Law` with its parameters and its memory, and up to three formulas,
+A control law is a `Law` object, defined in a module of its own, with the gains and state
+variables it declares and one to three compiled functions (`@formula`):
 
-    torque(settings, tick, memory, lane) -> joints' torques that it asks for
-    learn(settings, tick, memory, lane, raw, torque)   what was really commanded is known now
-    settle(settings, memory, lane)                     what needs a loop, such as a projection
+    torque(settings, tick, memory, lane) -> joint torques
+    learn(settings, tick, memory, lane, raw, torque)
+    post_update(settings, memory, lane)
 
-`tick` is the named tuple of `law.tick`. Parameters and memory are read by
-`get(settings, 'k_s1', lane)` and written by `put(memory, 'estimate', lane, value)` under the
-names that they are declared with, a dot in a name being an underscore: a number, or a tuple of
-one number per axis, joint or parameter. Nothing here knows how many those are.
+In every control period the controller calls
 
-The law is chosen when a kernel is compiled, by the type of the records.
+1. `torque`, which returns the joint torques the law requests (`raw`);
+2. `learn`, after the torque limits: `torque` is what is actually commanded. Adaptation and
+   anti-windup belong here;
+3. `post_update`, for parts with loops of unknown length, such as projections. It is also called
+   after a change of parameters.
+
+Arguments of these functions:
+
+settings
+    Read-only record with the values of the parameters: `get(settings, 'k_s1', lane)`.
+tick
+    `law.tick.Tick`: measured state, reference, sliding surface and regressor.
+memory
+    Record with the state of the law: `get(memory, 'estimate', lane)` reads a field,
+    `put(memory, 'estimate', lane, value)` writes it.
+lane
+    Index of the run. Simulations compute several runs in one call, nodes only one (lane 0).
+
+Fields have the names of their declarations, with dots replaced by underscores. A field is a
+number, or a tuple with one number per task axis, joint or inertial parameter. A law must not
+assume how many of them a robot has.
+
+The functions of a law are selected at compile time, from the type of the records. A law that is
+not in use costs nothing at run time.
 """
 
 from __future__ import annotations
@@ -28,45 +49,64 @@ from typing import Any
 from masmc_ros.law.declared import Declared
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.robot.declaration import Mechanism
 
 
 @formula
-def _learns_nothing(
+def _no_learning(
     settings: Any, tick: Any, memory: Any, lane: int, raw: Any, torque: Any
 ) -> None:
-    """Leave the memory as it is."""
+    """Do nothing; default of `Law.learn`."""
 
 
 @formula
-def _settled(settings: Any, memory: Any, lane: int) -> None:
-    """Leave the memory as it is."""
+def _no_post_update(settings: Any, memory: Any, lane: int) -> None:
+    """Do nothing; default of `Law.post_update`."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """A control law."""
+    """
+    Definition of a control law.
+
+    Attributes
+    ----------
+    name
+        Value of the parameter `law` that selects it.
+    torque
+        Formula that computes the joint torques; see the module docstring.
+    parameters
+        Gains of this law. Parameters of the model, of adaptation and of the torque limits are
+        common to all laws and are not listed here.
+    memory
+        State variables, its own and those of the parts it uses.
+    learn
+        Formula called with the commanded torque. Default: no adaptation.
+    post_update
+        Formula called at the end of a tick and after parameter changes. Default: nothing.
+    summary
+        One-line description, shown by `masmc laws`.
+    source
+        Reference to the literature.
+    uses_switching
+        True if the law uses the reaching term selected by the parameter `switching`.
+    most_parameters
+        Largest supported number of base inertial parameters; None for no limit.
+
+    """
 
     name: str
-    """As `law` names it."""
     torque: Callable[..., Any]
-    """Formula of the torques."""
     parameters: tuple[Declared, ...] = ()
-    """Its gains. Those of the model, of adaptation and of limits are every law's."""
     memory: tuple[Field, ...] = ()
-    """Fields of its memory from tick to tick, those of its parts included."""
-    learn: Callable[..., Any] = _learns_nothing
-    settle: Callable[..., Any] = _settled
+    learn: Callable[..., Any] = _no_learning
+    post_update: Callable[..., Any] = _no_post_update
     summary: str = ''
-    """Description in one line."""
     source: str = ''
-    """Publication."""
     uses_switching: bool = True
-    """Whether it asks for the reaching term that `switching` names."""
     most_parameters: int | None = None
-    """Number of base inertial parameters of a robot that it can still reckon with."""
 
     def fits(self, mechanism: Mechanism) -> bool:
         """Return True if the law supports a robot of this type."""
@@ -74,32 +114,32 @@ class Law:
 
     @property
     def formulas(self) -> SimpleNamespace:
-        """Return the formulas by their names in the contract."""
-        return SimpleNamespace(torque=self.torque, learn=self.learn, settle=self.settle)
+        """Return the formulas by the names of the functions of this interface."""
+        return SimpleNamespace(torque=self.torque, learn=self.learn, post_update=self.post_update)
 
 
-_KNOWN: dict[str, Law] = {}
+_registered: dict[str, Law] = {}
 
 
 def register(law: Law) -> Law:
-    """Make a law known to compiled code."""
-    _KNOWN[law.name] = law
+    """Make a law available to compiled code under its name, and return it."""
+    _registered[law.name] = law
     return law
 
 
-_of_law = contract(by_tag('law', lambda name: _KNOWN[name.split(' ')[0]].formulas))
+_dispatch = interface(by_tag('law', lambda name: _registered[name.split(' ')[0]].formulas))
 
 
-@_of_law
+@_dispatch
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Any:
-    """Return the joints' torques that the law asks for, a tuple in N m."""
+    """Return the joint torques requested by the law, a tuple in N·m."""
 
 
-@_of_law
+@_dispatch
 def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Any, torque: Any) -> None:
-    """Take note of what was commanded, `torque`, where the law asked for `raw`."""
+    """Update the state of the law: it requested `raw`, and `torque` is commanded (N·m)."""
 
 
-@_of_law
-def settle(settings: Any, memory: Any, lane: int) -> None:
-    """Finish what has loops of unknown length."""
+@_dispatch
+def post_update(settings: Any, memory: Any, lane: int) -> None:
+    """Complete the tick with loops of unknown length, such as projections."""

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What a user's own law is given at a tick, and what it gives back.
+Interface of a user law in plain Python: input of a tick, and result.
 
-A law is a class named by an entry point of the group `masmc_ros.laws`. It is plain Python
-over the same compiled formulas as the built-in laws and runs in the same loop, slower.
+A law is a class named by an entry point of the group `masmc_ros.laws`. It uses the same compiled
+formulas as the built-in laws and runs in the same loop, but slower.
 """
 
 from __future__ import annotations
@@ -14,16 +14,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.params.declaration import Parameter
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class TickInput:
-    """Everything a law may want to know at tick k; n axes, p parameters, SI units."""
+    """Input of a law at tick k; n axes, p parameters, SI units."""
 
     period: float
     """Control period T in s."""
@@ -58,16 +55,16 @@ class TickInput:
     estimate: Array
     """theta_hat (p)."""
     commanded: Array
-    """Torque (n) commanded at the last tick, N m: the law's own within the active limits."""
+    """Torque (n) commanded at the last tick in N·m: that of the law within the active limits."""
     singular: bool
-    """True where the task is so close to singular that J^-1 is damped."""
+    """True if J^-1 is damped because the task is close to singular."""
 
 
 class PlugInLaw(Protocol):
-    """Control law of a user; created at the start, at a reset and when `law` selects it."""
+    """Control law of a user; created at the start, at a reset, and when `law` selects it."""
 
     parameters: tuple[Parameter, ...]
-    """Parameters of its own, declared by the controller; name them `LAW.something`."""
+    """Additional parameters, declared by the controller; use names such as `LAW.gain`."""
 
     def step(self, tick: TickInput) -> tuple[Array, Array]:
         """Return the torque (n) in N m and the next theta_hat (p)."""

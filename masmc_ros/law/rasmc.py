@@ -4,8 +4,8 @@
 """
 Robust adaptive sliding mode control (17): the torque of `smc`, and the update law (23).
 
-After the tick, theta_hat moves by an explicit Euler step of d theta_hat / dt = -Gamma^-1 Y' s,
-with what lets it last: `parts.adaptation`.
+After the tick, theta_hat changes by an explicit Euler step of d theta_hat / dt = -Gamma^-1 Y' s.
+`parts.adaptation` bounds the adaptation.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from masmc_ros.law.parts.adaptation import adapt, GAMMA, project
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.smc import SMC, torque
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-
-Numbers = tuple[float, ...]
 
 
 @formula

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The kinematic law of commanded rates, for drives that have a velocity loop of their own.
+Kinematic law of commanded rates, for drives with a separate velocity loop.
 
-Drives that follow v_r let the error decay as on the sliding surface, edot = -sigma e. The
-command v_r + T a_r / 2 is held for a period, whose middle its second term looks ahead to.
+If the drives follow v_r, the error decays as on the sliding surface, edot = -sigma e. The command
+v_r + T a_r / 2 is v_r in the middle of the period for which it is held.
 """
 
 from __future__ import annotations
@@ -17,27 +17,29 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 
 @formula
 def _ahead(velocity: float, acceleration: float, time: float) -> float:
-    """Return a velocity so much later."""
+    """Return a velocity `time` s later."""
     return velocity + time * acceleration
 
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return no torque; write the command as the drives take it to the memory."""
-    v = each(_ahead, tick.reference_velocity, tick.reference_acceleration, 0.5 * tick.period)
+    """Return zero torque; write the command of the drives into the memory."""
+    half = 0.5 * tick.period
+    v = elementwise(_ahead, tick.reference_velocity, tick.reference_acceleration, half)
     put(memory, 'velocity_command', lane, mechanism.rate_command(tick.model, v))
-    return each(zero, get(memory, 'commanded', lane))
+    return elementwise(zero, get(memory, 'commanded', lane))
 
 
-RATES = register(Law('rates', torque, (SIGMA,), (ESTIMATE,), settle=project, uses_switching=False))
+RATES = register(
+    Law('rates', torque, (SIGMA,), (ESTIMATE,), post_update=project, uses_switching=False)
+)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-All control laws and reaching terms by name: those of this folder, and users' own.
+Control laws and reaching terms by name: those of this folder, and plug-ins.
 
-A new law or reaching term is a file next to the others and one line here.
+A new law or reaching term needs a file next to the others and one line here.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ LAWS = {
         VARIABLE_STRUCTURE,
         FUZZY_MODEL,
         HYBRID_NETWORK,
-        # the floor that everybody must beat, and what is known today
+        # baselines, and recent laws
         PID,
         PD_GRAVITY,
         SUPER_TWISTING,
@@ -80,39 +80,39 @@ LAWS = {
         CONCURRENT_LEARNING,
     )
 }
-"""The laws of this folder that `law` chooses among, those of the paper first."""
+"""Built-in choices of `law`, first the laws of the paper."""
 
 OF_RATES = RATES
-"""The law of commanded rates, whatever `law` says."""
+"""Law of commanded rates, independent of `law`."""
 
 REACHING = {term.name: term for term in (SIGN, SATURATION, TANH, SIGMOID, IMPLICIT)}
-"""The reaching terms that `switching` chooses among."""
+"""Choices of `switching`."""
 
 SWITCHING = tuple(REACHING)
 
 ENTRY_POINTS = 'masmc_ros.laws'
-"""Group of entry points through which a user's own law plugs in."""
+"""Group of entry points of plug-in laws."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of all laws, built in and plugged in."""
+    """Return the names of all laws, built in and plugged in."""
     return (*LAWS, *_own())
 
 
 def _own() -> tuple[str, ...]:
-    """Names of laws that are plugged in, without those that built-in laws have."""
+    """Return the names of plug-in laws, except names of built-in laws."""
     return tuple(name for name in plugged_in(ENTRY_POINTS) if name not in LAWS)
 
 
 @cache
 def load(name: str) -> Law | type[PlugInLaw]:
     """
-    Return a law: formulas that are compiled, or a class in plain Python.
+    Return a law: a compiled one, or a class in plain Python.
 
     Raises
     ------
     InputError
-        where a plugged-in one cannot be loaded.
+        If a plug-in law cannot be loaded.
 
     """
     if name in LAWS:
@@ -127,13 +127,13 @@ def load(name: str) -> Law | type[PlugInLaw]:
 
 def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
     """
-    Return the law that is chosen by a name, for a robot.
+    Return the law of this name for a robot.
 
     Raises
     ------
     InputError
-        as `load`, where a plugged-in law has the name of a built-in one, and where it is none
-        for a robot of this kind.
+        If `load` raises it, if a plug-in law has the name of a built-in one, or if the law does
+        not support the robot.
 
     """
     if name in LAWS and name in plugged_in(ENTRY_POINTS):
@@ -151,7 +151,7 @@ def load_for(name: str, mechanism: Mechanism) -> Law | type[PlugInLaw]:
 
 
 def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Return the declarations that any law may read: of the paper's, reaching terms and parts."""
+    """Return the declarations common to all laws: of the paper, reaching terms and parts."""
     return declared_for(
         mechanism,
         (
@@ -178,9 +178,9 @@ def shared_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """
-    Return the controller's declarations: those shared, of all other laws, and of users' own.
+    Return the controller's declarations: common ones, then those of all laws and plug-ins.
 
-    Every name once, in the order in which nodes and tables show them.
+    Names are unique and in the order of nodes and tables.
     """
     return declared_for(
         mechanism,

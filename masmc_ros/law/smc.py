@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robust sliding mode control (15): tau = Y theta_hat + J' u, the estimate stays as it is."""
+"""Robust sliding mode control (15): tau = Y theta_hat + J' u, with a constant estimate."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import correct, GAINS, reach
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-
-Numbers = tuple[float, ...]
 
 
 @formula

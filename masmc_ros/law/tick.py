@@ -1,23 +1,22 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inputs of a law at a tick: the state, the reference, and the sliding surface of both."""
+"""Inputs of a law at a tick: state, reference, and sliding surface."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import inlined
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 
 class Tick(NamedTuple):
-    """One tick; vectors are tuples, velocities the mechanism's own (`robot.mechanism`)."""
+    """Inputs of a tick; vectors are tuples, velocities those of `robot.mechanism`."""
 
     period: float  # T in s
     model: Any  # lengths
@@ -27,15 +26,15 @@ class Tick(NamedTuple):
     reference_velocity: Numbers  # v_r
     reference_acceleration: Numbers  # a_r
     position: Numbers  # measured
-    position_rates: Numbers  # measured; those of the base by whatever measures it
+    position_rates: Numbers  # measured, including those of the base
     desired_velocity: Numbers  # xdot_d of the task
     desired_acceleration: Numbers  # xddot_d
     error: Numbers  # e of the task, x - x_d
     error_derivative: Numbers  # de/dt
     error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
-    surface: Numbers  # s = edot + sigma e, or less where v_r cannot be J^-1 xdot_r
+    surface: Numbers  # s = edot + sigma e, reduced if v_r cannot be J^-1 xdot_r
     regressor: Any  # Y(q, v, v_r, a_r)
-    is_singular: bool  # whether J is close to it, and v_r and a_r are damped
+    is_singular: bool  # True if J is close to singular, and v_r and a_r are damped
 
 
 @inlined
@@ -50,10 +49,10 @@ def tick_of(
     drift: Numbers,
 ) -> Tick:
     """
-    Return the tick of a measured state, v being its rates, and of x_d, xdot_d and xddot_d.
+    Return the tick of a measured state with velocities v, and of x_d, xdot_d and xddot_d.
 
-    xdot_r and xddot_r by (14); v_r and a_r, for which J v_r = xdot_r, are the mechanism's, which
-    also estimates the `drift`.
+    (14) gives xdot_r and xddot_r. The mechanism determines v_r and a_r with J v_r = xdot_r, and
+    estimates the `drift`.
     """
     model = mechanism.model_of(settings, lane)
     sigma = get(settings, 'sigma', lane)
@@ -63,11 +62,11 @@ def tick_of(
         posture,
         position,
         v,
-        each(reference_velocity, follows.velocity, follows.error, sigma),
-        each(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
+        elementwise(reference_velocity, follows.velocity, follows.error, sigma),
+        elementwise(reference_acceleration, follows.acceleration, follows.error_derivative, sigma),
     )
     a_r = mechanism.compensated(model, a_r, drift)
-    surface = each(sliding_surface, follows.error, follows.velocity_error, sigma)
+    surface = elementwise(sliding_surface, follows.error, follows.velocity_error, sigma)
     return Tick(
         get(settings, 'period', lane),
         model,

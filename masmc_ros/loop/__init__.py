@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The sampled closed loop: control tick, plant tick and the run made of them.
+Sampled closed loop: control tick, plant tick, and runs that consist of them.
 
-Ticks k = 0 ... N, t_k = k T. At tick k the state is taken as exact, the torque is held until
-tick k + 1. The same compiled code serves the nodes, one tick at a time, and the simulation
-of a whole run.
+Ticks are k = 0 ... N at t_k = k T. The torque computed from the state at tick k is held until
+tick k + 1. The nodes compute single ticks and the simulation whole runs, with the same compiled
+code.
 """

@@ -1,7 +1,25 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The closed loop in compiled code: single ticks for the nodes, stretches of runs in lanes."""
+"""
+Compiled kernels of the closed loop: controller tick, plant tick and whole simulations.
+
+Python enters compiled control code only through the kernels in this module. The ROS 2 nodes and
+plug-in laws call the single-tick kernels once per control period. Offline simulation calls
+`closed_loop`, which computes many ticks, and many independent runs ("lanes"), in one call. All
+kernels inline the same formulas, so live and offline runs are bitwise identical.
+
+The kernels share these arguments. Each is an array of one record, except `delay_line`:
+
+settings, memory
+    Controller settings, and controller state carried from one tick to the next.
+plant_settings, plant_memory
+    Plant settings, and plant state carried from one tick to the next.
+delay_line
+    Ring buffer of delayed measurements, see `robot.plant.measurement.measure`.
+signals
+    Signals of the current tick, see `loop.signals.SIGNALS`.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +29,10 @@ from masmc_ros.law import law
 from masmc_ros.law.parts.command_limits import within_limits
 from masmc_ros.law.parts.velocity_estimator import estimate_rates
 from masmc_ros.loop.control import control
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import copied, copy_to, get, lane_count, put
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.tick import (
     advance,
@@ -26,201 +44,280 @@ from masmc_ros.robot.plant.tick import (
 import numpy as np
 
 SINGULAR, NOT_FINITE = 1, 2
-"""Flags of the status of a tick: task close to singular; torque not finite."""
+"""Status flags of `control_tick`: task close to singular; command contains NaN or infinity."""
+
+
+# Controller kernels.
 
 
 @kernel
 def control_tick(
-    settings: Any, memory: Any, now: Any, position: Any, velocity: Any, reference: Any
+    settings: Any, memory: Any, signals: Any, position: Any, velocity: Any, reference: Any
 ) -> int:
     """
-    Compute one tick of the law; return the flags SINGULAR and NOT_FINITE.
+    Compute one controller tick of one robot.
 
-    The first three arguments are arrays of one record: of the law's settings, of its memory,
-    which the next tick takes up, and of the signals, where the state (positions) and the
-    reference (3 axes) are written next to torque, rates, error, surface and estimate.
+    Copies the inputs into `signals`, runs the control law and writes its results (torque, rates,
+    error, surface, estimate) into `signals`.
+
+    Parameters
+    ----------
+    settings, memory, signals
+        Records of a single lane, see the module docstring.
+    position, velocity
+        Measured positions and velocities, in the order of `joint_states`.
+    reference
+        Reference position, velocity and acceleration of the task (3 * axes).
+
+    Returns
+    -------
+    int
+        Bitwise OR of `SINGULAR` and `NOT_FINITE`; 0 if neither applies.
+
     """
-    signal = now[0]
-    put(signal, 'position', 0, taken(position, get(signal, 'position', 0)))
-    put(signal, 'velocity', 0, taken(velocity, get(signal, 'velocity', 0)))
-    put(signal, 'reference', 0, taken(reference, get(signal, 'reference', 0)))
-    control(settings[0], memory[0], signal)
-    found = SINGULAR if get(signal, 'singular', 0) != 0 else 0
-    rest = _rest(get(signal, 'torque', 0)) + _rest(get(signal, 'rates', 0))
-    return found if rest == 0.0 else found | NOT_FINITE
+    row = signals[0]
+    put(row, 'position', 0, to_vector(position, get(row, 'position', 0)))
+    put(row, 'velocity', 0, to_vector(velocity, get(row, 'velocity', 0)))
+    put(row, 'reference', 0, to_vector(reference, get(row, 'reference', 0)))
+    control(settings[0], memory[0], row)
+    status = SINGULAR if get(row, 'singular', 0) != 0 else 0
+    residual = _finite_residual(get(row, 'torque', 0)) + _finite_residual(get(row, 'rates', 0))
+    return status if residual == 0.0 else status | NOT_FINITE
 
 
 @kernel
-def control_ticks(settings: Any, memory: Any, now: Any, positions: Any) -> None:
-    """Compute a tick of the law at each of some positions (n), all else of the state as it is."""
+def control_ticks(settings: Any, memory: Any, signals: Any, positions: Any) -> None:
+    """
+    Compute one controller tick for each of several positions (n); see `masmc laws --cost`.
+
+    Velocity and reference keep the values in `signals`.
+    """
     for k in range(len(positions)):
-        put(now[0], 'position', 0, taken(positions[k], get(now[0], 'position', 0)))
-        control(settings[0], memory[0], now[0])
+        put(signals[0], 'position', 0, to_vector(positions[k], get(signals[0], 'position', 0)))
+        control(settings[0], memory[0], signals[0])
 
 
 @kernel
-def estimate_velocity(settings: Any, memory: Any, now: Any) -> None:
-    """Write the velocities in `now` as the estimator has them at the positions in it."""
-    gains, position = settings[0], get(now[0], 'position', 0)
-    knows = get(gains, 'takes_rates', 0) == 0
-    estimate_rates(gains, memory[0], position, 0, knows)
+def estimate_velocity(settings: Any, memory: Any, signals: Any) -> None:
+    """Replace the velocities in `signals` by those of the velocity estimator."""
+    gains, position = settings[0], get(signals[0], 'position', 0)
+    torque_is_known = get(gains, 'takes_rates', 0) == 0
+    estimate_rates(gains, memory[0], position, 0, torque_is_known)
     model = mechanism.model_of(gains, 0)
     rates = get(memory[0], 'rates', 0)
     posture = mechanism.posture(model, position)
-    put(now[0], 'velocity', 0, mechanism.position_rates(model, posture, rates))
+    put(signals[0], 'velocity', 0, mechanism.position_rates(model, posture, rates))
 
 
 @kernel
-def limit_torque(settings: Any, memory: Any, now: Any) -> None:
-    """Write the torque of a law in plain Python, `raw_torque`, within its limits."""
-    raw, gains = get(now[0], 'raw_torque', 0), settings[0]
+def limit_torque(settings: Any, memory: Any, signals: Any) -> None:
+    """Limit `raw_torque` of a plain-Python law in magnitude and rate; write `torque`."""
+    raw, gains = get(signals[0], 'raw_torque', 0), settings[0]
     torque = within_limits(gains, raw, get(memory[0], 'commanded', 0), 0)
     put(memory[0], 'commanded', 0, torque)
-    put(now[0], 'torque', 0, torque)
+    put(signals[0], 'torque', 0, torque)
 
 
 @kernel
-def settle(settings: Any, memory: Any) -> None:
-    """Let what was learned comply with parameters that have just changed."""
+def post_update(settings: Any, memory: Any) -> None:
+    """Project the adapted parameters after a change of parameters, in all lanes."""
     for lane in range(lane_count(settings[0])):
-        law.settle(settings[0], memory[0], lane)
+        law.post_update(settings[0], memory[0], lane)
+
+
+# Plant kernels.
 
 
 @kernel
-def plant_tick(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
+def plant_tick(
+    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any
+) -> bool:
     """
-    Advance the plant by one control period; return True if its state is finite.
+    Advance the plant by one control period under the command in `signals`.
 
-    The signals' command answers the state of `tick`; their state becomes that of the next.
+    On entry `signals` holds the state of `tick` and the command that answers it; on return it
+    holds the state of `tick + 1`.
+
+    Returns
+    -------
+    bool
+        True if the new state is finite.
+
     """
-    advance(plant[0], memory[0], tick, now[0], False)
-    observe(plant[0], memory[0], delayed, tick + 1, now[0])
-    return is_finite(now[0])
+    advance(plant_settings[0], plant_memory[0], tick, signals[0], False)
+    observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
+    return is_finite(signals[0])
 
 
 @kernel
-def plant_hold(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> bool:
+def plant_hold(
+    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any
+) -> bool:
     """
-    Advance the plant by one control period without a command: its drives hold.
+    Advance the plant by one control period without a command: the drives hold the joints.
 
-    They do as with rates of zero, within the motors' limits. Arguments as in `plant_tick`;
-    where torques are commanded, none of them is applied meanwhile: what the drives make to hold
-    is their own.
+    The drives regulate the joint rates to zero within the motor limits. With torque commands the
+    reported `applied` torque is zero, because the holding torque is internal to the drives.
+    Arguments and return value are those of `plant_tick`.
     """
-    advance(plant[0], memory[0], tick, now[0], True)
-    observe(plant[0], memory[0], delayed, tick + 1, now[0])
-    return is_finite(now[0])
+    advance(plant_settings[0], plant_memory[0], tick, signals[0], True)
+    observe(plant_settings[0], plant_memory[0], delay_line, tick + 1, signals[0])
+    return is_finite(signals[0])
 
 
 @kernel
 def plant_drive(
-    plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
+    plant_settings: Any, plant_memory: Any, tick: int, step: int, signals: Any, hold: bool
 ) -> None:
     """
-    Write the torques over one step of a plant that is integrated elsewhere.
+    Compute drive and disturbance torques over one step of an externally integrated plant.
 
-    They are `driven` and `push` of the memory, whose `rates` are those at the start of the step;
-    the first step of a tick uses the command of the signals, no command if `holds`.
+    Reads the joint rates at the start of the step from `rates` of `plant_memory` and writes
+    `driven` and `disturbance` there. Step 0 of a tick takes over the command in `signals`, or
+    none if `hold` is true.
     """
-    drive_step(plant[0], memory[0], tick, step, now[0], holds)
+    drive_step(plant_settings[0], plant_memory[0], tick, step, signals[0], hold)
 
 
 @kernel
 def plant_observe(
-    plant: Any, memory: Any, delayed: Any, tick: int, now: Any, holds: bool
+    plant_settings: Any, plant_memory: Any, delay_line: Any, tick: int, signals: Any, hold: bool
 ) -> bool:
-    """Measure the state in the memory of such a plant; return True if it is finite."""
-    release(plant[0], memory[0], now[0], holds)
-    observe(plant[0], memory[0], delayed, tick, now[0])
-    return is_finite(now[0])
+    """
+    Measure the state of an externally integrated plant at the end of a tick.
+
+    Returns
+    -------
+    bool
+        True if the state is finite.
+
+    """
+    release(plant_settings[0], plant_memory[0], signals[0], hold)
+    observe(plant_settings[0], plant_memory[0], delay_line, tick, signals[0])
+    return is_finite(signals[0])
 
 
 @kernel
-def plant_start(plant: Any, memory: Any, delayed: Any, now: Any) -> bool:
-    """Measure the state at tick 0 from the positions and the joints' rates in the memory."""
-    write_velocity(plant[0], memory[0])
-    # Not the literal, for which the compiler would make code of its own.
-    observe(plant[0], memory[0], delayed, np.int64(0), now[0])
-    return is_finite(now[0])
+def plant_start(
+    plant_settings: Any, plant_memory: Any, delay_line: Any, signals: Any
+) -> bool:
+    """
+    Measure the initial state (tick 0) from positions and joint rates in `plant_memory`.
+
+    Returns
+    -------
+    bool
+        True if the state is finite.
+
+    """
+    write_velocity(plant_settings[0], plant_memory[0])
+    # A literal 0 would make Numba compile a second specialisation of `observe`.
+    observe(plant_settings[0], plant_memory[0], delay_line, np.int64(0), signals[0])
+    return is_finite(signals[0])
+
+
+# Checks for NaN and infinity.
 
 
 @formula
-def is_finite(now: Any) -> bool:
+def is_finite(signals: Any) -> bool:
     """
-    Return True if the true and the measured state consist of finite numbers.
+    Return True if the true state and the measured state are finite in all lanes.
 
-    Of a finite true state it need not: beyond 1e9 rad an angle has no sine.
+    Both are checked: the measured state can be non-finite while the true state is finite,
+    because the sine of an angle beyond 1e9 rad is not defined.
     """
-    total = 0.0
-    for lane in range(lane_count(now)):
+    residual = 0.0
+    for lane in range(lane_count(signals)):
         for values in (
-            get(now, 'position', lane),
-            get(now, 'velocity', lane),
-            get(now, 'true_position', lane),
-            get(now, 'true_velocity', lane),
+            get(signals, 'position', lane),
+            get(signals, 'velocity', lane),
+            get(signals, 'true_position', lane),
+            get(signals, 'true_velocity', lane),
         ):
-            total += _rest(values)
-    return total == 0.0
+            residual += _finite_residual(values)
+    return residual == 0.0
 
 
 @formula
-def _rest(values: Any) -> float:
-    """Return zero for numbers that all are finite, not-a-number for any other."""
-    return dot(each(_nothing, values), values)
+def _finite_residual(values: Any) -> float:
+    """Return 0.0 if all values are finite, NaN otherwise; branch-free, so it vectorises."""
+    return dot(elementwise(_self_difference, values), values)
 
 
 @formula
-def _nothing(value: float) -> float:
+def _self_difference(value: float) -> float:
+    """Return value - value: 0.0 if finite, NaN otherwise."""
     return value - value
+
+
+# Whole simulations.
 
 
 @kernel
 def closed_loop(
-    plant: Any,
+    plant_settings: Any,
     plant_memory: Any,
-    delayed: Any,
+    delay_line: Any,
     settings: Any,
     memory: Any,
-    now: Any,
+    signals: Any,
     first: int,
     final: bool,
     reference: Any,
-    signals: Any,
+    history: Any,
 ) -> bool:
     """
-    Run ticks first ... first + n - 1, in all lanes, and keep their signals (n).
+    Simulate ticks `first` to `first + n - 1` in all lanes and record their signals.
 
-    Of a single lane, returns whether its commands and true positions all were finite.
+    Parameters
+    ----------
+    plant_settings, plant_memory, delay_line, settings, memory
+        See the module docstring.
+    signals
+        State at tick `first` on entry, state at tick `first + n` on return.
+    first
+        Number of the first tick.
+    final
+        True if this call ends the run: the command of the last tick is computed, not applied.
+    reference
+        Reference of each tick (n, 3 * axes), shared by all lanes.
+    history
+        Output, signals of each tick (n).
 
-    Records as in `control_tick` and `plant_tick`; `now` holds the state at the first tick and
-    is left with that of the tick after the last. `reference` (n, 3 axes) is that of every
-    lane. When `final`, the last tick's command is computed and not applied.
+    Returns
+    -------
+    bool
+        With a single lane, True if all commands and true positions are finite. With several
+        lanes the check is skipped and the result is always True.
+
     """
-    plant_of_all, state = copied(plant[0]), copied(plant_memory[0])
-    gains, learned, signal = copied(settings[0]), copied(memory[0]), copied(now[0])
-    n, rest = len(reference), 0.0
+    # Copies on the stack: the compiler then knows that nothing else refers to them.
+    plant_constants, plant_state = copied(plant_settings[0]), copied(plant_memory[0])
+    gains, control_state, row = copied(settings[0]), copied(memory[0]), copied(signals[0])
+    n, residual = len(reference), 0.0
     for k in range(n):
-        write_reference(signal, reference[k])
-        control(gains, learned, signal)
-        copy_to(signal, signals[k])
-        # Not of many lanes, which would have to wait for one another's sums.
-        if lane_count(signal) == 1:
-            rest += _rest(get(signal, 'torque', 0))
-            rest += _rest(get(signal, 'rates', 0))
-            rest += _rest(get(signal, 'true_position', 0))
+        write_reference(row, reference[k])
+        control(gains, control_state, row)
+        copy_to(row, history[k])
+        # Summing over several lanes would serialise them.
+        if lane_count(row) == 1:
+            residual += _finite_residual(get(row, 'torque', 0))
+            residual += _finite_residual(get(row, 'rates', 0))
+            residual += _finite_residual(get(row, 'true_position', 0))
         if final and k == n - 1:
             break
-        advance(plant_of_all, state, first + k, signal, False)
-        observe(plant_of_all, state, delayed, first + k + 1, signal)
-    copy_to(state, plant_memory[0])
-    copy_to(learned, memory[0])
-    copy_to(signal, now[0])
-    return rest == 0.0
+        advance(plant_constants, plant_state, first + k, row, False)
+        observe(plant_constants, plant_state, delay_line, first + k + 1, row)
+    copy_to(plant_state, plant_memory[0])
+    copy_to(control_state, memory[0])
+    copy_to(row, signals[0])
+    return residual == 0.0
 
 
 @formula
-def write_reference(signal: Any, reference: Any) -> None:
-    """Write a tick's reference into all lanes."""
-    desired = taken(reference, get(signal, 'reference', 0))
-    for lane in range(lane_count(signal)):
-        put(signal, 'reference', lane, desired)
+def write_reference(signals: Any, reference: Any) -> None:
+    """Write the reference of one tick (3 * axes) into all lanes of `signals`."""
+    desired = to_vector(reference, get(signals, 'reference', 0))
+    for lane in range(lane_count(signals)):
+        put(signals, 'reference', lane, desired)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller as an object: gains, memory between ticks, and live changes of gains."""
+"""Controller with its gains, its memory between ticks, and live changes of parameters."""
 
 from __future__ import annotations
 
@@ -20,44 +20,64 @@ from masmc_ros.loop.closed_loop import (
     control_tick,
     estimate_velocity,
     limit_torque,
-    settle,
+    post_update,
     SINGULAR,
 )
 from masmc_ros.loop.dense import tick_input
 from masmc_ros.loop.signals import inputs, SIGNALS
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import bound
 from masmc_ros.numerics.record import take_over
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 ESTIMATED_RATES = SOURCES[ESTIMATED]
-
-Array = NDArray[np.float64]
 
 
 class Controller:
     """
-    A control law with its memory; arrays are written in place at every tick.
+    Control law with its memory; every tick writes the arrays in place.
 
-    `torque` (joints, N m), `error` (axes, m) and `surface` (axes, m/s) are the last tick's
-    results, `raw_torque` what the law asked for before `torque_limit` and `torque_rate_limit`,
-    `used_estimate` (parameters) the theta_hat in that torque. With `command_interface` velocity
-    `velocity_command` (joints) stands in for the torque: the base's own velocities, then the
-    rates of the joints it does not move by. All of them are of `now`, the signals of the tick.
+    A caller that commands nothing in place of the controller's output calls `output_not_applied`.
 
-    `estimate` is the next tick's theta_hat; `commanded` (joints, N m) is what was really
-    commanded last: the rate is limited against it, the velocity estimator and laws in plain
-    Python reckon with it. Who commands nothing in the controller's place says so by `rest`.
+    Attributes
+    ----------
+    signals
+        Record (1) with the signals of the last tick. The arrays below, except the properties, are
+        views of it.
+    torque
+        Commanded torque (joints) in N·m.
+    raw_torque
+        Torque (joints) of the law before `torque_limit` and `torque_rate_limit`.
+    error, surface
+        Task error (axes) in m and sliding surface (axes) in m/s.
+    used_estimate
+        theta_hat (parameters) in the torque.
+    velocity_command
+        Command (joints) with `command_interface` velocity: the base velocities, then the rates
+        of the joints that do not move the base.
+
     """
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
-        """Take the robot, the control period in s and checked values of `parameters()`."""
+        """
+        Initialise the controller as at the start of a run.
+
+        Parameters
+        ----------
+        robot
+            Robot of the nominal model, before `model_scale`.
+        period
+            Control period in s.
+        values
+            Checked values of `parameters()`.
+
+        """
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
-        self.now = records.signals(self.mechanism)
-        signals = {field.name: self.now[field.name][0] for field in SIGNALS}
-        self._inputs = inputs(self.now)
+        self.signals = records.signals(self.mechanism)
+        signals = {field.name: self.signals[field.name][0] for field in SIGNALS}
+        self._inputs = inputs(self.signals)
         self.torque, self.raw_torque = signals['torque'][:, 0], signals['raw_torque'][:, 0]
         self.error, self.surface = signals['error'][:, 0], signals['surface'][:, 0]
         self.used_estimate = signals['estimate'][:, 0]
@@ -75,63 +95,68 @@ class Controller:
 
     @property
     def estimate(self) -> Array:
-        """theta_hat of the next tick."""
+        """Return theta_hat (parameters) of the next tick."""
         estimate: Array = self.memory['estimate'][0, :, 0]
         return estimate
 
     @property
     def commanded(self) -> Array:
-        """Torque commanded last, N m."""
+        """
+        Return the torque (joints) of the last command in N·m.
+
+        The torque rate limit, the velocity estimator and laws in plain Python use it.
+        """
         commanded: Array = self.memory['commanded'][0, :, 0]
         return commanded
 
     @property
     def has_limits(self) -> bool:
-        """Whether torques or their rates are limited."""
+        """Return True if torques or their rates are limited."""
         return any(self.values['torque_limit']) or any(self.values['torque_rate_limit'])
 
     def reset(self) -> None:
-        """Forget what was learned and commanded: everything as at the start."""
-        self.rest()
-        self.forget()
+        """Reset the adaptation and the last command, as at the start."""
+        self.output_not_applied()
+        self.reset_adaptation()
 
-    def rest(self) -> None:
+    def output_not_applied(self) -> None:
         """
-        Note that no torque is commanded in place of one that is computed.
+        Account for a tick whose computed torque was not commanded, and no other torque either.
 
-        Predictions for the next tick are discarded, and the velocity estimator restarts;
-        what was learned stays.
+        This discards predictions for the next tick and restarts the velocity estimator. Adapted
+        parameters persist.
         """
         self.memory['commanded'] = 0.0
         self._void()
         self.memory['velocity_command'] = 0.0
         self.velocity_command[:] = 0.0
-        self.memory['follows'] = 0
+        self.memory['estimator_initialised'] = 0
 
     def rates(self, velocity: Array) -> Array:
         """
-        Return the driven joints' speeds in rad/s before a tick of these velocities.
+        Return the velocities of the driven joints in rad/s before a tick.
 
-        Measured ones, or the estimate of the last tick; the estimator starts at zero.
+        They are measured or, according to `velocity_source`, the estimates of the last tick. The
+        estimates start at zero.
         """
         joints = len(self.torque)
         if self.values['velocity_source'] != ESTIMATED_RATES:
             return velocity[-joints:]
-        follows = self.memory['follows'][0, 0]
-        return self.memory['rates'][0, :, 0].copy() if follows else np.zeros(joints)
+        is_initialised = self.memory['estimator_initialised'][0, 0]
+        return self.memory['rates'][0, :, 0].copy() if is_initialised else np.zeros(joints)
 
     def skip(self, periods: int) -> None:
         """
-        Note that so many ticks were left out, with the last torque held meanwhile.
+        Account for skipped ticks, during which the last torque was held.
 
-        The disturbance estimate takes nothing from what happened in them, and the velocity
-        estimator goes through them at once.
+        The disturbance estimate ignores them, and the velocity estimator treats them as one long
+        period.
         """
         self._void()
         self.memory['left_out'] += periods
 
-    def forget(self) -> None:
-        """Forget what was learned: theta_hat is nominal, the law's memory as at its start."""
+    def reset_adaptation(self) -> None:
+        """Reset the adaptation: set theta_hat to nominal and re-initialise the law's memory."""
         kept = ('velocity_command', *(field.name for field in velocity_estimator.MEMORY))
         before, self.memory = self.memory, self._new_memory()
         for name in kept:
@@ -142,68 +167,79 @@ class Controller:
 
     def change(self, values: Mapping[str, Any]) -> None:
         """
-        Apply checked values of some parameters from the next tick on.
+        Apply checked values of some parameters from the next tick onwards.
 
-        theta_hat persists, within the bounds of an active projection. Entering the
-        implicit law, or a disturbance estimate switched on or off, starts that estimate from
-        zero.
+        theta_hat persists, within the bounds of an active projection. The disturbance estimate
+        restarts at zero if it is enabled or disabled, or if the implicit law becomes active.
         """
         before, law = self.values, self._law
-        now = {**before, **values}
-        if any(now[name] != before[name] for name in ('law', 'switching')):
-            self._choose(now)
-        self._apply(now)
-        switched = now['switching'] != before['switching'] or law.uses_switching != (
+        changed = {**before, **values}
+        if any(changed[name] != before[name] for name in ('law', 'switching')):
+            self._choose(changed)
+        self._apply(changed)
+        switched = changed['switching'] != before['switching'] or law.uses_switching != (
             self._law.uses_switching
         )
-        if switched or (now['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
+        if switched or (changed['observer_gain'] == 0.0) != (before['observer_gain'] == 0.0):
             self.memory['disturbance'] = 0.0
             self.memory['predicted'] = np.nan
-        if now['velocity_source'] != before['velocity_source']:
-            self.memory['follows'] = 0
+        if changed['velocity_source'] != before['velocity_source']:
+            self.memory['estimator_initialised'] = 0
 
     @property
     def is_compiled(self) -> bool:
         """
-        Return True if the active law consists of compiled functions, as compiled runs need.
+        Return True if the active law is compiled, which compiled runs require.
 
-        So does the kinematic law of commanded rates, whatever `law` says.
+        The kinematic law of commanded rates is always compiled and ignores `law`.
         """
         return self._plug_in is None
 
     def tick(self, position: Array, velocity: Array, reference: Array) -> bool:
         """
-        Compute one tick; True where the task is close to singular.
+        Compute one tick.
 
-        `position` and `velocity` in the order of joint_states, `reference` x_d, xdot_d, xddot_d.
+        Parameters
+        ----------
+        position, velocity
+            Measured state (positions), in the order of joint_states.
+        reference
+            x_d, xdot_d and xddot_d (3 * axes).
+
+        Returns
+        -------
+        bool
+            True if the task is close to singular.
+
         """
         self._write(position, velocity, reference)
         return bool(self.answer(*self._inputs) & SINGULAR)
 
     def answer(self, position: Array, velocity: Array, reference: Array) -> int:
         """
-        Compute one tick as `tick` does; return what `control_tick` says of it.
+        Compute one tick like `tick`, and return the status flags of `control_tick`.
 
-        Other than there, nobody looks whether the arrays are what they have to be: contiguous
-        float64 of the sizes of this robot.
+        The arrays are not checked: they must be contiguous float64 of the sizes of this robot.
         """
         if self._plug_in is not None:
             self._write(position, velocity, reference)
             return SINGULAR * self._tick_plug_in(self._plug_in)
         if self._kernel is None:
-            self._kernel = bound(control_tick, self.settings, self.memory, self.now, *self._inputs)
-        found: int = self._kernel(
-            self.settings, self.memory, self.now, position, velocity, reference
+            self._kernel = bound(
+                control_tick, self.settings, self.memory, self.signals, *self._inputs
+            )
+        status: int = self._kernel(
+            self.settings, self.memory, self.signals, position, velocity, reference
         )
-        return found
+        return status
 
     def _write(self, position: Array, velocity: Array, reference: Array) -> None:
-        # Once a tick: a loop takes longer.
-        now = self._inputs
-        now[0][:], now[1][:], now[2][:] = position, velocity, reference
+        # A loop takes longer, and this is computed at every tick.
+        inputs = self._inputs
+        inputs[0][:], inputs[1][:], inputs[2][:] = position, velocity, reference
 
     def _void(self) -> None:
-        """Forget what memory has of the tick before this one: it was another one than computed."""
+        """Invalidate the memory of the previous tick, which was not as computed."""
         for name in self._of_tick_before:
             self.memory[name] = np.nan
 
@@ -220,7 +256,7 @@ class Controller:
             law = registry.OF_RATES
         elif not isinstance(law, Law):
             plug_in = law()
-            # The parts that plain Python shares with the built-in laws are theirs.
+            # Limits and estimator of a plain-Python law are those of a built-in law.
             law = registry.LAWS['smc']
         settings = records.law_settings(self.mechanism, law, values['switching'])
         records.write_law(settings, self.robot, self.period, values)
@@ -239,30 +275,30 @@ class Controller:
         self.values = dict(values)
         records.write_parameters(self.settings, self._read, values)
         if self._plug_in is None and values['projection.lower'] > 0.0:
-            settle(self.settings, self.memory)
+            post_update(self.settings, self.memory)
 
     def _tick_plug_in(self, law: PlugInLaw) -> bool:
         if self.values['velocity_source'] == ESTIMATED_RATES:
-            estimate_velocity(self.settings, self.memory, self.now)
+            estimate_velocity(self.settings, self.memory, self.signals)
         gains = {
             name: np.array(value) if isinstance(value, tuple) else value
             for name, value in self.values.items()
         }
-        inputs = tick_input(self.settings, self.now, gains, self.estimate, self.commanded)
+        inputs = tick_input(self.settings, self.signals, gains, self.estimate, self.commanded)
         self.used_estimate[:] = self.estimate
         torque, estimate = law.step(inputs)
-        for array, given, what in (
+        for array, result, what in (
             (self.raw_torque, torque, 'torque'),
             (self.estimate, estimate, 'estimate'),
         ):
-            found = np.asarray(given, dtype=np.float64)
-            if found.shape != array.shape or not np.isfinite(found).all():
+            checked = np.asarray(result, dtype=np.float64)
+            if checked.shape != array.shape or not np.isfinite(checked).all():
                 raise InputError(
-                    f'law = {self.values["law"]}: its {what} is {found.tolist()}, expected '
+                    f'law = {self.values["law"]}: its {what} is {checked.tolist()}, expected '
                     f'{array.size} finite numbers'
                 )
-            array[:] = found
-        limit_torque(self.settings, self.memory, self.now)
+            array[:] = checked
+        limit_torque(self.settings, self.memory, self.signals)
         self.error[:] = inputs.error
         self.surface[:] = inputs.surface
         return inputs.singular

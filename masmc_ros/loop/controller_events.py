@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Events, other than parameter changes, that change the computed torque from a tick on."""
+"""Events, other than parameter changes, that change the torque from a tick onwards."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RESUMED = 'resumed'
 """The controller continues with the estimates from before its deactivation."""
 
 DEACTIVATED = 'deactivated'
-"""The law is not computed; the safe stop commands, as `fault_action` says."""
+"""The law is not computed; the safe stop commands according to `fault_action`."""
 
 GUIDED = 'hand guiding'
 """The law is not computed; gravity is compensated, and a hand moves the arm."""

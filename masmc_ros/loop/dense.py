@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dense matrices of one tick for laws in plain Python, made by the formulas of `robot/`."""
+"""Dense matrices of one tick for laws in plain Python, computed with the formulas of `robot/`."""
 
 from __future__ import annotations
 
@@ -10,48 +10,47 @@ from typing import Any
 
 from masmc_ros.law.plug_in import TickInput
 from masmc_ros.law.tick import tick_of
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import zero
-from masmc_ros.numerics.tuples import each, tabulate, tail, thirds, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, tail, thirds, unit
 from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
 
-Numbers = tuple[float, ...]
-
 
 @formula
-def _reduced_inertia_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, h, like = of
-    f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(like, j)))
+def _reduced_inertia_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, h, template = arguments
+    f = mechanism.inertia_times(model, h, mechanism.motion(model, unit(template, j)))
     return mechanism.joint_torques(model, f)
 
 
 @formula
-def _jacobian_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, like = of
-    return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(like, j)))
+def _jacobian_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, template = arguments
+    return mechanism.task_velocity(model, posture, mechanism.motion(model, unit(template, j)))
 
 
 @formula
-def _inverse_column(of: tuple[Any, Any, Numbers, Numbers], j: int) -> Numbers:
-    model, posture, axes, like = of
-    v = mechanism.motion_from_task(model, posture, unit(axes, j), like)
+def _inverse_column(arguments: tuple[Any, Any, Numbers, Numbers], j: int) -> Numbers:
+    model, posture, axes, template = arguments
+    v = mechanism.motion_from_task(model, posture, unit(axes, j), template)
     return mechanism.joint_rates(model, v)
 
 
 @formula
-def _regressor_column(of: tuple[Any, Any, Numbers], j: int) -> Numbers:
-    model, y, like = of
-    f = mechanism.regressor_times(model, y, unit(like, j))
+def _regressor_column(arguments: tuple[Any, Any, Numbers], j: int) -> Numbers:
+    model, y, template = arguments
+    f = mechanism.regressor_times(model, y, unit(template, j))
     return mechanism.joint_torques(model, f)
 
 
 @kernel
-def dense(settings: Any, now: Any) -> Any:
-    """Compute the numbers and the columns of the matrices that `tick_input` hands over."""
-    gains, signals = settings[0], now[0]
+def dense(settings: Any, row: Any) -> Any:
+    """Return the vectors and the columns of the matrices for `tick_input`."""
+    gains, signals = settings[0], row[0]
     position = get(signals, 'position', 0)
     model = mechanism.model_of(gains, 0)
     posture = mechanism.posture(model, position)
@@ -59,55 +58,55 @@ def dense(settings: Any, now: Any) -> Any:
     desired = thirds(get(signals, 'reference', 0))
     v = mechanism.motion(model, rates)
     rates_of_all = get(signals, 'velocity', 0)
-    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, each(zero, v))
+    tick = tick_of(gains, 0, posture, v, position, rates_of_all, desired, elementwise(zero, v))
     h = mechanism.inertia(model, posture, tick.nominal)
     return (
         tick.error,
         tick.surface,
         mechanism.joint_rates(model, tick.reference_velocity),
         mechanism.joint_rates(model, tick.reference_acceleration),
-        tabulate(_jacobian_column, rates, (model, posture, rates)),
-        tabulate(_inverse_column, tick.error, (model, posture, tick.error, rates)),
-        tabulate(_reduced_inertia_column, rates, (model, h, rates)),
+        from_index(_jacobian_column, rates, (model, posture, rates)),
+        from_index(_inverse_column, tick.error, (model, posture, tick.error, rates)),
+        from_index(_reduced_inertia_column, rates, (model, h, rates)),
         mechanism.task_inertia(model, posture, tick.nominal, tick.error),
-        tabulate(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
+        from_index(_regressor_column, tick.nominal, (model, tick.regressor, tick.nominal)),
         tick.is_singular,
     )
 
 
 def tick_input(
     settings: NDArray[np.void],
-    now: NDArray[np.void],
+    signals: NDArray[np.void],
     gains: Mapping[str, Any],
     estimate: NDArray[np.float64],
     commanded: NDArray[np.float64],
 ) -> TickInput:
     """
-    Return what a law in plain Python is given: state, reference and dense matrices.
+    Return the input of a law in plain Python: state, reference and dense matrices.
 
     Parameters
     ----------
     settings
-        those of a built-in law, with the current parameters.
-    now
-        signals with the state and the reference.
+        Settings (1) of a built-in law, with the current parameters.
+    signals
+        Signals (1) with the state and the reference.
     gains
-        every parameter by name.
+        All parameters by name.
     estimate
-        theta_hat.
+        theta_hat (parameters).
     commanded
-        the last tick's torque in N m.
+        Torque (joints) of the last tick in N·m.
 
     """
     error, surface, v_r, a_r, jacobian, inverse, inertia, task_inertia, y, singular = dense(
-        settings, now
+        settings, signals
     )
     return TickInput(
         period=float(settings['period'][0, 0]),
         gains=gains,
-        position=now['position'][0, :, 0].copy(),
-        velocity=now['velocity'][0, :, 0].copy(),
-        reference=now['reference'][0].reshape(3, -1).copy(),
+        position=signals['position'][0, :, 0].copy(),
+        velocity=signals['velocity'][0, :, 0].copy(),
+        reference=signals['reference'][0].reshape(3, -1).copy(),
         error=np.array(error),
         error_rate=np.array(surface) - gains['sigma'] * np.array(error),
         surface=np.array(surface),

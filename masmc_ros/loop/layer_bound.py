@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How long a torque may be held under a boundary layer, and how thick the layer has to be.
+Bounds for boundary layers: longest hold time of a torque, and smallest layer thickness.
 
-Inside the layer a smooth switching term is the gain K_s1 + K_s2 / delta. Held for h seconds it
-is stable as long as h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
+Inside the layer a smooth switching term acts as the gain K_s1 + K_s2 / delta. A torque held for
+h seconds is stable if h (K_s1 + K_s2 / delta) < 2 lambda_min(H_x); see docs/control_law.md.
 """
 
 from __future__ import annotations
@@ -22,36 +22,44 @@ import numpy as np
 
 
 @kernel
-def _task_inertia(plant: Any, now: Any) -> Any:
+def _task_inertia(plant: Any, signals: Any) -> Any:
     model = formulas.model_of(plant[0], 0)
-    bend = formulas.posture(model, get(now[0], 'position', 0))
-    theta, error = get(plant[0], 'theta', 0), get(now[0], 'error', 0)
+    bend = formulas.posture(model, get(signals[0], 'position', 0))
+    theta, error = get(plant[0], 'theta', 0), get(signals[0], 'error', 0)
     return formulas.task_inertia(model, bend, theta, error)
 
 
 def least_task_inertia(
     mechanism: Mechanism, theta: Any, geometry: Any, position: Any
 ) -> float:
-    """Return lambda_min(H_x) in kg of base parameters and lengths, at the positions."""
-    plant, now = records.plant_settings(mechanism), records.signals(mechanism)
+    """Return lambda_min(H_x) in kg for base parameters, lengths and positions."""
+    plant, signals = records.plant_settings(mechanism), records.signals(mechanism)
     fill(plant, 'theta', theta)
     fill(plant, 'geometry', geometry)
-    fill(now, 'position', position)
-    matrix = np.array(_task_inertia(plant, now))
+    fill(signals, 'position', position)
+    matrix = np.array(_task_inertia(plant, signals))
     return float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0])
 
 
 def longest_hold(inertia: float, k_s1: float, k_s2: float, layer: float) -> float:
     """
-    Return the time in s for which a torque may be held, infinite without gains.
+    Return the longest time in s for which a torque may be held; infinite without gains.
 
-    Of kg, N s/m, N and m/s.
+    Parameters
+    ----------
+    inertia
+        Smallest task inertia lambda_min(H_x), kg.
+    k_s1, k_s2
+        Gains of the reaching law, N·s/m and N.
+    layer
+        Thickness delta of the boundary layer, m/s.
+
     """
     gain = k_s1 + k_s2 / layer
     return 2.0 * inertia / gain if gain > 0.0 else math.inf
 
 
 def thinnest_layer(inertia: float, k_s1: float, k_s2: float, hold: float) -> float:
-    """Return the bound of delta in m/s for torques held for so many s; infinite for none."""
-    rest = 2.0 * inertia / hold - k_s1
-    return k_s2 / rest if rest > 0.0 else math.inf
+    """Return the smallest stable delta in m/s for torques held `hold` s; infinite if none is."""
+    slope = 2.0 * inertia / hold - k_s1
+    return k_s2 / slope if slope > 0.0 else math.inf

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compiled code of the control laws: made beforehand, or when a live change needs it.
+Compilation of the control laws: in advance, or for a live change.
 
-To compile a law takes seconds, on a tree robot up to a minute, and to load its code from disk up
-to a fifth of a second. A controller that did either between two ticks would stand still, so both
-are done next to it. The code of the paper's laws and of a user's own is loaded while the node
-starts. Code that is not on the disk yet is made by a process of the lowest priority, once per
-machine. A live change of `law` or `switching` whose code the node has not loaded is a `LawChange`:
-a process compiles, a thread loads, and the change takes effect between two ticks.
+Compiling a law takes seconds, on a tree robot up to a minute. Loading its code from disk takes up
+to a fifth of a second. A controller must do neither between two ticks, so other processes and
+threads do both. While the node starts, it loads the code of the paper's laws and of user laws. A
+process with the lowest priority compiles missing code, once per machine. A live change of `law` or
+`switching` may need code that the node has not loaded: in a `LawChange` a process compiles, a
+thread loads, and the change takes effect between two ticks.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, settle
+from masmc_ros.loop.closed_loop import control_tick, estimate_velocity, limit_torque, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.dense import dense
 from masmc_ros.loop.signals import inputs
@@ -46,31 +46,31 @@ from masmc_ros.numerics.compiled import (
 )
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 
 CHOOSES_CODE = ('law', 'switching')
-"""Parameters that change while a node runs and for which other code is compiled."""
+"""Live parameters that require other compiled code."""
 
 _NICE_OF_REQUEST, _NICE_OF_PREPARATION = 5, 19
-"""Priorities of the processes that compile; nodes, which must not be late, have 0."""
+"""Nice values of the compiling processes; nodes have 0, because they must not be late."""
 
 _LONGEST_REASON = 200
-"""Characters that are logged of the cause of an error."""
+"""Largest number of logged characters of the cause of an error."""
 
 _NUMBA_FAILED = 'Failed in nopython mode pipeline'
 _PLACE = re.compile(r'File "(?:.*/)?([^/"]+)", line (\d+)')
-"""Texts with which Numba introduces a cause and its place."""
+"""Texts in front of a cause and its place in errors of Numba."""
 
 Values = Mapping[str, Any]
 
 
 class Code(NamedTuple):
-    """The compiled code of one law with one switching term."""
+    """Compiled code of one law with one switching term."""
 
     name: tuple[str, str]
-    """Of the law and of the switching term; empty for a law that has none."""
+    """Names of the law and of the switching term, which is empty for a law without it."""
     calls: tuple[tuple[Any, tuple[Any, ...]], ...]
-    """Kernels, each with arguments of the types that it is called with."""
+    """Kernels, each with example arguments of the required types."""
 
     @property
     def is_loaded(self) -> bool:
@@ -79,12 +79,12 @@ class Code(NamedTuple):
 
     @property
     def is_on_disk(self) -> bool:
-        """Return True if the disk has a file for each kernel, which may be damaged."""
+        """Return True if the disk has a file for each kernel; a file may be damaged."""
         return all(is_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
 
     @property
     def is_whole_on_disk(self) -> bool:
-        """Return True if loading compiles nothing; the files are read."""
+        """Return True if loading compiles nothing; reads the files to check them."""
         return all(is_whole_on_disk(kernel, *arguments) for kernel, arguments in self._to_load)
 
     @property
@@ -92,43 +92,43 @@ class Code(NamedTuple):
         return (call for call in self.calls if not is_loaded(call[0], *call[1]))
 
     def load(self) -> None:
-        """Load the code, and compile what is not on the disk."""
+        """Load the code, and compile missing kernels."""
         for kernel, arguments in self.calls:
             bound(kernel, *arguments)
 
 
 def code_of_law(mechanism: Mechanism, law: Law, switching: str) -> Code:
-    """Return the code of a compiled law for a robot of this kind."""
-    now = records.signals(mechanism)
+    """Return the code of a compiled law for a type of robot."""
+    signals = records.signals(mechanism)
     memory = records.law_memory(mechanism, law)
     settings = records.law_settings(mechanism, law, switching)
     return Code(
         (law.name, switching if law.uses_switching else ''),
         (
-            (control_tick, (settings, memory, now, *inputs(now))),
+            (control_tick, (settings, memory, signals, *inputs(signals))),
             # Called when a parameter changes while a projection is active.
-            (settle, (settings, memory)),
+            (post_update, (settings, memory)),
         ),
     )
 
 
 def code_of_plain_law(mechanism: Mechanism, name: str, switching: str) -> Code:
-    """Return the code around a user's law in plain Python for a robot of this kind."""
-    now = records.signals(mechanism)
+    """Return the code around a user law in plain Python for a type of robot."""
+    signals = records.signals(mechanism)
     memory = records.law_memory(mechanism, SMC)
     settings = records.law_settings(mechanism, SMC, switching)
     return Code(
         (name, switching),
         (
-            (estimate_velocity, (settings, memory, now)),
-            (dense, (settings, now)),
-            (limit_torque, (settings, memory, now)),
+            (estimate_velocity, (settings, memory, signals)),
+            (dense, (settings, signals)),
+            (limit_torque, (settings, memory, signals)),
         ),
     )
 
 
 def code_for(mechanism: Mechanism, values: Values) -> Code:
-    """Return the code that a controller with these values of its parameters needs."""
+    """Return the code required by a controller with these parameter values."""
     if takes_rates(values):
         return code_of_law(mechanism, registry.OF_RATES, values['switching'])
     law = registry.load_for(values['law'], mechanism)
@@ -138,37 +138,38 @@ def code_for(mechanism: Mechanism, values: Values) -> Code:
 
 
 def fitting(mechanism: Mechanism) -> tuple[Law, ...]:
-    """Return the compiled laws that a robot of this kind can have."""
+    """Return the compiled laws that support a type of robot."""
     return tuple(law for law in laws() if law.fits(mechanism))
 
 
 def laws() -> tuple[Law, ...]:
-    """Return the laws that are compiled, users' own among them."""
-    found = (registry.load(name) for name in registry.names())
-    return tuple(law for law in found if isinstance(law, Law))
+    """Return all compiled laws, including user laws."""
+    loaded = (registry.load(name) for name in registry.names())
+    return tuple(law for law in loaded if isinstance(law, Law))
 
 
-def laws_at_hand() -> tuple[Law, ...]:
-    """Return the laws of the paper and users' own, whose kernels a controller starts with."""
+def laws_loaded_at_start() -> tuple[Law, ...]:
+    """Return the laws of the paper and of users, which a controller loads while it starts."""
     others = set(registry.LAWS) - {SMC.name, RASMC.name}
     return tuple(law for law in laws() if law.name not in others)
 
 
 def plain_laws() -> tuple[str, ...]:
-    """Return the names of users' laws in plain Python."""
+    """Return the names of user laws in plain Python."""
     return tuple(name for name in registry.names() if not isinstance(registry.load(name), Law))
 
 
 def load(mechanism: Mechanism, which: Iterable[Law]) -> None:
     """
-    Load the code of laws with all switching terms, compiled where it is not on the disk.
+    Load the code of laws with all switching terms; compile it if it is not on the disk.
 
-    If a user's law in plain Python is installed, the code around it is loaded as well.
+    If a user law in plain Python is installed, this includes the code around it.
     """
     for law in which:
         for switching in registry.SWITCHING if law.uses_switching else ('',):
             code_of_law(mechanism, law, switching).load()
-    for name in plain_laws()[:1]:  # the same code for all of them
+    # All laws in plain Python have the same code around them.
+    for name in plain_laws()[:1]:
         for switching in registry.SWITCHING:
             code_of_plain_law(mechanism, name, switching).load()
 
@@ -181,11 +182,11 @@ def mark(mechanism: Mechanism) -> Path:
 
 
 def prepare(mechanism: Mechanism) -> subprocess.Popen[bytes] | None:
-    """Load the kernels, or let a process make them, which is returned; it ends with this one."""
+    """Load the kernels, or return a process that compiles them and ends with this process."""
     if is_interpreted(control_tick):
         return None
     if mark(mechanism).exists():
-        load(mechanism, laws_at_hand())
+        load(mechanism, laws_loaded_at_start())
         return None
     return _started(mechanism, None)
 
@@ -194,28 +195,28 @@ class Effect(NamedTuple):
     """Effect of requested parameter values."""
 
     values: dict[str, Any]
-    """Those with which the next tick is computed."""
+    """Values used by the next tick."""
     withdrawn: tuple[str, ...] = ()
     """Names of parameters that keep their values because the change has failed."""
     text: str = ''
-    """For the log and for the response to the request; empty if all is as requested."""
+    """Text for the log and for the response; empty if all values apply as requested."""
 
 
 class LawChange:
     """
-    Changes of a controller's parameters; `law` and `switching` may need other code.
+    Live changes of a controller's parameters; `law` and `switching` may need other code.
 
-    A change whose code is loaded is applied at once, and so is one of other parameters. Any
-    other change is pending: its code is compiled by a process and loaded by a thread, while the
-    controller continues with the active law. A later change of `law` or `switching` replaces
-    one that is pending. Values that are requested together are applied together.
+    A change takes effect at once if its code is loaded or it needs no other code. Otherwise it is
+    pending: a process compiles the code and a thread loads it, while the controller continues
+    with the active law. A later change of `law` or `switching` replaces a pending change. Values
+    requested together take effect together.
 
     The caller requests, polls between two ticks, and carries out the `Effect` of both. Nothing
     here waits, except `close`.
     """
 
     def __init__(self, controller: Controller) -> None:
-        """Initialise the changes of a controller whose code is loaded here; none is pending."""
+        """Load the code of a controller; no change is pending."""
         self._controller = controller
         self._known: dict[tuple[str, str], Code] = {}
         self._code_of(controller.values).load()
@@ -224,44 +225,44 @@ class LawChange:
 
     @property
     def is_pending(self) -> bool:
-        """Return True while a change has not taken effect yet."""
+        """Return True if a change has not taken effect yet."""
         return self._making is not None
 
     @property
     def awaited(self) -> str:
-        """Name the code for which a change is pending; '' if none is."""
+        """Return a description of the code of a pending change; '' without one."""
         return f'the compiled code of {_text(self._wanted)}' if self.is_pending else ''
 
     def request(self, values: Values, *, waits: bool = False) -> Effect:
         """
-        Apply checked values from the next tick on, or prepare the code that they need.
+        Apply checked values from the next tick onwards, or prepare the code for them.
 
         Parameters
         ----------
         values
-            of some parameters, by name.
+            Values of some parameters, by name.
         waits
             True if the caller computes no tick while a change is pending, for the text.
 
         Returns
         -------
         Effect
-            with a text if something of the values does not take effect from the next tick on.
+            Its text is empty if all values take effect from the next tick onwards.
 
         """
-        in_force = self._controller.values
+        active = self._controller.values
         wanted = {**self._wanted, **values}
-        self._wanted = {name: v for name, v in wanted.items() if v != in_force[name]}
-        code = self._code_of({**in_force, **self._wanted})
+        self._wanted = {name: v for name, v in wanted.items() if v != active[name]}
+        code = self._code_of({**active, **self._wanted})
         if code.is_loaded:
             self._drop()
             return self._apply()
-        # Before the thread starts, with which this one would share the interpreter.
+        # The check comes before the thread starts, which would share the interpreter.
         doing = 'loading' if code.is_on_disk else 'compiling'
         if self._making is None or self._making.code.name != code.name:
             self._drop()
             self._making = _Making(
-                self._controller.mechanism, code, {**in_force, **self._wanted}
+                self._controller.mechanism, code, {**active, **self._wanted}
             )
         elif not any(name in values for name in CHOOSES_CODE):
             # For the active law and for the requested one, which becomes active later.
@@ -273,27 +274,27 @@ class LawChange:
         return Effect({}, text=text)
 
     def poll(self) -> Effect | None:
-        """Apply a pending change whose code is ready; None while there is nothing to do."""
+        """Apply a pending change if its code is ready; return None if there is nothing to do."""
         making = self._making
         if making is None or making.is_alive():
             return None
         self._making = None
         if making.failure is not None:
             return self._failed(making.failure)
-        text = f'{_text(self._wanted)}: ready after {making.duration:.1f} s; now in force'
+        text = f'{_text(self._wanted)}: ready after {making.duration:.1f} s; now active'
         effect = self._apply()
         return effect if effect.withdrawn else effect._replace(text=text)
 
     def close(self) -> None:
-        """Give up a pending change, and wait until its thread has ended."""
+        """Cancel a pending change, and wait for the end of its thread."""
         making = self._making
         self._drop()
         if making is not None:
             making.join()
 
     def _code_of(self, values: Values) -> Code:
-        """Return the code that the controller needs with values of its parameters."""
-        # Its records take milliseconds to make.
+        """Return the code required by the controller with these parameter values."""
+        # Creating its records takes milliseconds.
         name = values['law'], values['switching']
         if name not in self._known:
             self._known[name] = code_for(self._controller.mechanism, values)
@@ -301,7 +302,7 @@ class LawChange:
 
     @property
     def _present(self) -> str:
-        """Name what continues while a change is pending."""
+        """Return the value that stays active while a change is pending."""
         changed = [name for name in CHOOSES_CODE if name in self._wanted]
         return str(self._controller.values[changed[0] if changed else 'law'])
 
@@ -312,7 +313,7 @@ class LawChange:
         try:
             self._controller.change(values)
         except Exception as error:
-            # A plugged-in law may fail in any way when it is made, before anything has changed.
+            # The constructor of a plug-in law may raise anything, before any value has changed.
             if self._controller.values is not old:
                 raise
             return self._failed(_one_line(error))
@@ -337,21 +338,21 @@ class LawChange:
 
 class _Making(Thread):
     """
-    Has code compiled by a process unless the disk has it, then loads it.
+    Thread that lets a process compile code that is not on the disk, and loads it.
 
     Attributes
     ----------
     code
-        what is made.
+        Code to prepare.
     failure
-        why there is no code; None if it is loaded, or until then.
+        Reason of a failure; None after success and until the end.
     duration
-        time in s from the start to the end.
+        Time in s from the start to the end.
 
     """
 
     def __init__(self, mechanism: Mechanism, code: Code, values: Values) -> None:
-        """Start."""
+        """Start the thread for code of a controller with these parameter values."""
         super().__init__(name='law code', daemon=True)
         self.code = code
         self.failure: str | None = None
@@ -364,7 +365,7 @@ class _Making(Thread):
         self.start()
 
     def run(self) -> None:
-        """Make the code, then load it."""
+        """Compile the code if necessary, then load it."""
         start = time.monotonic()
         try:
             if not self.code.is_whole_on_disk:
@@ -376,14 +377,14 @@ class _Making(Thread):
         self.duration = time.monotonic() - start
 
     def stop(self) -> None:
-        """End the process that compiles; the thread ends soon after."""
+        """End the compiling process; the thread ends soon after."""
         with self._lock:
             self._is_stopped = True
             if self._process is not None:
                 self._process.kill()
 
     def _compile(self) -> str | None:
-        """Wait for the process that compiles; return why there is no code, if there is none."""
+        """Wait for the compiling process; return the reason of a failure, None after success."""
         with self._lock:
             if self._is_stopped:
                 return 'given up'
@@ -406,7 +407,7 @@ class _Making(Thread):
 
 
 def _text(values: Values) -> str:
-    """Return parameters with their values, those first that choose the code."""
+    """Return parameters with their values, first those of CHOOSES_CODE."""
     names = sorted(values, key=lambda name: (name not in CHOOSES_CODE, name))
     return ', '.join(f'{name} = {yaml_text(values[name])}' for name in names)
 
@@ -415,8 +416,8 @@ def _one_line(error: BaseException) -> str:
     """
     Return the innermost cause of an error in one line.
 
-    Numba's errors are pages long: an error for each function on the way to the cause, each with
-    the types of all arguments.
+    Numba's errors are pages long: they contain an error for each function on the way to the cause,
+    with the types of all arguments.
     """
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     starts = [k for k, line in enumerate(lines) if _NUMBA_FAILED in line]
@@ -435,7 +436,7 @@ def _shortened(text: str) -> str:
 
 
 def _started(mechanism: Mechanism, values: Values | None) -> subprocess.Popen[bytes]:
-    """Start a process that makes the code for values of parameters, for None all code."""
+    """Start a process that compiles the code for parameter values, or all code for None."""
     process = subprocess.Popen(
         [sys.executable, '-m', __name__],
         stdin=subprocess.PIPE,
@@ -452,20 +453,20 @@ def _started(mechanism: Mechanism, values: Values | None) -> subprocess.Popen[by
 
 def main() -> None:
     """
-    Make the code that the first line of the input names, and print one line if that fails.
+    Compile the code requested by the first line of the input; print one line if that fails.
 
-    The code of all laws is made unless another process does so already.
+    A request without values compiles all laws, unless another process does so already.
     """
     request = json.loads(sys.stdin.readline())
-    # Standard input is the node that asked: it is closed when that ends, however it does.
+    # Standard input comes from the requesting node and is closed when the node ends.
     Thread(target=_end_with_parent, daemon=True).start()
     values = request['values']
     if hasattr(os, 'nice'):
         os.nice(_NICE_OF_PREPARATION if values is None else _NICE_OF_REQUEST)
     try:
-        # A user's law may print while it is imported.
+        # A user law may print while it is imported.
         with redirect_stdout(sys.stderr):
-            mechanism = chosen(request['robot'])
+            mechanism = mechanism_from(request['robot'])
             if values is None:
                 _prepare_all(mechanism)
             else:
@@ -484,7 +485,7 @@ def _prepare_all(mechanism: Mechanism) -> None:
             for law in fitting(mechanism):
                 try:
                     load(mechanism, [law])
-                except Exception:  # a user's law, which its node reports when it is chosen
+                except Exception:  # of a user law; the node reports it when it is selected
                     failed = True
             if not failed:
                 done.touch()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The records of compiled code, made from what laws, plant and parameters declare."""
+"""Records of compiled code, built from the declarations of laws, plant and parameters."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _CHOSEN_WHEN_COMPILED = ('law', 'switching', 'command_interface')
 
 def field_of(parameter: Parameter) -> Field | None:
     """
-    Return the field that compiled code reads a parameter from, None if it reads none.
+    Return the field from which compiled code reads a parameter; None if it does not read it.
 
-    A choice is read as its position among the choices.
+    The field of a choice holds its index among the choices.
     """
     if parameter.name in _CHOSEN_WHEN_COMPILED:
         return None
@@ -57,7 +57,7 @@ def field_name(parameter: str) -> str:
 
 
 def law_settings(mechanism: Mechanism, law: Law, switching: str, lanes: int = 1) -> Records:
-    """Return settings of a law, all zero: what it may read, not what other laws alone do."""
+    """Return the settings of a law, all zero: shared parameters and those of the law."""
     own = (*shared_parameters(mechanism), *law.parameters)
     declared = map(field_of, declared_for(mechanism, own))
     fields = (*control.SETTINGS, *(field for field in declared if field is not None))
@@ -76,7 +76,7 @@ def write_law(
     values: Mapping[str, Any],
     lane: int | None = None,
 ) -> None:
-    """Write the other settings of a law: the nominal robot and the control period."""
+    """Write the settings of a law that are not parameters: nominal robot and control period."""
     fill(settings, 'geometry', robot.geometry, lane)
     fill(settings, 'nominal', values['model_scale'] * robot.theta, lane)
     fill(settings, 'period', period, lane)
@@ -85,17 +85,17 @@ def write_law(
 
 
 def law_tag(law: Law) -> str:
-    """Return what keeps machine code apart: the law's name, and which formulas it has."""
+    """Return the tag of the compiled code of a law: its name, and a digest of a plug-in."""
     return f'{law.name} {_digest(law)}'.rstrip()
 
 
 def law_memory(mechanism: Mechanism, law: Law, lanes: int = 1) -> Records:
-    """Return the memory of a law at its start."""
+    """Return the initial memory of a law."""
     return new_record(_memory_fields(law), mechanism.sizes, lanes)
 
 
 def of_tick_before(law: Law) -> tuple[str, ...]:
-    """Return the memory of a law from the previous tick: fields that start as NaN."""
+    """Return the names of memory fields from the previous tick: their initial value is NaN."""
     return tuple(field.name for field in _memory_fields(law) if math.isnan(field.initial))
 
 
@@ -105,7 +105,7 @@ def _memory_fields(law: Law) -> tuple[Field, ...]:
 
 
 def plant_settings(mechanism: Mechanism, lanes: int = 1) -> Records:
-    """Return settings of a plant, all zero."""
+    """Return the settings of a plant, all zero."""
     tags = {'mechanism': mechanism.tag}
     return new_record(plant_tick.SETTINGS, mechanism.sizes, lanes, tags)
 
@@ -121,10 +121,12 @@ def signals(mechanism: Mechanism, lanes: int = 1) -> Records:
 
 
 def read_by(settings: Records, mechanism: Mechanism) -> tuple[tuple[Parameter, str], ...]:
-    """Return the parameters that the settings of a mechanism's law have a field for, with it."""
-    fields = ((each, field_of(each)) for each in parameters(mechanism))
+    """Return the parameters with a field in the settings of a law, and the names of the fields."""
+    fields = ((parameter, field_of(parameter)) for parameter in parameters(mechanism))
     names = settings.dtype.names or ()
-    return tuple((each, field.name) for each, field in fields if field and field.name in names)
+    return tuple(
+        (parameter, field.name) for parameter, field in fields if field and field.name in names
+    )
 
 
 def write_parameters(
@@ -133,7 +135,7 @@ def write_parameters(
     values: Mapping[str, Any],
     lane: int | None = None,
 ) -> None:
-    """Write checked values of parameters, by name, into settings that they are `read_by`."""
+    """Write checked parameter values by name into settings; `read` is that of `read_by`."""
     for parameter, field in read:
         value = values[parameter.name]
         if parameter.kind == 'string':

@@ -4,7 +4,7 @@
 """
 Detection of a robot that runs away under its controller.
 
-Three rules, each on its own; none had a false alarm in 56 ordinary runs of three robots:
+Three independent rules; none had a false alarm in 56 ordinary runs of three robots:
 
 * reversals: over 0.1 s (at least 10 ticks) the torque of one joint is at its limit on at least
   half of the ticks, and the limited side changes at least four times;
@@ -12,7 +12,7 @@ Three rules, each on its own; none had a false alarm in 56 ordinary runs of thre
   the norm of the error grows by more than 20 % and 0.01;
 * speed: a joint is faster than 1.2 times its speed limit.
 
-The first two look at stretches of continuous control: they start anew after 0.1 s without a tick.
+The first two rules need continuous control: they restart after 0.1 s without a tick.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _look(
 
 
 class RunawayWatch:
-    """Looks at every computed tick for signs of a run-away."""
+    """Monitor that checks every computed tick for a run-away."""
 
     def __init__(self, controller: Controller, speed_limits: Sequence[float]) -> None:
         """
@@ -134,7 +134,7 @@ class RunawayWatch:
         self._tick = 0
         self._kernel: Any = None
         self.restart()
-        # Compiled or loaded here, not at the first tick.
+        # This call compiles or loads the kernel, which would delay the first tick.
         self.look(np.zeros(joints))
         self.restart()
 
@@ -149,9 +149,9 @@ class RunawayWatch:
 
     def skip(self, periods: int) -> None:
         """
-        Clear the windows if the last torque was held for too many periods beyond its own.
+        Clear the windows if the last torque was held for too many periods.
 
-        What the robot did meanwhile, it did without control.
+        The robot moved without control in these periods.
         """
         if periods >= self._short:
             self.restart()

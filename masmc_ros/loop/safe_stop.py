@@ -10,8 +10,8 @@ after `~/emergency_stop` the controller therefore continues to command
     tau = sat(g(q) - alpha H(q) [(v - v_r) + (alpha / 4) (q - q_r)])
 
 with gravity g and full inertia H of the nominal model. The reference brakes from the joint
-velocities of the moment at which the law ended: v_r' = -8 v_r, q_r' = v_r. Wheels are held
-like other joints. `gravity` and hand guiding have no stiffness, the term with q - q_r.
+velocities at the end of the law: v_r' = -8 v_r, q_r' = v_r. Wheels are held like other joints.
+`gravity` and hand guiding have no stiffness, the term with q - q_r.
 
 The gain alpha is bounded by the period T, an assumed delay of another period, and the time in
 which `torque_rate_limit` lets a torque rise to `torque_limit`. The full inertia is essential: with
@@ -24,22 +24,20 @@ from typing import Any
 
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, SOURCES
 from masmc_ros.loop.controller import Controller
-from masmc_ros.numerics.arrays import taken, write_along
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.arrays import to_vector, write_along
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.limits import clipped, limited
 from masmc_ros.numerics.record import fill, get, new_record, put
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 VOID, GRAVITY, HOLD = 'void', 'gravity', 'hold'
-"""Values of `fault_action`."""
+"""Choices of `fault_action`."""
 
 GUIDE = 'guide'
 """Action while the arm is guided by hand: gravity torque and light damping."""
@@ -52,9 +50,9 @@ BALANCE = 'balance'
 
 BALANCE_TIME = 0.1
 """
-Time in s for which the last gravity torque is better than none.
+Time in s for which the last gravity torque is better than no torque.
 
-With wrong masses it lets an arm fall as void does, but in another direction, after 0.2 s.
+With wrong masses the arm falls after 0.2 s as with void, but in another direction.
 """
 
 PARAMETER = Parameter(
@@ -81,7 +79,7 @@ _UNFOLDING = 4.0
 _UNFOLDING_SPEED = 0.5
 
 _FILTER = 0.005
-"""Time constant in s of velocities that are differences of joint angles."""
+"""Time constant in s of the filter for velocities computed from joint angles."""
 
 _LONGEST = 0.1
 """Longest time in s between two states that the reference accounts for."""
@@ -116,16 +114,16 @@ def _stop_torque(
 ) -> bool:
     """Write the torque for a state, `elapsed` s after the one before; False if not finite."""
     body = stop[0]
-    like = get(body, 'torque', 0)
+    template = get(body, 'torque', 0)
     model = mechanism.model_of(body, 0)
-    at = taken(position, get(body, 'position', 0))
-    angles = tail(at, like)
-    rates = tail(taken(velocity, get(body, 'position', 0)), like)
+    at = to_vector(position, get(body, 'position', 0))
+    angles = tail(at, template)
+    rates = tail(to_vector(velocity, get(body, 'position', 0)), template)
     if is_estimated:
         share = elapsed / (elapsed + _FILTER)
         before = get(body, 'angles', 0)
-        rates = each(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
-    v_r = each(
+        rates = elementwise(_filtered, get(body, 'rates', 0), before, angles, elapsed, share)
+    v_r = elementwise(
         _led,
         get(body, 'reference_rates', 0),
         get(body, 'reference_angles', 0),
@@ -133,7 +131,7 @@ def _stop_torque(
         1.0 / (1.0 + _BRAKING * elapsed),
         pull,
     )
-    q_r = each(moved, get(body, 'reference_angles', 0), v_r, elapsed)
+    q_r = elementwise(moved, get(body, 'reference_angles', 0), v_r, elapsed)
     put(body, 'position', 0, at)
     put(body, 'angles', 0, angles)
     put(body, 'rates', 0, rates)
@@ -141,13 +139,13 @@ def _stop_torque(
     put(body, 'reference_angles', 0, q_r)
     theta = get(body, 'nominal', 0)
     bend = mechanism.posture(model, at)
-    apart = each(_apart, rates, v_r, angles, q_r, stiffness)
+    apart = elementwise(_apart, rates, v_r, angles, q_r, stiffness)
     motion = mechanism.motion(model, apart)
-    weight = mechanism.coriolis(model, bend, theta, each(zero, motion))
+    weight = mechanism.coriolis(model, bend, theta, elementwise(zero, motion))
     inertia = mechanism.inertia(model, bend, theta)
-    feedback = mechanism.inertia_times(model, inertia, each(_scaled, motion, gain))
-    raw = mechanism.joint_torques(model, each(minus, weight, feedback))
-    torque = each(
+    feedback = mechanism.inertia_times(model, inertia, elementwise(_scaled, motion, gain))
+    raw = mechanism.joint_torques(model, elementwise(minus, weight, feedback))
+    torque = elementwise(
         limited,
         raw,
         get(body, 'torque', 0),
@@ -155,8 +153,8 @@ def _stop_torque(
         get(body, 'rate_limit', 0),
         get(body, 'period', 0),
     )
-    # Zero for finite numbers, NaN otherwise.
-    is_finite = dot(each(minus, torque, torque), torque) == 0.0
+    # The sum is zero for finite numbers and NaN otherwise.
+    is_finite = dot(elementwise(minus, torque, torque), torque) == 0.0
     if is_finite:
         put(body, 'torque', 0, torque)
         write_along(out, 0, torque)
@@ -165,7 +163,7 @@ def _stop_torque(
 
 @formula
 def _led(rate: float, angle: float, goal: float, share: float, pull: float) -> float:
-    """Return a velocity that is braked, and led to a goal if `pull` is not zero."""
+    """Return the next reference velocity: braked, and directed to a goal if `pull` is not zero."""
     return rate * share + (1.0 - share) * clipped(pull * (goal - angle), _UNFOLDING_SPEED)
 
 
@@ -187,7 +185,7 @@ def _apart(rate: float, v_r: float, angle: float, q_r: float, stiffness: float) 
 
 class SafeStop:
     """
-    Commands torques in the place of a controller's law.
+    Torque commands in place of a controller's law.
 
     Results are written into `torque` and `commanded` of the controller.
 
@@ -240,7 +238,7 @@ class SafeStop:
         controller = self._controller
         rates = controller.rates(velocity).copy()
         commanded = controller.commanded.copy()
-        controller.rest()
+        controller.output_not_applied()
         self.action = VOID if controller.commands_rates else action
         if not self.commands:
             return
@@ -321,16 +319,16 @@ class SafeStop:
         return posture
 
     def release(self) -> None:
-        """Command nothing from now on; the commanded torque is zero."""
+        """End all commands; the commanded torque is zero."""
         self.action = VOID
-        self._controller.rest()
+        self._controller.output_not_applied()
 
     def end(self) -> None:
-        """Let the law continue from the torque that was commanded last."""
+        """Let the law continue from the last commanded torque."""
         self.action = VOID
 
     def hand_over(self) -> None:
-        """Restart the controller, which continues from the torque that was commanded last."""
+        """Restart the controller from the last commanded torque."""
         commanded = self._controller.commanded.copy()
         self._controller.reset()
         if self.commands:
@@ -338,7 +336,7 @@ class SafeStop:
         self.action = VOID
 
     def _largest_gain(self) -> float:
-        """Return the gain alpha in 1/s that period, delay and torque rate limit allow."""
+        """Return the largest gain alpha in 1/s for period, delay and torque rate limit."""
         values = self._controller.values
         bounds = [0.4 / (2.0 * self._controller.period), _MOST_GAIN]
         for limit, rate in zip(

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The named signals of a tick: what passes between plant, controller, log and report.
+Signals of a tick, exchanged between plant, controller, log and report.
 
-Declared here once. A run is an array of such records, one a tick; a node has one. What has a
-label has a topic, and thereby a place in logs, reports and exports.
+A run is an array of records of these signals, one per tick; a node has one record. Signals with
+a label have a topic, and therefore appear in logs, reports and exports.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EACH = '*'
-"""In the unit of a signal: that of what a component belongs to, such as a task axis."""
+"""Placeholder in the unit of a signal: the unit of its axis or parameter."""
 
 
 @dataclass(frozen=True)
@@ -25,18 +25,18 @@ class Signal(Field):
     """A field of the record of a tick; its unit is '1' for pure numbers."""
 
     of_plant: bool = False
-    """Whether the plant makes it, and not the controller."""
+    """True if the plant writes it, and not the controller."""
     label: str = ''
     """Label of its messages and of their topic; empty without a topic."""
     of_torques: bool = False
-    """Whether it means something only where torques are commanded."""
+    """True if it is defined only when torques are commanded."""
     title: str = ''
-    """Of its plot in the report; none where it is part of another."""
+    """Title of its plot in the report; empty if it is part of another plot."""
     symbol: str = ''
-    """Of a component, in that plot."""
+    """Symbol of a component in that plot."""
 
     def unit_of(self, unit: str) -> str:
-        """Return the unit of a component that belongs to what has this unit."""
+        """Return the unit of a component whose axis or parameter has this unit."""
         return self.unit.replace(EACH, unit)
 
 
@@ -61,12 +61,12 @@ SIGNALS = (
 """All signals; the published ones are in the order of topics, columns and plots."""
 
 OF_PLANT = tuple(signal.name for signal in SIGNALS if signal.of_plant)
-"""Names of those that the plant makes."""
+"""Names of the signals that the plant writes."""
 
-INPUTS = ('position', 'velocity', 'reference')
+CONTROLLER_INPUTS = ('position', 'velocity', 'reference')
 """Names of the signals that the controller reads."""
 
-TOLD = tuple(signal for signal in SIGNALS if signal.label)
+PUBLISHED = tuple(signal for signal in SIGNALS if signal.label)
 """Signals that the controller publishes, one topic each."""
 
 CONTACT = (
@@ -78,17 +78,17 @@ CONTACT = (
 """Signals of each wheel in contact with the ground."""
 
 
-def inputs(now: NDArray[np.void]) -> tuple[NDArray[np.float64], ...]:
+def inputs(signals: NDArray[np.void]) -> tuple[NDArray[np.float64], ...]:
     """Return views of the signals (1) of one robot that the controller reads."""
-    return tuple(now[name][0, :, 0] for name in INPUTS)
+    return tuple(signals[name][0, :, 0] for name in CONTROLLER_INPUTS)
 
 
 def largest_slip(contact: NDArray[np.float64]) -> float:
-    """Return the speed in m/s of the wheel that slips most, of one or many of such (..., n)."""
-    told = contact.reshape(-1, len(CONTACT))
-    return float(np.hypot(told[:, 0], told[:, 1]).max(initial=0.0))
+    """Return the largest slip of a wheel in m/s, for contact signals (..., n)."""
+    contacts = contact.reshape(-1, len(CONTACT))
+    return float(np.hypot(contacts[:, 0], contacts[:, 1]).max(initial=0.0))
 
 
 def least_normal_force(contact: NDArray[np.float64]) -> float:
-    """Return the force in N on the wheel that the ground carries least, of such."""
+    """Return the smallest normal force on a wheel in N, for contact signals (..., n)."""
     return float(contact.reshape(-1, len(CONTACT))[:, 2].min())

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated robot: state, disturbance and torque limit, advanced tick by tick."""
+"""Simulated robot: state, disturbance and torque limit, advanced tick by tick."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RIGID = 'rigid'
-"""Physics of wheels that cannot slip."""
+"""Physics without slip of the wheels."""
 
 PHYSICS = {RIGID: (__name__, 'SimulatedRobot'),
            'mujoco': ('masmc_ros.physics.contact_robot', 'ContactRobot')}  # fmt: skip
@@ -43,13 +43,13 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     joints = mechanism.joint_list
 
     def of_joints(
-        name: str, description: str, unit: str, default: float = 0.0, **rest: Any
+        name: str, description: str, unit: str, default: float = 0.0, **options: Any
     ) -> Parameter:
         values = mechanism.default(name, 'joints', default)
         count = len(mechanism.joints)
-        return Parameter(name, values, description, unit=unit, length=count, **rest)
+        return Parameter(name, values, description, unit=unit, length=count, **options)
 
-    base = mechanism.start_names or tuple(each.short for each in mechanism.base)
+    base = mechanism.start_names or tuple(coordinate.short for coordinate in mechanism.base)
     return (
         Parameter(
             'physics',
@@ -91,7 +91,7 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
             'initial_pose',
             mechanism.default('initial_pose', 'base'),
             f'{", ".join(base)} at t = 0',
-            unit=', '.join(each.unit for each in mechanism.base),
+            unit=', '.join(coordinate.unit for coordinate in mechanism.base),
             length=len(mechanism.base),
         ),
         of_joints('initial_joints', f'Angles of {joints} at t = 0', 'rad'),
@@ -163,39 +163,57 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 _BANDWIDTH_STEP = 0.1
-"""Most that the bandwidth of drives that hold is, times the step of integration.
+"""Largest product of the bandwidth of holding drives and the integration step.
 
-A joint that feels a quarter of its own inertia, as in a stretched arm, is stable up to 0.25.
+A joint with a quarter of its own inertia, as in a stretched arm, is stable up to 0.25.
 """
 
 
 class SimulatedRobot:
     """
-    The plant's state and how it moves; arrays are views of `now`, the signals of the tick.
+    Plant with its state; the arrays are views of `signals`, the signals of the tick.
 
-    `position`, `velocity` (positions) are what is measured at the tick, in the order of
-    joint_states, SI units and radians, `true_position` and `true_velocity` what is so.
-    `applied` (joints) is the torque over the interval just ended, in N m: that commanded,
-    within the motors' limits, or with commanded rates the mean of what the drives made of them.
+    Attributes
+    ----------
+    position, velocity
+        Measured state of the tick (positions), in the order of joint_states; SI units, radians.
+    true_position, true_velocity
+        True state of the tick, in the same order.
+    applied
+        Torque (joints) in N·m over the last interval: the command within the motor limits or,
+        with commanded rates, the mean torque of the drives.
+
     """
 
     is_compiled = True
-    """Whether the kernel of whole runs moves it as well."""
+    """True if the kernel of whole runs can compute it."""
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
-        """Take the true robot, the control period in s and checked values of `parameters`."""
+        """
+        Initialise the plant in its initial state.
+
+        Parameters
+        ----------
+        robot
+            True robot.
+        period
+            Control period in s.
+        values
+            Checked values of `parameters`.
+
+        """
         self.period = period
         self.robot, self.mechanism = robot, robot.mechanism
         self.settings = records.plant_settings(self.mechanism)
         write_plant(self.settings, robot, period, values)
         self.memory = records.plant_memory(self.mechanism)
-        self.now = records.signals(self.mechanism)
+        self.signals = records.signals(self.mechanism)
         self.delayed = delay_line(self.settings, self.mechanism)
         self._values = values
         self.position, self.velocity, self.true_position, self.true_velocity, self.applied = (
-            self.now[name][0, :, 0] for name in OF_PLANT
+            self.signals[name][0, :, 0] for name in OF_PLANT
         )
-        self._command = self.now['rates' if takes_rates(values) else 'torque'][0, :, 0]
+        self._command = self.signals['rates' if takes_rates(values) else 'torque'][0, :, 0]
         self._move: Callable[..., bool] | None = None
         self._hold: Callable[..., bool] | None = None
         self.tick = 0
@@ -203,15 +221,15 @@ class SimulatedRobot:
 
     @property
     def contact(self) -> NDArray[np.float64]:
-        """Return what `CONTACT` names of each wheel in turn; nothing of wheels that roll."""
+        """Return the signals of `CONTACT` for each wheel; empty if wheels cannot slip."""
         return np.zeros(0)
 
     def reset(self) -> None:
-        """Return to the initial state at t = 0; InputError where that is not finite."""
+        """Return to the initial state at t = 0; raise InputError if it is not finite."""
         self.tick = 0
         self.applied[:] = 0.0
         write_start(self.memory, self.robot, self._values)
-        if not plant_start(self.settings, self.memory, self.delayed, self.now):
+        if not plant_start(self.settings, self.memory, self.delayed, self.signals):
             raise InputError(
                 'initial_pose, initial_joints or initial_velocity make no state of a robot; '
                 'expected finite numbers, and angles that have a sine'
@@ -221,11 +239,11 @@ class SimulatedRobot:
         """
         Hold a command (joints) for one period; with None the drives hold the joints.
 
-        Torques in N m, or with `command_interface` velocity the base's own velocities and the
-        rates of the joints that it does not move by. Raises InputError where the state is no
-        longer finite.
+        The command consists of torques in N·m. With `command_interface` velocity it consists of
+        the base velocities and the rates of the joints that do not move the base. Raises
+        InputError if the new state is not finite.
         """
-        moved = self.settings, self.memory, self.delayed, self.tick, self.now
+        moved = self.settings, self.memory, self.delayed, self.tick, self.signals
         if command is None:
             self._hold = self._hold or bound(plant_hold, *moved)
             finite = self._hold(*moved)
@@ -240,10 +258,10 @@ class SimulatedRobot:
 
 def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
     """
-    Return the robot of a plant's checked values, moved by what they choose, in its initial state.
+    Return the simulated robot of a plant's checked values, in its initial state.
 
-    The control period is in s. Raises InputError where there is no such robot, and UserError
-    where what is to move it is not installed.
+    The control period is in s. Raises InputError if there is no such robot, and UserError if its
+    physics is not installed.
     """
     if values['physics'] == RIGID and values['payload.mass'] > 0.0:
         raise InputError('plant.payload.mass: expected plant.physics mujoco, or no payload')
@@ -252,8 +270,8 @@ def plant_of(values: Mapping[str, Any], period: float) -> SimulatedRobot:
         kind = getattr(import_module(module), name)
     except ModuleNotFoundError as missing:
         raise explained(missing) from missing
-    found: SimulatedRobot = kind(robot_of(values), period, values)
-    return found
+    robot: SimulatedRobot = kind(robot_of(values), period, values)
+    return robot
 
 
 def write_plant(
@@ -299,7 +317,7 @@ def write_plant(
         'bandwidth': bandwidth,
     }.items():
         fill(settings, name, value, lane)
-    # All lanes are the same where none is named.
+    # Without a lane, all lanes have the same values.
     inertias = joint_inertias(settings, np.array(values['initial_joints']), lane or 0)
     fill(settings, 'inertia', inertias, lane)
 
@@ -307,23 +325,23 @@ def write_plant(
 def write_start(
     memory: records.Records, robot: Robot, values: Mapping[str, Any], lane: int | None = None
 ) -> None:
-    """Write the initial state of checked values of `parameters`."""
+    """Write the initial state for checked values of `parameters` into a record."""
     position = robot.start(values['initial_pose'], values['initial_joints'])
     still = np.zeros(len(values['initial_velocity']))
     fill(memory, 'position', position, lane)
     fill(memory, 'rates', values['initial_velocity'], lane)
-    fill(memory, 'wound', still, lane)
+    fill(memory, 'drive_integral', still, lane)
     fill(memory, 'driven', still, lane)
 
 
 def delay_line(settings: records.Records, mechanism: Mechanism) -> NDArray[np.float64]:
-    """Return room for the measurements under way: (delay + 1, positions and rates, lanes)."""
+    """Return a buffer for delayed measurements: (delay + 1, positions and rates, lanes)."""
     lanes = settings['delay'].shape[-1]
     return np.zeros((int(settings['delay'].max()) + 1, 2 * mechanism.sizes['positions'], lanes))
 
 
 def diverged(time: float) -> InputError:
-    """Return the error of a closed loop whose numbers are no longer finite at a time in s."""
+    """Return the error of a closed loop with a number that is not finite, at a time in s."""
     return InputError(
         f'the closed loop diverged at t = {time:g} s; expected gains and a control_period '
         'with which it is stable'

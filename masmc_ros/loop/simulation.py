@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A whole run of the closed loop without ROS traffic, signals and all."""
+"""Simulation of a whole run of the closed loop, without ROS."""
 
 from __future__ import annotations
 
@@ -24,30 +24,39 @@ from masmc_ros.loop.controller_events import (
 from masmc_ros.loop.safe_stop import GUIDE, SafeStop, UNFOLD, VOID
 from masmc_ros.loop.signals import OF_PLANT
 from masmc_ros.loop.simulated_robot import diverged, plant_of
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.loop.timing import Timing
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 BLOCK = 20_000
-"""Ticks held in memory at a time."""
+"""Ticks in memory at a time."""
 
 
 class Simulation:
-    """The closed loop of one robot, trajectory and controller."""
+    """Closed loop of one robot, trajectory and controller."""
 
     def __init__(self, values: Mapping[str, Values], changes: Sequence[Change] = ()) -> None:
         """
-        Take the checked parameter values of every node, by node name.
+        Initialise the closed loop; `active_on_start` determines if the controller starts active.
 
-        `changes` of the controller are applied during the run, in order of their ticks. It starts
-        active or not, by `active_on_start`. Raises InputError where they do not fit together.
+        Parameters
+        ----------
+        values
+            Checked parameter values of every node, by node name.
+        changes
+            Changes of the controller during the run, in the order of their ticks.
+
+        Raises
+        ------
+        InputError
+            If the values of the nodes do not match.
+
         """
         plant, control = values['plant'], values['controller']
         self._start = control
@@ -63,7 +72,7 @@ class Simulation:
             values['trajectory'], self.timing.period, robot_of(values['trajectory'])
         )
 
-    def run(self, block: int = BLOCK) -> Iterator[Stretch]:
+    def run(self, block: int = BLOCK) -> Iterator[TickBlock]:
         """
         Yield the run from its first to its last tick, `block` ticks at a time.
 
@@ -83,15 +92,15 @@ class Simulation:
         for first in range(0, ticks, block):
             count = min(block, ticks - first)
             reference = self.trajectory.sample(first, count)
-            yield self._stretch(first, reference, final=first + count == ticks)
+            yield self._tick_block(first, reference, final=first + count == ticks)
 
-    def _stretch(self, first: int, reference: Array, *, final: bool) -> Stretch:
-        """Run ticks, with the changes among them."""
+    def _tick_block(self, first: int, reference: Array, *, final: bool) -> TickBlock:
+        """Compute ticks, and apply the changes at them."""
         end = first + len(reference)
         changes = tuple(change for change in self._changes if first <= change.tick < end)
         edges = sorted({first, end, *(change.tick for change in changes)})
-        # All is written: an array of zeros is had from the system page by page, which takes long.
-        signals = np.empty(len(reference), self.plant.now.dtype)
+        # All entries are written. Zeroed memory comes from the system page by page, which is slow.
+        signals = np.empty(len(reference), self.plant.signals.dtype)
         active, is_void = np.zeros((2, len(reference)), bool)
         is_finite = True
         contact = np.zeros((len(reference), len(self.plant.contact)))
@@ -103,20 +112,20 @@ class Simulation:
             self._has_moved |= self._is_active
             compiles = self.plant.is_compiled and self.controller.is_compiled
             advance = self._compiled if compiles and self._is_active else self._interpreted
-            given = reference[rows]
-            followed = self._followed(start, given)
+            desired = reference[rows]
+            followed = self._followed(start, desired)
             is_finite &= advance(
                 start, followed, signals[rows], contact[rows], final=final and stop == end
             )
-            if followed is not given or not self._is_active:
-                signals['reference'][rows, :, 0] = given
+            if followed is not desired or not self._is_active:
+                signals['reference'][rows, :, 0] = desired
             active[rows] = self._is_active
             is_void[rows] = not (self._is_active or self._stop.commands)
         rates = self.controller.commands_rates
-        stretch = Stretch(first, signals, active, is_void, rates, contact, changes)
+        tick_block = TickBlock(first, signals, active, is_void, rates, contact, changes)
         if not is_finite:
-            self._check_finite(stretch)
-        return stretch
+            self._check_finite(tick_block)
+        return tick_block
 
     def _make(self, change: Change) -> None:
         if change.values:
@@ -126,7 +135,7 @@ class Simulation:
                 self._begin_approach()
             self._stop.hand_over()
         elif change.event == ADAPTATION_RESET:
-            self.controller.forget()
+            self.controller.reset_adaptation()
         elif change.event == RESUMED:
             self._stop.end()
         elif change.event in (DEACTIVATED, GUIDED, UNFOLDED):
@@ -145,9 +154,9 @@ class Simulation:
 
     def _followed(self, first: int, reference: Array) -> Array:
         """
-        Return what the controller follows from a tick on (n, 12), the reference being given.
+        Return the reference that the controller follows (n, 12) from tick `first`.
 
-        After an activation it goes from where the robot then is to the reference.
+        After an activation it starts at the robot position and leads to `reference`.
         """
         approach = self._approach
         if approach is None or not (self._is_active and approach.is_on):
@@ -156,23 +165,23 @@ class Simulation:
         rates = self.controller.rates(self.plant.velocity)
         for k in range(len(reference)):
             stamp = self.timing.stamp(first + k)
-            # Position and rates count at the first tick of an approach, which is here the first.
+            # An approach reads position and rates at its first tick, which is tick `first`.
             followed[k] = approach.follow(stamp, self.plant.position, rates, reference[k])
             if not approach.is_on:
                 break
         return followed
 
-    def _check_finite(self, stretch: Stretch) -> None:
-        found = (stretch.torque, stretch.rates, stretch.true_position)
-        finite = np.isfinite(np.hstack(found)).all(axis=1)
+    def _check_finite(self, tick_block: TickBlock) -> None:
+        values = (tick_block.torque, tick_block.rates, tick_block.true_position)
+        finite = np.isfinite(np.hstack(values)).all(axis=1)
         if not finite.all():
-            tick = stretch.first + int(np.argmin(finite))
+            tick = tick_block.first + int(np.argmin(finite))
             raise diverged(self.timing.time(tick))
 
     def _compiled(
         self, first: int, followed: Array, signals: Any, _: Array, *, final: bool
     ) -> bool:
-        """Run ticks in one call; return whether commands and positions all were finite."""
+        """Compute ticks in one call; return True if all commands and positions are finite."""
         plant, controller = self.plant, self.controller
         is_finite: bool = closed_loop(
             plant.settings,
@@ -180,7 +189,7 @@ class Simulation:
             plant.delayed,
             controller.settings,
             controller.memory,
-            plant.now,
+            plant.signals,
             first,
             final,
             followed,
@@ -192,13 +201,13 @@ class Simulation:
     def _interpreted(
         self, first: int, followed: Array, signals: Any, contact: Array, *, final: bool
     ) -> bool:
-        """Run tick by tick, as the nodes do, in plain Python, or at rest; False: look at them."""
+        """Compute tick by tick, as the nodes do; return False, because nothing was checked."""
         plant, controller, is_active = self.plant, self.controller, self._is_active
         nothing = np.zeros((), signals.dtype)
         for k, row in enumerate(signals):
             if is_active:
                 controller.tick(plant.position, plant.velocity, followed[k])
-                signals[k] = controller.now[0]
+                signals[k] = controller.signals[0]
             else:
                 signals[k] = nothing
                 stamp = self.timing.stamp(first + k)
@@ -207,7 +216,7 @@ class Simulation:
                 row['estimate'][:, 0] = controller.estimate
                 row['error'], row['surface'] = np.nan, np.nan
             for name in OF_PLANT:
-                row[name] = plant.now[0][name]
+                row[name] = plant.signals[0][name]
             contact[k] = plant.contact
             if not (final and k == len(signals) - 1):
                 is_commanded = is_active or self._stop.commands

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control grid: ticks, their times and their stamps."""
+"""Control grid: ticks, their times and their stamps."""
 
 from __future__ import annotations
 
@@ -27,18 +27,17 @@ TIMING = (
 )
 
 LATE_TICKS = 2
-"""Ticks of real time that a plant makes up for at once when the wall clock has run ahead.
+"""Largest number of late ticks that a plant computes at once in real-time mode.
 
-The last torque acts through all of them, and a law tolerates only a few such ticks: by more
-than this the robot's time falls behind instead.
+The last torque acts through all of these ticks, and a law tolerates only a few of them. After a
+longer delay the robot time falls behind the real time.
 """
-
 
 MOST_TICKS = 100_000
 """Largest plausible numbers of ticks per second and of integration steps per tick."""
 
 _LONGEST = 2**31
-"""Stamps of ROS 2 end before so many s."""
+"""Time in s before which the stamps of ROS 2 end."""
 
 
 def check_count(count: Decimal, most: int, name: str, value: float, what: str) -> None:
@@ -60,13 +59,13 @@ class Timing:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Timing:
-        """Make the grid from checked parameter values; InputError for ticks beyond count."""
+        """Return the grid of checked parameter values; raise InputError for too many ticks."""
         period, duration = values['control_period'], values['duration']
-        each = 1 / Decimal(period)
-        check_count(each, MOST_TICKS, 'control_period', period, 'ticks in a second')
+        rate = 1 / Decimal(period)
+        check_count(rate, MOST_TICKS, 'control_period', period, 'ticks in a second')
         if duration >= _LONGEST:
             raise InputError(
-                f'duration = {duration!r}: {_text(Decimal(duration) * each)} ticks; expected less'
+                f'duration = {duration!r}: {_text(Decimal(duration) * rate)} ticks; expected less'
                 f' than {_LONGEST} s, where stamps end, or 0 for an endless run'
             )
         return cls(period, max(1, round(duration / period)) if duration > 0.0 else None)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.robot.names import all_joints
 from masmc_ros.robot.registry import DEFAULT
 
@@ -33,7 +33,7 @@ DESIRED_PATH_TOPIC = 'path/desired'
 ACTUAL_PATH_TOPIC = 'path/actual'
 CLOCK_TOPIC = 'clock'
 
-TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in TOLD}
+TELEMETRY = {signal.label: signal.count(DEFAULT.sizes) for signal in PUBLISHED}
 """Label of each telemetry message and its default number of values."""
 
 

@@ -9,11 +9,9 @@ from functools import cache
 from typing import Any
 
 from masmc_ros.messages.layout import Layout, Message, NANOSECONDS, StampedMessage
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.declaration import BASE_FRAME, ODOM_FRAME
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 _COVARIANCE = 36
 
@@ -45,7 +43,7 @@ def twist_numbers(twist: Any) -> list[float]:
     return [getattr(part, c) for part in (twist.linear, twist.angular) for c in 'xyz']
 
 
-def odometry_numbers(odometry: Any) -> tuple[int, Floats, Floats]:
+def odometry_numbers(odometry: Any) -> tuple[int, Array, Array]:
     """
     Return the stamp in ns, pose and twist of a nav_msgs/Odometry of any deserialiser.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.messages.names import (
     ACTUAL_PATH_TOPIC,
     ARM_VELOCITY_TOPIC,
@@ -141,7 +141,7 @@ TOPICS = (
             f'{_in_unit(signal)}, after [sec, nanosec]',
             is_latched=False,
         )
-        for signal in TOLD
+        for signal in PUBLISHED
     ),
     *(
         Topic(

@@ -2,26 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Between tuples, on which formulas work, and arrays, for what needs loops.
+Conversion between tuples, for formulas, and arrays, for loops.
 
-Indices are not negative and within the array; compiled code does not look.
+Indices must not be negative and must be within the array; compiled code does not check them.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.generated import Compiler, generated
 from masmc_ros.numerics.scratch import array_over, CACHE_LINE
-from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, Numbers, VECTOR
+from masmc_ros.numerics.tuples import FLOAT, is_array, MATRIX, VECTOR
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 import numpy as np
 
 
-def taken(array: Any, as_many: Numbers) -> Any:
-    """Return the first entries of an array, as many as a vector has."""
+def to_vector(array: Any, as_many: Numbers) -> Any:
+    """Return the first entries of an array as a vector of the same kind and length as another."""
     count = len(as_many)
     return tuple(array[:count]) if isinstance(as_many, tuple) else array[:count].copy()
 
@@ -72,15 +73,15 @@ def write_down(array: Any, first: int, column: int, values: Numbers) -> None:
 
 def array_of(values: Numbers) -> Any:
     """
-    Return a vector as an array, which ends with the function that asks for it.
+    Return a vector as an array, which is valid until the calling function ends.
 
-    One that is an array comes as it is.
+    A vector that is an array is returned unmodified.
     """
     return np.array(values) if isinstance(values, tuple) else values
 
 
-def parted(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
-    """Return an array (rows, columns) and one (others, wide), which share a vector's numbers."""
+def split_buffer(block: Any, rows: int, columns: int, others: int, wide: int) -> tuple[Any, Any]:
+    """Return two arrays, (rows, columns) and (others, wide), as views of consecutive parts."""
     count = rows * columns
     return (
         block[:count].reshape(rows, columns),
@@ -95,25 +96,25 @@ def _tuple_of(context: Any, array: Any, *others: Any) -> types.Type:
 def _places(
     compiler: Compiler, kinds: Any, values: Any, which: int, count: int
 ) -> list[Any]:
-    """Return pointers to entries of an array from an index on, of which one goes up."""
+    """Return pointers to consecutive entries of an array; index number `which` increases."""
     array = compiler.context.make_array(kinds[0])(compiler.context, compiler.builder, values[0])
     start = [
         compiler.cast(value, kind, types.intp)
         for value, kind in zip(values[1:], kinds[1:], strict=True)
     ]
-    build, found = compiler.builder, []
+    build, pointers = compiler.builder, []
     for i in range(count):
         at = [
             build.add(index, index.type(i)) if k == which else index
             for k, index in enumerate(start)
         ]
         place = cgutils.get_item_pointer(compiler.context, build, kinds[0], array, at)
-        found.append(place)
-    return found
+        pointers.append(place)
+    return pointers
 
 
 def _read(which: int, indices: int) -> Any:
-    """Return what emits the reading of a tuple from an index on, of which one goes up."""
+    """Return the code generator that reads a tuple; index number `which` increases."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
         places = _places(
@@ -125,13 +126,14 @@ def _read(which: int, indices: int) -> Any:
 
 
 def _written(which: int, indices: int) -> Any:
-    """Return what emits the writing of a tuple from an index on, of which one goes up."""
+    """Return the code generator that writes a tuple; index number `which` increases."""
 
     def write(compiler: Compiler, kinds: Any, values: Any) -> Any:
-        given = kinds[1 + indices]
-        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, len(given))
-        entries = compiler.entries(values[1 + indices], given)
-        for place, entry, kind in zip(places, entries, given, strict=True):
+        value_type = kinds[1 + indices]
+        count = len(value_type)
+        places = _places(compiler, kinds[:1 + indices], values[:1 + indices], which, count)
+        entries = compiler.entries(values[1 + indices], value_type)
+        for place, entry, kind in zip(places, entries, value_type, strict=True):
             compiler.builder.store(compiler.cast(entry, kind, kinds[0].dtype), place)
         return compiler.context.get_dummy_value()
 
@@ -148,14 +150,14 @@ generated(write_down, lambda context, *kinds: types.none)(_written(0, 2))
 generated(write_along, lambda context, *kinds: types.none)(_written(0, 1))
 
 
-def _type_of_taken(context: Any, array: Any, as_many: Any) -> types.Type:
+def _type_of_vector(context: Any, array: Any, as_many: Any) -> types.Type:
     if isinstance(as_many, types.Array):
         return as_many
     return types.UniTuple(array.dtype, len(as_many))
 
 
-@generated(taken, _type_of_taken)
-def _taken(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(to_vector, _type_of_vector)
+def _to_vector(compiler: Compiler, kinds: Any, values: Any) -> Any:
     if is_array(kinds[1]):
         return compiler.run(_copy_of_first, kinds, values)
     first = compiler.context.get_constant(types.intp, 0)
@@ -187,8 +189,8 @@ def _array_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return array_over(compiler, VECTOR, room, [count])
 
 
-@generated(parted, lambda context, *kinds: types.UniTuple(MATRIX, 2))
-def _parted(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(split_buffer, lambda context, *kinds: types.UniTuple(MATRIX, 2))
+def _split_buffer(compiler: Compiler, kinds: Any, values: Any) -> Any:
     build, context = compiler.builder, compiler.context
     block = context.make_array(kinds[0])(context, build, values[0])
     lengths = [
@@ -196,10 +198,10 @@ def _parted(compiler: Compiler, kinds: Any, values: Any) -> Any:
         for value, kind in zip(values[1:], kinds[1:], strict=True)
     ]
     second = build.gep(block.data, [build.mul(lengths[0], lengths[1])])
-    found = []
+    parts = []
     for place, shape in ((block.data, lengths[:2]), (second, lengths[2:])):
-        # Both own the vector, which ends with the last of them.
+        # Both parts own the vector, which exists until neither is used.
         part = array_over(compiler, MATRIX, place, shape, owner=block.meminfo)
         context.nrt.incref(build, MATRIX, part)
-        found.append(part)
-    return compiler.tuple_of(found)
+        parts.append(part)
+    return compiler.tuple_of(parts)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers as the bits that they are made of, for what needs no arithmetic."""
+"""Operations on the bits of floating-point numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _bits_of(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def of_bits(bits: int) -> float:
-    """Return the double of 64 bits; higher ones do not count."""
+    """Return the double with these 64 bits; higher bits are ignored."""
     return float(struct.unpack('<d', struct.pack('<Q', bits & _WORD))[0])
 
 
@@ -40,7 +40,7 @@ def _of_bits(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 @formula
 def with_sign_flipped(value: float, flips: int) -> float:
-    """Return -value where the last bit of `flips` is set, else value."""
+    """Return -value if the last bit of `flips` is set, otherwise value."""
     return of_bits(bits_of(value) ^ (flips << _SIGN))
 
 

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Files of machine code that several processes make at once.
+Files of compiled code that several processes may write at once.
 
-Numba numbers a function's files and keeps which signature has which number in another file. Two
-processes that compile at once, as nodes that are started together do, take the same number, and
-one of them then finds under its own signature the code of the other: another law's, for records
-of other sizes. Here a file's name is made of the signature, and the file tells it again.
+Numba numbers the files of a function and maps signatures to numbers in an index file. Two
+processes that compile at once, such as nodes started together, take the same number. One of them
+would then load the code of the other: that of another law, for records of other sizes. Here
+the file name is a digest of the signature, and the file contains the signature.
 """
 
 from __future__ import annotations
@@ -35,27 +35,39 @@ _DAMAGED = (
 
 
 class CodeFiles:
-    """The files of one function; takes the place of Numba's `IndexDataCacheFile`."""
+    """Code files of one function, in place of Numba's `IndexDataCacheFile`."""
 
     def __init__(self, folder: str, name: str, stamp: Any) -> None:
-        """Take where they are, how their names begin, and what tells the source's versions."""
+        """
+        Initialise the files of a function.
+
+        Parameters
+        ----------
+        folder
+            Folder of the files.
+        name
+            First part of their names.
+        stamp
+            Version of the source file.
+
+        """
         self._folder, self._name = Path(folder), name
         self._made_of = numba_version, stamp
 
     def load(self, key: Any) -> Any:
-        """Return what was saved under a key; None where nothing is, or what is damaged."""
+        """Return the data saved under a key; None if there is none or the file is damaged."""
         try:
-            made_of, found, data = pickle.loads(self._path(key).read_bytes())
+            made_of, signature, data = pickle.loads(self._path(key).read_bytes())
         except (OSError, *_DAMAGED):
             return None
-        return data if made_of == self._made_of and found == key else None
+        return data if made_of == self._made_of and signature == key else None
 
     def has(self, key: Any) -> bool:
         """Return True if there is a file for a key, whole or damaged."""
         return self._path(key).exists()
 
     def save(self, key: Any, data: Any) -> None:
-        """Save what was made under a key."""
+        """Save data under a key."""
         content = dumps((self._made_of, key, data))
         # A concurrent reader gets the previous file or this one, both complete.
         descriptor, temporary = tempfile.mkstemp(dir=self._folder, prefix=f'{self._name}.tmp.')
@@ -68,7 +80,7 @@ class CodeFiles:
             raise
 
     def flush(self) -> None:
-        """Forget everything."""
+        """Delete all files."""
         for path in self._folder.glob(f'{self._name}.*.nbc'):
             path.unlink(missing_ok=True)
 

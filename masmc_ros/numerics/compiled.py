@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How formulas become machine code, and where that code is kept.
+Compilation of formulas, and the folder of the compiled code.
 
 Decorators for everything numerical in this package:
 
-* `formula`: a pure scalar function, numbers and tuples in, numbers and tuples out. It is
-  inlined into whatever compiled function calls it and can be called from Python as well.
-* `inlined`: a part of a kernel, which is a function to be read, or for another kernel to share.
-* `kernel`: a function over arrays that Python calls once per tick or once per run. Its
-  machine code is kept on disk between processes.
+* `formula`: a pure function of numbers and tuples. It is inlined into every compiled function
+  that calls it, and Python can call it as well.
+* `inlined`: a part of a kernel, separated for the reader or shared with another kernel.
+* `kernel`: a function of arrays that Python calls once per tick or once per run. Its compiled
+  code persists on the disk.
 
 Neither uses fast-math: LLVM must neither reassociate a sum nor contract a product into a
-fused multiply-add, because a run gives the same bits on every machine.
+fused multiply-add, because runs are bitwise identical on every machine.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from numba.core import event
 from numba.core.codegen import ll
 
 OLDEST_NUMBA = (0, 58)
-"""That of Ubuntu 24.04; setup.py says the same."""
+"""Version of Numba in Ubuntu 24.04; setup.py requires the same."""
 
 if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
     raise UserError(
@@ -46,15 +46,15 @@ if tuple(int(part) for part in numba_version.split('.')[:2]) < OLDEST_NUMBA:
     )
 
 _FOLDERS = ('numerics', 'robot', 'law', 'reference', 'loop')
-"""Folders of the package in which there is compiled code."""
+"""Folders of the package that contain compiled code."""
 
 
 class _RareCollections(event.Listener):
     """
-    Lets Python look for garbage less often while it compiles.
+    Listener that reduces garbage collection during compilation.
 
-    The compiler makes much that lasts, all of which is looked through again and again: a fifth
-    of the time that a law takes.
+    The compiler creates many lasting objects, which every collection visits again. This takes a
+    fifth of the compilation time of a law.
     """
 
     def __init__(self) -> None:
@@ -75,19 +75,19 @@ event.register('numba:compile', _RareCollections())
 
 class Formula:
     """
-    A formula: for compiled code without, for Python with what Python calls compiled code by.
+    Formula with a wrapper for calls from Python that is compiled on demand.
 
-    That takes longer to compile than most formulas, and few are called from Python.
+    Compiling the wrapper takes longer than compiling most formulas, and Python calls only few.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        """Take the function in plain Python."""
+        """Initialise the formula of a function in plain Python."""
         update_wrapper(self, function)
         self.py_func = function
 
     @cached_property
     def _compiled(self) -> Any:
-        # Made when something is compiled that calls it, which most processes never do.
+        # Created when its caller is compiled, which most processes never do.
         return _compile(self.py_func, forceinline=True, no_cpython_wrapper=True)
 
     @property
@@ -141,13 +141,13 @@ def bound(kernel: Any, *arguments: Any) -> Callable[..., Any]:
     """
     Return a kernel as it is for the types of these arguments, compiled if need be.
 
-    It takes arguments of the same types and no others. A kernel looks at the types at every
-    call, which takes longer than a tick of control.
+    It accepts only arguments of the same types. A kernel checks the types at every call, which
+    takes longer than a control tick.
     """
     if is_interpreted(kernel):
         return cast(Callable[..., Any], kernel)
     types = tuple(map(typeof, arguments))
-    # Numba's lock is not taken for code that is loaded: another thread may hold it for long.
+    # Loaded code is used without Numba's lock, which another thread may hold for a long time.
     loaded = kernel.overloads.get(types)
     code = kernel.compile(types) if loaded is None else loaded.entry_point
     return cast(Callable[..., Any], code)
@@ -159,12 +159,12 @@ def is_loaded(kernel: Any, *arguments: Any) -> bool:
 
 
 def is_on_disk(kernel: Any, *arguments: Any) -> bool:
-    """Return True if the disk has a file of the compiled code, which may be damaged."""
+    """Return True if the disk has a file of the compiled code; it may be damaged."""
     return _code_files(kernel).has(_code_key(kernel, arguments))
 
 
 def is_whole_on_disk(kernel: Any, *arguments: Any) -> bool:
-    """Return True if the disk has the compiled code; the file is read."""
+    """Return True if the disk has the compiled code; reads the file to check it."""
     return _code_files(kernel).load(_code_key(kernel, arguments)) is not None
 
 
@@ -200,11 +200,11 @@ def machine_code(name: str, *contents: str) -> Path:
     """
     Return the path of a file next to the compiled code of these sources for this machine.
 
-    `contents` tell what else that code was made from. Numba keeps it apart by where the sources
-    are, too.
+    `contents` are further inputs of the compilation. The name also depends on the folder of the
+    sources, as in Numba.
     """
     place = Path(__file__).resolve()
-    # `ll` is llvmlite's: what Numba itself tells machines apart by.
+    # Numba distinguishes machines by the same values of llvmlite.
     machine = f'{numba_version} {ll.get_host_cpu_name()} {ll.get_host_cpu_features().flatten()}'
     kind = hashlib.sha256(f'{place} {machine} {sys.version_info} {contents}'.encode())
     return _cache_directory() / f'{name}-{kind.hexdigest()[:12]}'
@@ -213,10 +213,10 @@ def machine_code(name: str, *contents: str) -> Path:
 @cache
 def _cache_directory() -> Path:
     """
-    Directory of the machine code made from exactly these sources.
+    Return the directory of the compiled code of exactly these sources.
 
-    Numba renews a cached function when its own file changes, but not when a function that
-    it inlines does. A directory per content of all numerical sources closes that gap.
+    Numba recompiles a cached function if its own file changes, but not if an inlined function
+    changes. A directory per content of all numerical sources avoids outdated code.
     """
     package = Path(__file__).parents[1]
     sources = [path for name in _FOLDERS for path in sorted((package / name).rglob('*.py'))]
@@ -225,7 +225,7 @@ def _cache_directory() -> Path:
         digest.update(source.read_bytes())
     name = f'masmc_ros-{digest.hexdigest()[:16]}'
     root = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
-    # The temporary folder is a shared one: machine code that is run must be one's own.
+    # The temporary folder is shared: code from another user must not be executed.
     for parent in (lambda: root / 'masmc_ros', runtime_folder):
         try:
             directory = parent() / name

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Functions of a contract: which formula is meant is chosen by the type of the first argument.
+Functions of an interface; the type of the first argument selects the formula.
 
-A contract (of mechanisms, of laws, of reaching terms) names functions and says what they
-take and return. An implementation is an object with formulas of these names. The choice is
-made when a kernel is compiled, by the type of what is passed first: the class of a named
-tuple, or a tag in the type of a record. It costs nothing when the kernel runs.
+An interface (of mechanisms, laws or reaching terms) declares the names, arguments and results of
+functions. An implementation is an object with formulas of these names. The compiler selects it by
+the class of a named tuple, or by a tag in the type of a record. The selection costs nothing at run
+time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Finder = Callable[[Any], Any]
 
 
 def by_class(find: Callable[[type], Any]) -> Finder:
-    """Choose by the class of a named tuple; `find` returns who fulfils the contract for it."""
+    """Select by the class of a named tuple; `find` returns the implementation for a class."""
 
     def choose(first: Any) -> Any:
         is_type = isinstance(first, types.Type)
@@ -35,7 +35,7 @@ def by_class(find: Callable[[type], Any]) -> Finder:
 
 
 def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
-    """Choose by a record's tag of a name; `find` returns who fulfils the contract for it."""
+    """Select by the tag `name` of a record; `find` returns the implementation for a tag."""
 
     def choose(first: Any) -> Any:
         return find(tag_of(first.dtype if isinstance(first, np.void) else first, name))
@@ -43,13 +43,13 @@ def by_tag(name: str, find: Callable[[str], Any]) -> Finder:
     return choose
 
 
-def contract(
+def interface(
     choose: Finder, otherwise: Callable[..., Any] | None = None
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """
-    Decorate a function without a body to stand for the formulas of its name.
+    Decorate a function without a body, which calls the formula of its name.
 
-    `otherwise` is the formula of an object that has none of this name.
+    `otherwise` is the formula for implementations without this name.
     """
 
     def decorate(stub: Callable[..., Any]) -> Callable[..., Any]:
@@ -67,8 +67,8 @@ def contract(
             return context.resolve_value_type(formula_of(kinds[0]))
 
         def result(context: Any, *kinds: Any) -> types.Type:
-            found: types.Type = called(context, target(context, kinds), kinds).return_type
-            return found
+            return_type: types.Type = called(context, target(context, kinds), kinds).return_type
+            return return_type
 
         @generated(plain, result)
         def write(compiler: Compiler, kinds: Any, values: Any) -> Any:

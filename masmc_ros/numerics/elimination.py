@@ -15,10 +15,10 @@ _NO_PIVOT = 1.0e300
 @formula
 def solve_definite(n: int, work: Any) -> None:
     """
-    Solve A x = b in place: `work` (n, n + 1) is [A, b], and then has x in the place of b.
+    Solve A x = b in place: `work` (n, n + 1) is [A, b] on entry, with x in place of b on return.
 
-    By elimination without pivoting. Where A is only semi-definite an entry whose pivot is not
-    positive is zero.
+    The method is elimination without pivoting. If A is only semi-definite, entries of x with a
+    pivot that is not positive are zero.
     """
     for i in range(n):
         pivot = work[i, i] if work[i, i] > 0.0 else _NO_PIVOT
@@ -38,10 +38,10 @@ def solve_definite(n: int, work: Any) -> None:
 @formula
 def solve_band(band: Any, right: Any) -> None:
     """
-    Solve A X = B in place: `right` (n, m) is B, and then X.
+    Solve A X = B in place: `right` (n, m) is B on entry and X on return.
 
-    A is positive definite; `band` (n, width) has its diagonals from the main one to the right,
-    A[i, i + d] being band[i, d], and loses them.
+    A is positive definite; `band` (n, width) contains its diagonals from the main one to the
+    right, band[i, d] = A[i, i + d]. The function overwrites `band`.
     """
     n, width, columns = band.shape[0], band.shape[1], right.shape[1]
     for i in range(n):
@@ -80,7 +80,7 @@ def factor(matrix: Any) -> None:
 
 @kernel
 def solve(factored: Any, x: Any) -> None:
-    """Solve L D L' x = b in place, of x (n) that holds b."""
+    """Solve L D L' x = b in place: `x` (n) is b on entry."""
     size = len(factored)
     for row in range(size):
         value = x[row]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Declaration of a field of a record; the records are in `record.py`."""
+"""Declaration of a field of a record; `record.py` has the records."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ ONE = ''
 
 @dataclass(frozen=True)
 class Field:
-    """A declared field of a record."""
+    """Declaration of a field of a record."""
 
     name: str
     size: str | int | tuple[str | int, ...] = ONE
     """
     Name of the number of components, or that number; ONE for a single number.
 
-    Several make a product: ('axes', 9) has nine components for each axis, those of the first
-    axis first.
+    Several sizes make a product: ('axes', 9) has nine components per axis, first those of the
+    first axis.
     """
     description: str = ''
     unit: str = ''
     kind: str = 'f8'
-    """NumPy's code of the type of a component: f8 or i8."""
+    """NumPy type code of a component: f8 or i8."""
     initial: float = 0.0
     """
     Value of every component in a new record.
 
-    Of a law's memory, what begins as not-a-number is about the tick before: it is void again
-    wherever that is not known (`loop.controller`).
+    In the memory of a law, a field with the initial value NaN refers to the previous tick. The
+    controller sets it to NaN again if that tick is unknown (`loop.controller`).
     """
 
     def count(self, sizes: Mapping[str, int]) -> int:
-        """Return the number of components, by the numbers that sizes stand for."""
+        """Return the number of components for named sizes."""
         if isinstance(self.size, tuple):
             return math.prod(_number(part, sizes) for part in self.size)
         return _number(self.size, sizes)

@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Functions whose machine code is written out for the types that they are called with.
+Functions whose compiled code is generated for the types of their arguments.
 
-A formula works on numbers and tuples, and compiled tuples have no loops. What is the same
-for every length of a tuple, every record and every choice among formulas is therefore told
-to the compiler as it is: the type of the result, and the instructions. Nothing is compiled
-by itself, so that it costs no time, and the kernel that calls it stays an ordinary function
-of a module, whose machine code is kept on disk (that of a closure would not be).
+A formula works on numbers and tuples, and compiled tuples have no loops. Operations on tuples of
+any length, on records and on selected formulas therefore give the compiler the type of the result
+and the instructions directly. They need no separate compilation, and the calling kernel remains an
+ordinary function of a module, whose compiled code persists on the disk, unlike that of a closure.
 
-The decorated function is plain Python, which runs where nothing is compiled.
+The decorated function in plain Python is used without compilation.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import lower_builtin
 
 Type = Any
-"""A type of Numba's, whose attributes depend on what it is the type of."""
+"""Type of Numba; its attributes depend on the type."""
 
 
 def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable[..., Any]:
@@ -33,10 +32,10 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
     Parameters
     ----------
     plain
-        the function in plain Python.
+        Function in plain Python.
     result
-        (typing context, types of the arguments) -> type of the result, or None where
-        the arguments are not such.
+        (typing context, types of the arguments) -> type of the result, or None for unsupported
+        arguments.
 
     """
 
@@ -45,8 +44,8 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
         prefer_literal = True
 
         def generic(self, args: Sequence[Type], kws: Any) -> Any:
-            found = result(self.context, *args)
-            return None if found is None else signature(found, *args)
+            return_type = result(self.context, *args)
+            return None if return_type is None else signature(return_type, *args)
 
     infer_global(plain, types.Function(type(f'Of_{plain.__name__}', (Template,), {})))
 
@@ -61,59 +60,59 @@ def generated(plain: Callable[..., Any], result: Callable[..., Any]) -> Callable
 
 
 class Compiler:
-    """Emits the instructions of one call."""
+    """Generator of the instructions of one call."""
 
     def __init__(self, context: Any, builder: Any, result: Type) -> None:
-        """Emit into Numba's function that is being built; `result` is the call's type."""
+        """Initialise the generator for Numba's current function; `result` is the result type."""
         self.context, self.builder, self.result = context, builder, result
 
-    def entries(self, value: Any, of: Type) -> list[Any]:
+    def entries(self, value: Any, kind: Type) -> list[Any]:
         """Return the entries of a tuple."""
-        return [self.builder.extract_value(value, i) for i in range(len(of))]
+        return [self.builder.extract_value(value, i) for i in range(len(kind))]
 
-    def tuple_of(self, values: Sequence[Any], of: Type | None = None) -> Any:
+    def tuple_of(self, values: Sequence[Any], kind: Type | None = None) -> Any:
         """Return a tuple of values."""
-        return self.context.make_tuple(self.builder, of or self.result, values)
+        return self.context.make_tuple(self.builder, kind or self.result, values)
 
     def number(self, value: float) -> Any:
         """Return a constant."""
         return self.context.get_constant(types.float64, value)
 
     def run(self, function: Callable[..., Any], kinds: Sequence[Type], values: Any) -> Any:
-        """Call a plain function that is compiled with this call, the result's type being its."""
+        """Compile and call a plain function with the same result type."""
         return self.internal(function, self.result, kinds, values)
 
     def internal(
         self, function: Callable[..., Any], result: Type, kinds: Sequence[Type], values: Any
     ) -> Any:
-        """Call a plain function that is compiled for arguments and a result of these types."""
+        """Compile and call a plain function for these types of arguments and result."""
         return self.context.compile_internal(
             self.builder, function, signature(result, *kinds), values
         )
 
-    def cast(self, value: Any, given: Type, wanted: Type) -> Any:
-        """Return a value as one of another type."""
-        return self.context.cast(self.builder, value, given, wanted)
+    def cast(self, value: Any, kind: Type, wanted: Type) -> Any:
+        """Convert a value to another type."""
+        return self.context.cast(self.builder, value, kind, wanted)
 
-    def call(self, function: Type, result: Type, given: Sequence[Type], values: Any) -> Any:
-        """Call a compiled function, `function` being its type."""
-        wanted = called(self.context.typing_context, function, given)
+    def call(self, function: Type, result: Type, kinds: Sequence[Type], values: Any) -> Any:
+        """Call a compiled function of type `function`."""
+        wanted = called(self.context.typing_context, function, kinds)
         cast = [
-            self.cast(value, of, to)
-            for value, of, to in zip(values, given, wanted.args, strict=True)
+            self.cast(value, kind, to)
+            for value, kind, to in zip(values, kinds, wanted.args, strict=True)
         ]
         target = self.context.get_function(function, wanted)
         self.context.add_linking_libs(getattr(target, 'libs', ()))
-        found = target(self.builder, cast)
-        return self.cast(found, wanted.return_type, result)
+        returned = target(self.builder, cast)
+        return self.cast(returned, wanted.return_type, result)
 
 
 def called(context: Any, function: Type, arguments: Sequence[Type]) -> Any:
-    """Return the signature of a function for arguments of some types."""
+    """Return the signature of a function for these argument types."""
     plain = tuple(types.unliteral(argument) for argument in arguments)
     return function.get_call_type(context, plain, {})
 
 
-def like(values: Iterable[Type]) -> Type:
-    """Return the type of a tuple of values of some types."""
+def tuple_type(values: Iterable[Type]) -> Type:
+    """Return the type of a tuple of values of these types."""
     return types.BaseTuple.from_types(tuple(values))

@@ -15,8 +15,8 @@ def quintic(first: Sample, second: Sample, period: float, part: float) -> Sample
     """
     Return position, velocity and acceleration at `part` (0 to 1) of the way.
 
-    The polynomial of degree five in time that has position, velocity and acceleration of
-    both samples, which lie `period` s apart; one task axis in m, m/s, m/s2.
+    The polynomial of degree five in time has the position, velocity and acceleration of both
+    samples, which are `period` s apart; one task axis in m, m/s, m/s2.
     """
     x0, v0, a0 = first
     x1, v1, a1 = second

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits of what is commanded: magnitude and rate, one joint at a time."""
+"""Limits of magnitude and rate of commands, one joint at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from masmc_ros.numerics.compiled import formula
 
 @formula
 def clipped(value: float, limit: float) -> float:
-    """Return the value within [-limit, limit]; a limit of 0 is none."""
+    """Return the value limited to [-limit, limit]; 0 disables the limit."""
     within = limit if value > limit else (-limit if value < -limit else value)
     return within if limit > 0.0 else value
 
@@ -22,8 +22,8 @@ def limited(
     """
     Return a command within its limits: of magnitude, and of change since `previous`.
 
-    Torques in N m, the rate in N m/s, the period in s; a limit of 0 is none. Magnitude has
-    the last word, so that a limit that was lowered holds at once.
+    Torques are in N·m, the rate in N·m/s, the period in s; 0 disables a limit. The magnitude is
+    limited last, so a reduced limit applies immediately.
     """
     step = rate_limit * period
     change = value - previous

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Elementary functions whose every bit is the same on every machine.
+Elementary functions that are bitwise identical on every machine.
 
-The C library's sin, cos and tanh differ between machines in the last bit. These use only
-the IEEE operations + - * /, which do not, and the bits that numbers are made of. Argument
-reduction and minimax polynomials are the classical ones: W. J. Cody and W. Waite, Software
+The C library's sin, cos and tanh differ between machines in the last bit. These functions use only
+the IEEE operations + - * /, which do not differ, and bit operations. Argument reduction and
+minimax polynomials are the classical ones: W. J. Cody and W. Waite, Software
 Manual for the Elementary Functions (1980); coefficients as in FreeBSD's msun (sin, cos) and in
-S. L. Moshier's Cephes (tanh, exp). All are free of branches, so that they also run in vector
-lanes.
+S. L. Moshier's Cephes (tanh, exp). All are branch-free and therefore vectorise.
 """
 
 from __future__ import annotations
@@ -19,34 +18,34 @@ from typing import Any
 
 from masmc_ros.numerics.bits import bits_of, power_of_two, with_sign_flipped
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 # Adding and subtracting 1.5 * 2**52 rounds a double of moderate size to the nearest integer.
 _ROUND = 6755399441055744.0
 
 _ANGLE_STEPS = 4
-"""Steps of Newton's iteration for an angle, whose start is right to 5e-3."""
+"""Steps of Newton's iteration for an angle; the initial value has an error of 5e-3."""
 
 _TWO_OVER_PI = 6.36619772367581382433e-01
-# pi/2 in three parts of 33 bits, n * part being exact for |n| < 2**20, and the rest.
+# pi/2 in three parts of 33 bits and a remainder; n * part is exact for |n| < 2**20.
 _HALF_PI_1 = 1.57079632673412561417e00
 _HALF_PI_2 = 6.07710050630396597660e-11
 _HALF_PI_3 = 2.02226624871116645580e-21
 _HALF_PI_REST = 8.47842766036889956997e-32
-# From here on the reduction would return noise; not-a-number says so. It is a constant because
-# older releases of Numba do not compile float('nan').
+# Beyond this angle the reduction would return noise, so the result is NaN. It is a constant
+# because older releases of Numba do not compile float('nan').
 _LARGEST_ANGLE = 1.0e9
 _NAN = float('nan')
 
 AT_ONCE = 8
-"""Numbers in the longest vectors that processors have."""
+"""Numbers in the longest vector registers."""
 
 _LOG2_E = 1.44269504088896338700e00
 _LN2_HIGH = 6.93145751953125e-01
 _LN2_LOW = 1.42860682030941723212e-06
 # tanh is 1 to the last bit beyond 19.07.
 _TANH_SATURATION = 20.0
-# 2**n is a normal number for all of them.
+# Between these bounds 2**n is a normal number.
 _LARGEST_EXPONENT = 700.0
 
 
@@ -96,8 +95,8 @@ def _cosine(r: float) -> float:
         )
     )
     half = 0.5 * z
-    rest = 1.0 - half
-    return rest + (((1.0 - rest) - half) + z * tail)
+    remainder = 1.0 - half
+    return remainder + (((1.0 - remainder) - half) + z * tail)
 
 
 @formula
@@ -120,24 +119,24 @@ def _turned_sine(sine: float, cosine: float, shifted: float) -> float:
 def _before_turning(angles: Any) -> tuple[Any, Any, Any]:
     # Step by step for all: long sums of products wait for their own results, and a processor
     # looks only so far ahead for others that do not.
-    bounded = each(_bounded, angles)
-    shifted = each(_shifted, bounded)
-    r = each(_remainder, bounded, shifted)
-    return each(_sine, r), each(_cosine, r), shifted
+    bounded = elementwise(_bounded, angles)
+    shifted = elementwise(_shifted, bounded)
+    r = elementwise(_remainder, bounded, shifted)
+    return elementwise(_sine, r), elementwise(_cosine, r), shifted
 
 
 @formula
 def sines(angles: Any) -> Any:
     """Return the sine of each angle in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
-    return each(_turned_sine, sine, cosine, shifted)
+    return elementwise(_turned_sine, sine, cosine, shifted)
 
 
 @formula
 def sines_and_cosines(angles: Any) -> Any:
     """Return (sin, cos) of each angle of a tuple in rad; see `sin_cos`."""
     sine, cosine, shifted = _before_turning(angles)
-    return each(_turned, sine, cosine, shifted)
+    return elementwise(_turned, sine, cosine, shifted)
 
 
 @formula
@@ -146,19 +145,19 @@ def sin_cos(angle: float) -> tuple[float, float]:
     Return (sin, cos) of an angle in rad.
 
     Within two ulp of the exact value up to 1000 rad and three up to 1.6e6 rad; beyond, no
-    worse than a relative change of the angle by one rounding. Not-a-number from 1e9 rad on.
+    worse than a relative change of the angle by one rounding. NaN from 1e9 rad.
     """
     return sines_and_cosines((angle,))[0]
 
 
 @formula
 def angle_of(sine: float, cosine: float) -> float:
-    """Return the angle in [0, pi] of a sine that is not negative and a cosine."""
+    """Return the angle in [0, pi] of a non-negative sine and a cosine."""
     # sin t / (1 + cos t) = tan t/2; on either side of a quarter turn the quotient is at most one.
     is_small = cosine >= 0.0
-    of = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
-    inverted = of > 1.0
-    u = 1.0 / of if inverted else of
+    tangent = sine / (1.0 + cosine) if is_small else (1.0 - cosine) / max(sine, 1.0e-300)
+    inverted = tangent > 1.0
+    u = 1.0 / tangent if inverted else tangent
     half = u * (0.9953545 - u * u * (0.2886790 - 0.0793392 * u * u))
     t = 2.0 * half
     t = math.pi - t if inverted else t
@@ -170,17 +169,17 @@ def angle_of(sine: float, cosine: float) -> float:
 
 @formula
 def padded(count: int) -> int:
-    """Return the length of arrays that have room for so many numbers, in whole vectors."""
+    """Return the smallest multiple of the vector length that is not less than `count`."""
     return (count + AT_ONCE - 1) // AT_ONCE * AT_ONCE
 
 
 @formula
 def write_sines(angles: Any, count: int) -> None:
     """
-    Write the sines of the first angles in rad in place of them, several at once.
+    Replace the first angles in rad by their sines, several at once.
 
-    The array is `padded`, and what is after them there is of no use to anybody: a processor
-    takes all in whole vectors, none by itself.
+    The array has a `padded` length, because the function computes whole vectors. Entries after
+    the first `count` are overwritten without a meaning.
     """
     for k in range(padded(count)):
         angles[k] = sin_cos(angles[k] if k < count else 0.0)[0]
@@ -188,7 +187,7 @@ def write_sines(angles: Any, count: int) -> None:
 
 @formula
 def write_sines_and_cosines(angles: Any, count: int, cosines: Any) -> None:
-    """Write the sines of the first angles in place of them, and their cosines, as above."""
+    """Replace the first angles by their sines, and write their cosines; see `write_sines`."""
     for k in range(padded(count)):
         angles[k], cosines[k] = sin_cos(angles[k] if k < count else 0.0)
 
@@ -213,7 +212,7 @@ def exp(x: float) -> float:
     """
     Return e**x, within two ulp of the exact value for x from -700 to 700.
 
-    Below, that of -700, which is zero to all purposes; above, that of 700.
+    Smaller arguments give exp(-700), which is practically zero, larger ones exp(700).
     """
     bounded = x if x > -_LARGEST_EXPONENT else -_LARGEST_EXPONENT
     bounded = bounded if bounded < _LARGEST_EXPONENT else _LARGEST_EXPONENT
@@ -232,7 +231,7 @@ def tanh(x: float) -> float:
         (z + 1.12811678491632931402e02) * z + 2.23548839060100448583e03
     ) * z + 4.84406305325125486048e03
     near = x + x * z * (numerator / denominator)
-    # Others: 1 - 2 / (exp(2 |x|) + 1).
+    # Other arguments: 1 - 2 / (exp(2 |x|) + 1).
     magnitude = abs(x)
     magnitude = magnitude if magnitude < _TANH_SATURATION else _TANH_SATURATION
     y = magnitude + magnitude

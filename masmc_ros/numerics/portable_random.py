@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Random numbers that are the same on every machine, and the same again after a reset.
+Random numbers that are identical on every machine and after every reset.
 
-Counter-based: a number is a function of a key and of where it is used, so that nothing has
-to be remembered between two of them. Philox-2x32-10 of J. K. Salmon, M. A. Moraes, R. O. Dror
+The generator is counter-based: a number is a function of a key and of the place of its use, and
+there is no state between two numbers. Philox-2x32-10 of J. K. Salmon, M. A. Moraes, R. O. Dror
 and D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3" (SC 2011).
 """
 
@@ -38,10 +38,10 @@ def philox(low: int, high: int, key: int) -> tuple[int, int]:
 @formula
 def gaussian(seed: int, tick: int, axis: int) -> float:
     """
-    Return a number of mean 0 and variance 1 that belongs to a seed, a tick and an axis.
+    Return the number of mean 0 and variance 1 of a seed, a tick and an axis.
 
-    The sum of twelve uniform numbers, which needs no logarithm: normal but for its tails,
-    which end at 6, and a kurtosis of 2.9.
+    It is the sum of twelve uniform numbers, which needs no logarithm. The distribution is normal
+    except for the tails, which end at 6, and a kurtosis of 2.9.
     """
     total = 0
     for word in range(_WORDS):

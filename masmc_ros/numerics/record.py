@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Records of declared fields, [component, lane], as compiled code and Python read them.
+Records of declared fields by [component, lane], for compiled code and Python.
 
-A field is declared once, where what it belongs to stands: a gain, a setting, something to
-remember, a signal. Its size is a name (`axes`, `joints`, ...) that the mechanism gives a
-number to. A record holds a field of one component as (lanes), others as (components, lanes):
-one lane for the nodes, many for runs side by side, which compiled code goes through
-innermost.
+A module declares the fields of its gains, settings, memory or signals once. The size of a field is
+a name (`axes`, `joints`, ...), and the mechanism determines the number. A record stores a field of
+one component as (lanes), others as (components, lanes). Nodes have one lane, parallel runs have
+many; compiled code loops over the lanes innermost.
 
-Which law, which mechanism a record belongs to is part of its type, as the name of an empty
-field: the compiler chooses formulas by it, and keeps what it makes of them apart.
+The type of a record contains its law and its mechanism as tags, the names of empty fields. The
+compiler selects formulas by them and compiles separate code for each.
 """
 
 from __future__ import annotations
@@ -41,18 +40,18 @@ def record_type(
     tags: Mapping[str, str] | None = None,
 ) -> np.dtype[Any]:
     """
-    Return the type of a record of some fields, each named once.
+    Return the type of a record of fields, without duplicates.
 
     Parameters
     ----------
     fields
-        those declared; of several of one name the first counts.
+        Declared fields; of several with one name the first applies.
     sizes
-        number of components by name of a size.
+        Number of components by name of a size.
     lanes
-        runs side by side.
+        Number of parallel runs.
     tags
-        what the compiler is to choose by, by name.
+        Values by name by which the compiler selects formulas.
 
     """
     known: dict[str, Field] = {}
@@ -63,7 +62,7 @@ def record_type(
         (field.name, field.kind, (field.count(sizes), lanes) if field.size else (lanes,))
         for field in known.values()
     ]
-    # One byte at the end each, so that no number is moved by it.
+    # Each tag is one byte at the end, so it does not move any number.
     members += [(f'{name}{_TAG}{value}', 'i1') for name, value in (tags or {}).items()]
     return np.dtype(members, align=True)
 
@@ -82,18 +81,14 @@ def new_record(
 
 
 def fill(record: NDArray[np.void], name: str, value: Any, lane: int | None = None) -> None:
-    """
-    Write a number or a vector into a field of an array of one record.
-
-    Into one lane, or into all of them alike.
-    """
+    """Write a number or a vector into a field of an array of one record: one lane, or all."""
     numbers = np.asarray(value)
     lanes = slice(None) if lane is None else slice(lane, lane + 1)
     record[name][0][..., lanes] = numbers[..., None]
 
 
 def take_over(record: NDArray[np.void], before: NDArray[np.void]) -> None:
-    """Copy the fields that two records have in common from the one before."""
+    """Copy the common fields of two records from the one before."""
     for name in record.dtype.names or ():
         if _TAG not in name and name in (before.dtype.names or ()):
             record[name] = before[name]
@@ -128,7 +123,7 @@ def _lanes(record: Any) -> int:
 
 
 def _allow_wide_vectors(compiler: Compiler, record: Any) -> None:
-    """Let a function that goes through lanes use all of AVX-512's width, not half of it."""
+    """Let a function that loops over lanes use the full width of AVX-512, instead of half."""
     if _lanes(record) > 1:
         # llvmlite's own `add` knows no attributes that have a value.
         set.add(compiler.builder.function.attributes, '"prefer-vector-width"="512"')
@@ -141,9 +136,8 @@ def _lane_count(compiler: Compiler, kinds: Any, values: Any) -> Any:
     if lanes == 1:
         return number
     _allow_wide_vectors(compiler, kinds[0])
-    # Where the compiler knows how many, it writes a tick out once for each lane, and does not
-    # find out that one instruction does for several. What it may know is by which power of two
-    # the number divides, so that it writes no second loop for lanes that are left over.
+    # With a known number the compiler would unroll the lanes and fail to vectorise them. It only
+    # gets the power of two that divides the number, and needs no second loop for a remainder.
     build = compiler.builder
     power = (lanes & -lanes).bit_length() - 1
     odd = compiler.context.get_constant(types.intp, lanes >> power)
@@ -180,8 +174,9 @@ def _get(compiler: Compiler, kinds: Any, values: Any) -> Any:
             build.store(build.load(place), entry_place(compiler, VECTOR, out, loop.index))
         return out
     places = _places(compiler, kinds, values)
-    found = [build.load(place) for place in places]
-    return compiler.tuple_of(found) if isinstance(compiler.result, types.BaseTuple) else found[0]
+    entries = [build.load(place) for place in places]
+    is_tuple = isinstance(compiler.result, types.BaseTuple)
+    return compiler.tuple_of(entries) if is_tuple else entries[0]
 
 
 def put(record: Any, name: str, lane: int, value: Any) -> None:
@@ -196,19 +191,19 @@ def put(record: Any, name: str, lane: int, value: Any) -> None:
 @generated(put, lambda context, record, name, lane, value: types.none)
 def _put(compiler: Compiler, kinds: Any, values: Any) -> Any:
     kind = kinds[0].fields[kinds[1].literal_value].type.dtype
-    value, given = values[3], kinds[3]
-    if is_array(given):
+    value, value_kind = values[3], kinds[3]
+    if is_array(value_kind):
         build = compiler.builder
         with cgutils.for_range(build, _count(compiler, kinds)) as loop:
-            number = build.load(entry_place(compiler, given, value, loop.index))
+            number = build.load(entry_place(compiler, value_kind, value, loop.index))
             build.store(number, _component(compiler, kinds, values, loop.index))
         return compiler.context.get_dummy_value()
-    entries, of = [value], [given]
-    is_vector = isinstance(given, types.BaseTuple)
+    entries, entry_kinds = [value], [value_kind]
+    is_vector = isinstance(value_kind, types.BaseTuple)
     if is_vector:
-        entries, of = compiler.entries(value, given), list(given)
+        entries, entry_kinds = compiler.entries(value, value_kind), list(value_kind)
     for place, entry, entry_kind in zip(
-        _places(compiler, kinds, values), entries, of, strict=True
+        _places(compiler, kinds, values), entries, entry_kinds, strict=True
     ):
         compiler.builder.store(compiler.cast(entry, entry_kind, kind), place)
     return compiler.context.get_dummy_value()
@@ -230,7 +225,7 @@ def _component(compiler: Compiler, kinds: Any, values: Any, i: Any) -> Any:
 
 
 def _place(compiler: Compiler, kinds: Any, values: Any, beyond: Any) -> Any:
-    """Return a pointer so many numbers beyond the first component of a field of one lane."""
+    """Return a pointer `beyond` numbers after the first component of a field of one lane."""
     field = kinds[0].fields[kinds[1].literal_value]
     number = compiler.context.get_data_type(field.type.dtype)
     build = compiler.builder
@@ -247,9 +242,9 @@ def _count(compiler: Compiler, kinds: Any) -> Any:
 
 def copied(record: Any) -> Any:
     """
-    Return a copy of a record; in compiled code one that lives as long as the kernel runs.
+    Return a copy of a record, which in compiled code is valid while the kernel runs.
 
-    It lies on the stack, where the compiler sees that nothing else refers to it.
+    The copy is on the stack, so the compiler knows that nothing else refers to it.
     """
     return record.copy()
 
@@ -265,7 +260,7 @@ def _copied(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def copy_to(source: Any, target: Any) -> None:
-    """Copy all of a record into another one of the same type."""
+    """Copy a record into another one of the same type."""
     for name in source.dtype.names:
         target[name] = source[name]
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Formulas of one or two numbers, to be applied to tuples entry by entry: `each(plus, a, b)`."""
+"""Formulas of numbers for use on vectors, as in `elementwise(plus, a, b)`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def minus(a: float, b: float) -> float:
 
 
 @formula
-def zero(of: float) -> float:
-    """Return 0, whatever the number is."""
+def zero(value: float) -> float:
+    """Return 0 for any number."""
     return 0.0
 
 
 @formula
 def moved(value: float, rate: float, period: float) -> float:
-    """Return a value that changed at a rate for a period: a step of explicit Euler."""
+    """Return a value after a step of explicit Euler at a rate."""
     return value + period * rate

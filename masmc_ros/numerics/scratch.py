@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Arrays to work in, which end with the function that asks for them.
+Scratch arrays, which are valid until the function that creates them ends.
 
-They lie on the stack, where making one costs nothing; one from the heap costs as much as a
-hundred products. Its creator passes it on to other functions, but neither returns nor keeps it.
+They are on the stack, where creation is free; an array on the heap costs as much as a hundred
+multiplications. A function may pass its array to other functions, but neither return nor keep it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import numpy as np
 
 MOST = {1: 200, 2: 840}
 """
-Numbers that fit, by dimensions; a larger array comes from the heap.
+Largest number of entries by dimension; a larger array is on the heap.
 
-No multiples of 4 KiB: a processor takes addresses that are so far apart for the same at first.
+Sizes are no multiples of 4 KiB, because processors first mistake such addresses for the same one.
 """
 
 
@@ -32,16 +32,17 @@ CACHE_LINE = 64
 
 def scratch(*shape: int) -> Any:
     """
-    Return an array of one or two dimensions, not yet written.
+    Return an uninitialised array of one or two dimensions.
 
-    In compiled code it ends with the function: an inlined formula ends where its result is used.
+    In compiled code it is valid until the function ends; for an inlined formula, until its result
+    is used.
     """
     return np.empty(shape)
 
 
 @formula
 def clear(array: Any) -> None:
-    """Write zeros into an array, from which a compiler makes much more of `array[:] = 0.0`."""
+    """Write zeros into an array; the compiled code is much shorter than for `array[:] = 0.0`."""
     flat = array.reshape(array.size)
     for i in range(len(flat)):
         flat[i] = 0.0
@@ -49,10 +50,10 @@ def clear(array: Any) -> None:
 
 @formula
 def copy_into(array: Any, values: Any) -> None:
-    """Write one array into another of its shape, both in the order of rows."""
-    flat, given = array.reshape(array.size), values.reshape(values.size)
+    """Copy an array into another one of the same shape, both in row-major order."""
+    flat, source = array.reshape(array.size), values.reshape(values.size)
     for i in range(len(flat)):
-        flat[i] = given[i]
+        flat[i] = source[i]
 
 
 def _empty(shape: Any) -> Any:
@@ -75,18 +76,18 @@ def _scratch(compiler: Compiler, kinds: Any, values: Any) -> Any:
     number = context.get_data_type(FLOAT)
     most = context.get_constant(types.intp, MOST[len(kinds)])
     room = cgutils.alloca_once(build, number, most)
-    # Else it is chance, for each process anew, which numbers lie across two cache lines.
+    # Without alignment, the numbers that cross two cache lines differ in every process.
     room.align = CACHE_LINE
-    found = cgutils.alloca_once(build, context.get_value_type(compiler.result))
+    buffer = cgutils.alloca_once(build, context.get_value_type(compiler.result))
     fits = build.icmp_signed('<=', count, most)
     with build.if_else(fits, likely=True) as (then, otherwise):
         with then:
-            build.store(array_over(compiler, compiler.result, room, lengths), found)
+            build.store(array_over(compiler, compiler.result, room, lengths), buffer)
         with otherwise:
             pair = types.UniTuple(types.intp, len(lengths))
             shape = context.make_tuple(build, pair, lengths)
-            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), found)
-    return build.load(found)
+            build.store(compiler.internal(_empty, compiler.result, (pair,), (shape,)), buffer)
+    return build.load(buffer)
 
 
 def array_over(
@@ -100,7 +101,7 @@ def array_over(
     for length in lengths[:0:-1]:
         strides.insert(0, build.mul(strides[0], length))
         count = build.mul(count, length)
-    # Without an owner, what counts references passes it by.
+    # Without an owner, reference counting ignores the array.
     own.meminfo = cgutils.get_null_value(own.meminfo.type) if owner is None else owner
     own.parent = cgutils.get_null_value(own.parent.type)
     own.data, own.nitems, own.itemsize = room, count, size

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Vectors of any length in formulas: entry by entry, sums of products, parts.
+Operations on vectors of any length in formulas: elementwise functions, sums of products, parts.
 
-A vector is a tuple, which the compiler writes out entry by entry; one of more than LONGEST
-entries, as records hold them, is an array, through which it goes in loops. What is named here
-before `matrix_times` takes either.
+A vector of up to LONGEST entries is a tuple, which the compiler unrolls. A longer vector of a
+record is an array, which compiled code processes in loops. Functions before `matrix_times` accept
+both.
 
-Sums go from the first entry on and begin with zero, so that they have the same bits wherever
-they are computed.
+Sums start with zero and then add the first entry, so they are bitwise identical everywhere.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from masmc_ros.numerics.generated import called, Compiler, generated, like
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.generated import called, Compiler, generated, tuple_type
 from numba import types
 from numba.core import cgutils
 import numpy as np
 
-Numbers = tuple[float, ...]
 FLOAT = types.float64
 VECTOR = types.Array(FLOAT, 1, 'C')
 MATRIX = types.Array(FLOAT, 2, 'C')
 
 LONGEST = 48
-"""Most entries of a vector that is a tuple."""
+"""Largest number of entries of a vector that is a tuple."""
 
 
 def _floats(n: int) -> types.Type:
@@ -53,7 +52,7 @@ def _empty(shape: Any) -> Any:
 
 
 def new_vector(compiler: Compiler, count: Any) -> Any:
-    """Return an array of so many numbers, not yet written."""
+    """Return an uninitialised array of `count` numbers."""
     return compiler.internal(_empty, VECTOR, (types.intp,), (count,))
 
 
@@ -68,14 +67,14 @@ def _length(compiler: Compiler, kind: types.Type, value: Any) -> Any:
     return compiler.builder.extract_value(array.shape, 0)
 
 
-def each(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return function(a, b, ...) of every entry; a number stands for a vector of it."""
+def elementwise(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return the vector of function(a, b, ...) by entries; a number applies to all entries."""
     vectors = [a for a in arguments if isinstance(a, tuple | np.ndarray)]
-    found = (
+    entries = (
         function(*(a[i] if isinstance(a, tuple | np.ndarray) else a for a in arguments))
         for i in range(len(vectors[0]))
     )
-    return tuple(found) if isinstance(vectors[0], tuple) else np.array(list(found))
+    return tuple(entries) if isinstance(vectors[0], tuple) else np.array(list(entries))
 
 
 def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
@@ -84,20 +83,20 @@ def _types_of_entry(kinds: Any, i: int) -> tuple[types.Type, ...]:
     )
 
 
-def _type_of_each(context: Any, function: Any, *kinds: Any) -> types.Type:
+def _type_of_elementwise(context: Any, function: Any, *kinds: Any) -> types.Type:
     if any(map(is_array, kinds)):
         return VECTOR
     count = next(len(kind) for kind in kinds if _is_tuple(kind))
-    return like(
+    return tuple_type(
         called(context, function, _types_of_entry(kinds, i)).return_type for i in range(count)
     )
 
 
-@generated(each, _type_of_each)
-def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
+@generated(elementwise, _type_of_elementwise)
+def _elementwise(compiler: Compiler, kinds: Any, values: Any) -> Any:
     function, kinds, values = kinds[0], kinds[1:], values[1:]
     if is_array(compiler.result):
-        return _each_of_arrays(compiler, function, kinds, values)
+        return _elementwise_of_arrays(compiler, function, kinds, values)
     rows = [
         compiler.entries(value, kind) if _is_tuple(kind) else value
         for kind, value in zip(kinds, values, strict=True)
@@ -113,7 +112,7 @@ def _each(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
-def _each_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
+def _elementwise_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) -> Any:
     build = compiler.builder
     count = next(
         _length(compiler, kind, value)
@@ -126,28 +125,28 @@ def _each_of_arrays(compiler: Compiler, function: Any, kinds: Any, values: Any) 
             build.load(entry_place(compiler, kind, value, loop.index)) if is_array(kind) else value
             for kind, value in zip(kinds, values, strict=True)
         ]
-        found = compiler.call(function, FLOAT, _types_of_entry(kinds, 0), entries)
-        build.store(found, entry_place(compiler, VECTOR, out, loop.index))
+        entry = compiler.call(function, FLOAT, _types_of_entry(kinds, 0), entries)
+        build.store(entry, entry_place(compiler, VECTOR, out, loop.index))
     return out
 
 
-def tabulate(function: Callable[..., Any], of: Numbers, argument: Any) -> Any:
-    """Return function(argument, i) for every place i of a vector; of an array, an array."""
-    found = [function(argument, i) for i in range(len(of))]
-    return tuple(found) if isinstance(of, tuple) else np.array(found)
+def from_index(function: Callable[..., Any], template: Numbers, argument: Any) -> Any:
+    """Return the vector of function(argument, i) for every index i of `template`."""
+    entries = [function(argument, i) for i in range(len(template))]
+    return tuple(entries) if isinstance(template, tuple) else np.array(entries)
 
 
-def _type_of_table(context: Any, function: Any, of: Any, argument: Any) -> types.Type:
+def _type_of_table(context: Any, function: Any, template: Any, argument: Any) -> types.Type:
     row = called(context, function, (argument, types.intp)).return_type
-    if is_array(of):
+    if is_array(template):
         return MATRIX if _is_tuple(row) else VECTOR
-    return like([row] * len(of))
+    return tuple_type([row] * len(template))
 
 
-@generated(tabulate, _type_of_table)
-def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    function, of, argument = kinds
-    if is_array(of):
+@generated(from_index, _type_of_table)
+def _from_index(compiler: Compiler, kinds: Any, values: Any) -> Any:
+    function, template, argument = kinds
+    if is_array(template):
         return _table_of_array(compiler, kinds, values)
     return compiler.tuple_of([
         compiler.call(
@@ -161,10 +160,10 @@ def _tabulate(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def _table_of_array(compiler: Compiler, kinds: Any, values: Any) -> Any:
-    function, of, argument = kinds
+    function, template, argument = kinds
     context, build = compiler.context, compiler.builder
     row = called(context.typing_context, function, (argument, types.intp)).return_type
-    count = _length(compiler, of, values[1])
+    count = _length(compiler, template, values[1])
     if _is_tuple(row):
         wide = context.get_constant(types.intp, len(row))
         pair = types.UniTuple(types.intp, 2)
@@ -174,8 +173,8 @@ def _table_of_array(compiler: Compiler, kinds: Any, values: Any) -> Any:
         out = new_vector(compiler, count)
     array = context.make_array(compiler.result)(context, build, out)
     with cgutils.for_range(build, count) as loop:
-        found = compiler.call(function, row, (argument, types.intp), (values[2], loop.index))
-        entries = compiler.entries(found, row) if _is_tuple(row) else [found]
+        entry = compiler.call(function, row, (argument, types.intp), (values[2], loop.index))
+        entries = compiler.entries(entry, row) if _is_tuple(row) else [entry]
         for j, value in enumerate(entries):
             at = [loop.index]
             if _is_tuple(row):
@@ -212,20 +211,24 @@ def _dot(compiler: Compiler, kinds: Any, values: Any) -> Any:
     )
 
 
-def unit(of: Numbers, i: int) -> Any:
-    """Return the i-th unit vector, as long as `of`."""
-    if isinstance(of, tuple):
-        return tuple(1.0 if j == i else 0.0 for j in range(len(of)))
-    return _unit_array(of, i)
+def unit(template: Numbers, i: int) -> Any:
+    """Return the i-th unit vector, as long as `template`."""
+    if isinstance(template, tuple):
+        return tuple(1.0 if j == i else 0.0 for j in range(len(template)))
+    return _unit_array(template, i)
 
 
-def _unit_array(of: Any, i: int) -> Any:
-    out = np.zeros(len(of))
+def _unit_array(template: Any, i: int) -> Any:
+    out = np.zeros(len(template))
     out[i] = 1.0
     return out
 
 
-@generated(unit, lambda context, of, i: VECTOR if is_array(of) else _floats(len(of)))
+def _type_of_unit(context: Any, template: Any, i: Any) -> types.Type:
+    return VECTOR if is_array(template) else _floats(len(template))
+
+
+@generated(unit, _type_of_unit)
 def _unit(compiler: Compiler, kinds: Any, values: Any) -> Any:
     if is_array(kinds[0]):
         return compiler.run(_unit_array, kinds, values)
@@ -253,50 +256,54 @@ def _matrix_times(compiler: Compiler, kinds: Any, values: Any) -> Any:
     ])
 
 
-def least(of: Numbers) -> float:
-    """Return the least entry."""
-    found = of[0]
-    for value in of:
-        found = value if value < found else found
-    return found
+def least(vector: Numbers) -> float:
+    """Return the smallest entry."""
+    smallest = vector[0]
+    for value in vector:
+        smallest = value if value < smallest else smallest
+    return smallest
 
 
-@generated(least, lambda context, of: FLOAT)
+@generated(least, lambda context, vector: FLOAT)
 def _least(compiler: Compiler, kinds: Any, values: Any) -> Any:
     build = compiler.builder
-    found, *others = compiler.entries(values[0], kinds[0])
+    smallest, *others = compiler.entries(values[0], kinds[0])
     for value in others:
-        found = build.select(build.fcmp_ordered('<', value, found), value, found)
-    return found
+        smallest = build.select(build.fcmp_ordered('<', value, smallest), value, smallest)
+    return smallest
 
 
-def head(of: Numbers, as_many: Numbers) -> Numbers:
-    """Return the first entries, as many as another tuple has."""
-    return of[: len(as_many)]
+def head(vector: Numbers, as_many: Numbers) -> Numbers:
+    """Return the first entries, as many as those of another tuple."""
+    return vector[: len(as_many)]
 
 
-@generated(head, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+def _type_of_head(context: Any, vector: Any, as_many: Any) -> types.Type:
+    return tuple_type(vector[i] for i in range(len(as_many)))
+
+
+@generated(head, _type_of_head)
 def _head(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[: len(kinds[1])])
 
 
-def tail(of: Numbers, as_many: Numbers) -> Numbers:
-    """Return the last entries, as many as another tuple has."""
-    return of[len(of) - len(as_many):]
+def tail(vector: Numbers, as_many: Numbers) -> Numbers:
+    """Return the last entries, as many as those of another tuple."""
+    return vector[len(vector) - len(as_many):]
 
 
-@generated(tail, lambda context, of, as_many: like(of[i] for i in range(len(as_many))))
+@generated(tail, _type_of_head)
 def _tail(compiler: Compiler, kinds: Any, values: Any) -> Any:
     return compiler.tuple_of(compiler.entries(values[0], kinds[0])[-len(kinds[1]):])
 
 
-def thirds(of: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the three parts of equal length that a tuple is made of."""
-    n = len(of) // 3
-    return of[:n], of[n:2 * n], of[2 * n:]
+def thirds(vector: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Return the three consecutive parts of a tuple, of equal length."""
+    n = len(vector) // 3
+    return vector[:n], vector[n:2 * n], vector[2 * n:]
 
 
-@generated(thirds, lambda context, of: like([_floats(len(of) // 3)] * 3))
+@generated(thirds, lambda context, vector: tuple_type([_floats(len(vector) // 3)] * 3))
 def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
     n, entries = len(kinds[0]) // 3, compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([
@@ -305,7 +312,7 @@ def _thirds(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def joined(first: Numbers, second: Numbers) -> Numbers:
-    """Return one tuple after the other."""
+    """Return the concatenation of two tuples."""
     return first + second
 
 
@@ -316,11 +323,11 @@ def _joined(compiler: Compiler, kinds: Any, values: Any) -> Any:
 
 
 def column(rows: tuple[Numbers, ...], i: int) -> Numbers:
-    """Return entry i of every row; in compiled code i is written as a number."""
+    """Return entry i of every row; in compiled code i must be a literal."""
     return tuple(row[i] for row in rows)
 
 
-@generated(column, lambda context, rows, i: like(row[i.literal_value] for row in rows))
+@generated(column, lambda context, rows, i: tuple_type(row[i.literal_value] for row in rows))
 def _column(compiler: Compiler, kinds: Any, values: Any) -> Any:
     rows = compiler.entries(values[0], kinds[0])
     return compiler.tuple_of([

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The robot moved by MuJoCo: wheels that roll as far as friction lets them."""
+"""Robot simulated by MuJoCo, with friction and slip of the wheels."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SETTLING = 0.5
-"""Time in s in which the robot comes to rest on wheels and castors before it starts."""
+"""Time in s for the robot to settle on wheels and castors before the start."""
 
 _CALM = 0.95
 """Share of the vertical motion that remains after one step of settling."""
 
 _UPRIGHT = 0.95
-"""Least cosine of the base's tilt: beyond it the robot has fallen over."""
+"""Smallest cosine of the base's tilt; with a smaller one the robot has fallen over."""
 
 _LOST = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -35,23 +35,23 @@ _LOST = (
     mujoco.mjtWarning.mjWARN_BADQACC,
 )
 
-# Else it writes a file wherever it is.
+# Otherwise MuJoCo writes a log file into the current folder.
 mujoco.set_mju_user_warning(lambda _: None)
 
 
 class ContactRobot(SimulatedRobot):
     """
-    A robot on wheels, as MuJoCo moves it; the interface of what it is made of.
+    Robot on wheels, simulated by MuJoCo, with the interface of `SimulatedRobot`.
 
-    The base's pose is what it is, also where wheels slip, unless encoders have a resolution:
-    odometry knows nothing of slip. Of a base that goes any way commands are forces on it, which
-    its wheels make; its own part of what disturbs it is not theirs.
+    The measured base pose is the true one even with slip. If encoders have a resolution, it is
+    that of odometry, without slip. For an omnidirectional base, commands are forces on the base,
+    produced by the wheels; disturbances of the base act on it directly.
     """
 
     is_compiled = False
 
     def __init__(self, robot: Robot, period: float, values: Mapping[str, Any]) -> None:
-        """Take what SimulatedRobot does; InputError where there is no such robot in MuJoCo."""
+        """Initialise like `SimulatedRobot`; raise InputError if MuJoCo rejects the robot."""
         self._steps = max(1, round(period / values['integrator_step']))
         self._parts, self._loaded = (
             contact_model(
@@ -68,7 +68,7 @@ class ContactRobot(SimulatedRobot):
         self._base = len(robot.mechanism.base)
         self._yaw, self._turned = 0.0, np.zeros(9)
         self._gone = np.zeros(self._parts.forces)
-        # The least torques of the wheels that make forces on the base.
+        # Wheel torques of minimum norm that produce forces on the base.
         self._shares = np.linalg.pinv(self._parts.rolling).T
         self._drive: Callable[..., None] | None = None
         self._observe: Callable[..., bool] | None = None
@@ -83,22 +83,22 @@ class ContactRobot(SimulatedRobot):
         self._see()
 
     def advance(self, command: NDArray[np.float64] | None) -> None:
-        """Hold a command (joints) for one period, as SimulatedRobot does."""
+        """Hold a command (joints) for one period, like `SimulatedRobot`."""
         holds = command is None
         if not holds:
             self._command[:] = command
         data, memory, model = self._data, self.memory[0], self._model
         parts, forces = self._parts, self._parts.forces
         for step in range(self._steps):
-            moved = self.settings, self.memory, self.tick, step, self.now, holds
+            moved = self.settings, self.memory, self.tick, step, self.signals, holds
             self._drive = self._drive or bound(plant_drive, *moved)
             memory['rates'][:, 0] = self._rates()
             self._drive(*moved)
-            driven, push = memory['driven'][:, 0], memory['push'][:, 0]
-            data.qfrc_applied[parts.rates] = driven[forces:] + push[forces:]
+            driven, disturbance = memory['driven'][:, 0], memory['disturbance'][:, 0]
+            data.qfrc_applied[parts.rates] = driven[forces:] + disturbance[forces:]
             if forces:
                 data.qfrc_applied[parts.turning] = self._shares @ driven[:forces]
-                self._push_base(push[:forces])
+                self._push_base(disturbance[:forces])
             mujoco.mj_step(model, data)
             self._gone += self._rates()[:forces] * self.period / self._steps
         self.tick += 1
@@ -112,12 +112,12 @@ class ContactRobot(SimulatedRobot):
             )
 
     def _rates(self) -> NDArray[np.float64]:
-        """Return the velocities of the mechanism's joints; those of a base are in its frame."""
+        """Return the joint velocities of the mechanism; those of a base are in its frame."""
         rates: NDArray[np.float64] = self._data.qvel[self._parts.rates]
         return np.concatenate([self._base_rates(), rates]) if self._parts.forces else rates
 
     def _base_rates(self) -> NDArray[np.float64]:
-        """Return the base's velocity ahead and aside in m/s, and around in rad/s."""
+        """Return the base velocity: forwards and sideways in m/s, rotation in rad/s."""
         data = self._data
         mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
         yaw = math.atan2(self._turned[3], self._turned[0])
@@ -126,24 +126,25 @@ class ContactRobot(SimulatedRobot):
         turn = self._turned[6:] @ data.qvel[3:6]
         return np.array([x_rate * c + y_rate * s, y_rate * c - x_rate * s, turn])
 
-    def _push_base(self, push: NDArray[np.float64]) -> None:
-        """Push the base ahead and aside, in N, and around, in N m."""
+    def _push_base(self, disturbance: NDArray[np.float64]) -> None:
+        """Apply a force to the base: forwards and sideways in N, torque in N·m."""
         c, s = math.cos(self._yaw), math.sin(self._yaw)
-        self._data.qfrc_applied[:2] = push[0] * c - push[1] * s, push[0] * s + push[1] * c
-        self._data.qfrc_applied[5] = push[2]
+        x, y, turn = disturbance[:3]
+        self._data.qfrc_applied[:2] = x * c - y * s, x * s + y * c
+        self._data.qfrc_applied[5] = turn
 
     @property
     def _model(self) -> Any:
-        """The robot as it is at this tick, without what it carries or with it."""
+        """Return the model at this tick, with or without the payload."""
         return (self._parts if self.tick < self._pick_up else self._loaded).model
 
     @property
     def _is_lost(self) -> bool:
-        """Return True if MuJoCo met numbers that are too large."""
-        return any(self._data.warning[each].number for each in _LOST)
+        """Return True if MuJoCo has reported numbers that are too large."""
+        return any(self._data.warning[warning].number for warning in _LOST)
 
     def _settle(self) -> None:
-        """Put the robot at its start, at rest on its wheels."""
+        """Place the robot at its start, at rest on its wheels."""
         data, memory, parts = self._data, self.memory[0], self._parts
         start, velocity = memory['position'][:, 0].copy(), memory['velocity'][:, 0].copy()
         x, y, self._yaw = start[:self._base]
@@ -165,7 +166,7 @@ class ContactRobot(SimulatedRobot):
         data.time = 0.0
 
     def _write_state(self) -> None:
-        """Write what MuJoCo has as the true state."""
+        """Write the state of MuJoCo as the true state."""
         data, memory = self._data, self.memory[0]
         mujoco.mju_quat2Mat(self._turned, data.qpos[3:7])
         yaw = math.atan2(self._turned[3], self._turned[0])
@@ -177,21 +178,21 @@ class ContactRobot(SimulatedRobot):
 
     def _see(self, holds: bool = False) -> bool:
         """Measure the state; return True if it is finite."""
-        moved = self.settings, self.memory, self.delayed, self.tick, self.now, holds
+        moved = self.settings, self.memory, self.delayed, self.tick, self.signals, holds
         self._observe = self._observe or bound(plant_observe, *moved)
         return self._observe(*moved)
 
     @property
     def contact(self) -> NDArray[np.float64]:
-        """Return what `CONTACT` names of each wheel in turn (4 wheels)."""
+        """Return the signals of `CONTACT` for each wheel (4 * wheels)."""
         data, parts = self._data, self._parts
         base = self._base_rates()
-        found = np.zeros((len(parts.radii), len(CONTACT)))
-        found[:, 0] = parts.radii * (data.qvel[parts.turning] - parts.rolling @ base)
-        found[:, 1] = 0.0 if parts.has_rollers else base[1]
-        # In every point of contact there are a normal and two friction forces.
+        rows = np.zeros((len(parts.radii), len(CONTACT)))
+        rows[:, 0] = parts.radii * (data.qvel[parts.turning] - parts.rolling @ base)
+        rows[:, 1] = 0.0 if parts.has_rollers else base[1]
+        # Every contact point has a normal force and two friction forces.
         for wheel, touches in enumerate(parts.wheels[:, None] == data.contact.geom[:, 1]):
             firsts = data.contact.efc_address[touches]
             normal, along, across = data.efc_force[firsts[:, None] + range(3)].sum(axis=0)
-            found[wheel, 2:] = normal, math.hypot(along, across)
-        return found.ravel()
+            rows[wheel, 2:] = normal, math.hypot(along, across)
+        return rows.ravel()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A robot as MuJoCo has it: bodies of its URDF, wheels on a plane, castors, and what it carries.
+MuJoCo model of a robot: bodies of its URDF, wheels on a plane, castors and payload.
 
-The base moves freely; what keeps it on its way is friction. Bodies have the URDF's masses and
-nothing but wheels and castors touches anything.
+The base moves freely and is guided by friction. Bodies have the masses of the URDF. Only wheels
+and castors have contacts.
 """
 
 from __future__ import annotations
@@ -15,31 +15,29 @@ import math
 from typing import Any, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
 from masmc_ros.robot.urdf import read_urdf
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _PLACES = [0, 5]
-"""Of the velocities that two driven wheels give a base: ahead, and around."""
+"""Indices of the base velocities with two driven wheels: forwards and rotation."""
 
 _ANY_WAY = [0, 1, 5]
-"""Of those of a base that goes any way: ahead, aside and around."""
+"""Indices for an omnidirectional base: forwards, sideways and rotation."""
 
 _OMNI_COUNT = 4
-"""Of the wheels under such a base; they roll around its middle."""
+"""Number of wheels under an omnidirectional base; they roll around its centre."""
 
 _OMNI_RADIUS = 0.1
 _OMNI_MASS = 0.05
 _OMNI_INERTIA = 0.001
-"""Of such a wheel with its rotor: in m, kg and kg m2."""
+"""Radius, mass and inertia of such a wheel with its rotor: in m, kg and kg·m²."""
 
 _OMNI_DISTANCE = 0.4
-"""From the middle of the base in m, where nothing else is said."""
+"""Default distance of these wheels from the centre of the base in m."""
 
 _ROLLER = 1.0e-3
 """Friction of rollers along the axle as a part of the wheel's: zero for all that moves."""
@@ -51,7 +49,7 @@ _SOFTNESS = 0.004
 """Time constant of contacts in s: 20 kg sink in by 10 um, and wheels creep by 0.1 mm/s."""
 
 _IMPEDANCE_RATIO = 10.0
-"""Of friction to the normal force; less lets wheels creep."""
+"""Ratio of the impedances of friction and normal force; a smaller one lets wheels creep."""
 
 _CASTOR = 0.25
 """Radius of a castor as a part of a wheel's."""
@@ -60,35 +58,35 @@ _GAP = 0.1e-3
 """Height in m of castors above the ground: flush with the wheels they would unload one."""
 
 _POINT = 1.0e-6
-"""Inertia of what is carried, about its centre, for each kg of it: in m2."""
+"""Inertia of the payload about its centre per kg: in m²."""
 
 _FLAT = 1.0e-9
-"""Part by which moments of inertia are made larger: those of a flat body may miss by rounding."""
+"""Relative increase of moments of inertia, because rounding can make flat bodies invalid."""
 
 
 class ContactModel(NamedTuple):
-    """A robot for MuJoCo, and where in its state and contacts what belongs to the robot is."""
+    """MuJoCo model of a robot, and the indices of the robot in its state and contacts."""
 
     model: Any
     """The `mujoco.MjModel`."""
     positions: Array
-    """(joints) places of the joints in qpos, in the mechanism's order, less `forces`."""
+    """Indices (joints - forces) of the joints in qpos, in the order of the mechanism."""
     rates: Array
-    """(joints) their places in qvel, less `forces`."""
+    """Indices (joints - forces) of the joints in qvel."""
     forces: int
-    """Number of the mechanism's first joints that are none, but forces on the base."""
+    """Number of the first joints of the mechanism that are forces on the base instead."""
     turning: Array
-    """(wheels) places of the wheels in qvel."""
+    """Indices (wheels) of the wheels in qvel."""
     wheels: Array
-    """(wheels) numbers of the wheels' geometries."""
+    """Numbers (wheels) of the wheel geometries."""
     radii: Array
-    """(wheels) their radius in m, negative where a positive rate drives backwards."""
+    """Radii (wheels) in m; negative if a positive rate drives backwards."""
     rolling: Array
-    """(wheels, 3) rates with which they roll, by the base's velocity ahead, aside and around."""
+    """Rates (wheels, 3) of rolling wheels per base velocity forwards, sideways and rotation."""
     has_rollers: bool
-    """Whether they roll along their axles, too."""
+    """True if rollers allow motion along the axles."""
     height: float
-    """Of the base's origin above the ground with the robot on its wheels, in m."""
+    """Height of the base origin above the ground in m, with the robot on its wheels."""
 
 
 def contact_model(
@@ -105,21 +103,21 @@ def contact_model(
     Parameters
     ----------
     robot
-        what moves.
+        Robot to model.
     step
-        of integration, in s.
+        Step of the integration in s.
     friction
-        coefficient of friction of the wheels on the ground.
+        Friction coefficient of the wheels on the ground.
     castor_distance
-        of the castors from the axle, or of omnidirectional wheels from the middle, in m; 0 is
-        half of the track, or 0.4 m.
+        Distance of the castors from the axle, or of omnidirectional wheels from the centre, in
+        m; 0 selects half of the track, or 0.4 m.
     load
-        mass of what the robot carries in its tip, in kg.
+        Mass of the payload at the tip in kg.
 
     Raises
     ------
     InputError
-        where it does not stand on such wheels, or MuJoCo cannot have such bodies.
+        If the robot has other wheels, or MuJoCo rejects its bodies.
 
     """
     mechanism = robot.mechanism
@@ -154,7 +152,7 @@ def contact_model(
         solref=[_SOFTNESS, 1.0],
     )
     bodies = _bodies(spec, tree, robot.values.get('armature', 0.0))
-    # Of a robot whose joints rub, coefficients of all of them: viscous ones first.
+    # A robot with joint friction has coefficients of all joints, viscous ones first.
     coefficients = np.reshape(getattr(mechanism, 'friction', np.zeros(0)), (2, -1))
     for name, viscous, coulomb in zip(names, *coefficients, strict=False):
         joint = spec.joint(name)
@@ -169,7 +167,7 @@ def contact_model(
         distance = castor_distance or 0.5 * abs(wheels[0].centre[1] - wheels[1].centre[1])
         _add_castors(bodies[0], distance, _CASTOR * wheels[0].radius, ground)
     tip = tree.frames[mechanism.point_frame or mechanism.frames[-1][1]]
-    # Always there, so that the state is laid out alike; what weighs nothing moves nothing.
+    # The payload always exists, so the state has one layout; without mass it has no effect.
     carried = bodies[tip.body].add_body(name='load', pos=tip.offset)
     carried.explicitinertial = True
     carried.mass, carried.ipos, carried.inertia = load, np.zeros(3), np.full(3, _POINT * load)
@@ -198,18 +196,18 @@ class _Wheel(NamedTuple):
     name: str
     centre: Array
     axle: Array
-    """Unit vector; about it a positive rate turns."""
+    """Unit vector of positive rotation."""
     radius: float
 
     @property
     def rolling(self) -> list[float]:
-        """Return its rate when it rolls, by the base's velocity ahead, aside and around."""
+        """Return its rolling rate per base velocity forwards, sideways and rotation."""
         ahead, left = self.axle[1] / self.radius, -self.axle[0] / self.radius
         return [ahead, left, self.centre[0] * left - self.centre[1] * ahead]
 
 
 def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
-    """Return a wheel of the robot's own, its axle along the base's y."""
+    """Return a driven wheel of the robot, with its axle along y of the base."""
     number = _number(tree, joint)
     centre = tree.tree.offset[number]
     axle = tree.tree.rotation[number].reshape(3, 3) @ tree.joints[number - 1].axis
@@ -218,18 +216,18 @@ def _wheel(tree: TreeRobot, joint: str, values: Mapping[str, Any]) -> _Wheel:
 
 
 def _omni_wheels(distance: float) -> list[_Wheel]:
-    """Return wheels that roll around the middle of the base, the first ahead to the left."""
-    found = []
+    """Return wheels that roll around the centre of the base, first the front left one."""
+    wheels = []
     for number in range(_OMNI_COUNT):
         angle = (number + 0.5) * 2.0 * math.pi / _OMNI_COUNT
         outward = np.array([math.cos(angle), math.sin(angle), 0.0])
         centre = distance * outward + [0.0, 0.0, _OMNI_RADIUS]
-        found.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
-    return found
+        wheels.append(_Wheel(f'omni_wheel_{number + 1}', centre, outward, _OMNI_RADIUS))
+    return wheels
 
 
 def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
-    """Return the bodies of a robot by joints of these names, with its wheels among them."""
+    """Return the bodies of a robot for these joints, including its wheels."""
     mechanism = robot.mechanism
     driven = [joint.name for joint in mechanism.joints]
     values = {f'robot.{name}': value for name, value in robot.values.items()}
@@ -246,13 +244,13 @@ def _with_wheels(robot: Robot, names: Sequence[str]) -> TreeRobot:
 
 def _number(tree: TreeRobot, joint: str) -> int:
     """Return the number of the body that a joint moves."""
-    return 1 + [each.name for each in tree.joints].index(joint)
+    return 1 + [candidate.name for candidate in tree.joints].index(joint)
 
 
 def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
     """Add the bodies, the base first, and return them."""
-    found: list[Any] = []
-    for number, moments in enumerate(tree.moments):
+    bodies: list[Any] = []
+    for number, inertial_parameters in enumerate(tree.inertial_parameters):
         if number == 0:
             body = spec.worldbody.add_body(name='base')
             body.add_freejoint()
@@ -261,7 +259,7 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
             rotation = tree.tree.rotation[number].reshape(3, 3)
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-            body = found[tree.tree.parent[number]].add_body(
+            body = bodies[tree.tree.parent[number]].add_body(
                 name=joint.child, pos=tree.tree.offset[number], quat=quaternion
             )
             slides = joint.kind == 'prismatic'
@@ -271,20 +269,20 @@ def _bodies(spec: Any, tree: TreeRobot, armature: float) -> list[Any]:
                 axis=joint.axis,
                 armature=armature,
             )
-        _set_inertia(body, moments)
-        found.append(body)
-    return found
+        _set_inertia(body, inertial_parameters)
+        bodies.append(body)
+    return bodies
 
 
-def _set_inertia(body: Any, moments: Array) -> None:
-    """Give a body its mass, centre of mass and inertia about it, of its moments (10)."""
-    mass, first = moments[0], moments[1:4]
+def _set_inertia(body: Any, inertial_parameters: Array) -> None:
+    """Set mass, centre of mass and inertia of a body from its inertial parameters (10)."""
+    mass, first = inertial_parameters[0], inertial_parameters[1:4]
     body.explicitinertial = True
     body.mass = mass
     if mass <= 0.0:
         return
     centre = first / mass
-    xx, yy, zz, xy, yz, zx = moments[4:]
+    xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
     second = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) - mass * np.outer(centre, centre)
     inertia = np.trace(second) * (1.0 + _FLAT) * np.eye(3) - second
     body.ipos = centre
@@ -292,7 +290,7 @@ def _set_inertia(body: Any, moments: Array) -> None:
 
 
 def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
-    """Add what touches the ground: in one point below the wheel's centre, as a thin disc does."""
+    """Add the contact geometry of a wheel: one point below its centre, like a thin disc."""
     body.add_geom(
         name=wheel.name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[wheel.radius, 0.0, 0.0],
         friction=[friction, 0.0, 0.0], priority=1, condim=3, solref=[_SOFTNESS, 1.0],
@@ -301,10 +299,9 @@ def _add_wheel(body: Any, wheel: _Wheel, friction: float) -> None:
 
 def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> None:
     """
-    Add a wheel with rollers across its rim: it pushes where it rolls, and not along its axle.
+    Add a wheel with rollers across its rim, which has no friction along its axle.
 
-    It touches the ground by a capsule along the axle, because directions of friction are those of
-    a capsule.
+    The contact geometry is a capsule along the axle, which defines the directions of friction.
     """
     body = base.add_body(name=wheel.name, pos=wheel.centre)
     body.explicitinertial = True
@@ -322,7 +319,7 @@ def _add_omni_wheel(spec: Any, base: Any, wheel: _Wheel, friction: float) -> Non
 
 
 def _add_castors(base: Any, distance: float, size: float, ground: float) -> None:
-    """Add what keeps a base on two wheels upright: castors ahead and behind."""
+    """Add castors at the front and back, which keep a base on two wheels upright."""
     for side in (-distance, distance):
         base.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[size, 0.0, 0.0], condim=1,

@@ -8,10 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
+from masmc_ros.numerics.aliases import Array
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 class CommandPart:

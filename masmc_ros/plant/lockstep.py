@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from masmc_ros.control.actions import Line, Wait
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.commands import CommandPart
-from masmc_ros.plant.core import Actions, Array, AwaitCommand, NOTHING, PlantCore
+from masmc_ros.plant.core import Actions, AwaitCommand, NOTHING, PlantCore
 
 
 class LockStep(PlantCore):

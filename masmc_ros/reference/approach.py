@@ -9,7 +9,7 @@ its gains. It follows a sample instead that starts at the robot and joins the re
 the distance between the two is a polynomial of degree five in time that ends at zero with its
 first and second derivatives. A moving robot is braked within half a second.
 
-A mechanism whose reach a straight line could leave has kernels of its own, `approach_start` and
+A mechanism whose reach a straight line could leave has separate kernels, `approach_start` and
 `approach_sample`, with the arguments of those below.
 """
 
@@ -17,20 +17,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.robot.approach_blend import decayed, returned, SHORTEST, task_state
 from masmc_ros.robot.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
 _PEAK = 15.0 / 8.0
 """Peak velocity of a quintic from rest to rest, in multiples of distance / time."""
 
 _CONTINUOUS = 0.05
-"""Time in s: steps of the reference shorter than the approach's speed times this are none."""
-
-Array = NDArray[np.float64]
+"""Time in s; steps smaller than the approach speed times this value count as continuous."""
 
 
 @kernel
@@ -47,7 +45,7 @@ def _approach_start(
     """
     Write the reference (3 axes) minus the robot at rest, and the robot's velocity (axes, m/s).
 
-    On no axis is the velocity larger than `speed`. `start` (axes) is x. Returns the longest way.
+    `speed` limits the velocity on each axis. `start` (axes) is x. Returns the largest distance.
     """
     x, x_dot = task_state(body[0], position, rates)
     for i in range(len(distance)):
@@ -85,20 +83,20 @@ def _approach_sample(
 
 
 @kernel
-def _steps(before: Any, now: Any, time: float, limit: float, speed: float) -> bool:
-    """Return True if a reference does not continue that of `time` s before."""
+def _steps(before: Any, current: Any, time: float, limit: float, speed: float) -> bool:
+    """Return True if a reference does not continue the one `time` s earlier."""
     steps = False
-    n = len(now) // 3
+    n = len(current) // 3
     for i in range(n):
-        expected = before[i] + 0.5 * time * (before[n + i] + now[n + i])
-        steps |= not abs(now[i] - expected) <= limit
-        steps |= not abs(now[n + i] - before[n + i]) <= speed
+        expected = before[i] + 0.5 * time * (before[n + i] + current[n + i])
+        steps |= not abs(current[i] - expected) <= limit
+        steps |= not abs(current[n + i] - before[n + i]) <= speed
     return steps
 
 
 class Approach:
     """
-    Joins the reference from wherever the robot is, at a bounded speed.
+    Motion from the robot position to the reference, with bounded speed.
 
     A new approach starts on request and, if the reference is watched, when it
     steps: by more than 0.05 s of `speed` in position, or by more than `speed` in velocity.
@@ -106,12 +104,12 @@ class Approach:
     Attributes
     ----------
     is_on
-        whether what is followed is still on its way to the reference, or will be.
+        True until the followed samples have joined the reference.
 
     """
 
     def __init__(self, robot: Robot, speed: float) -> None:
-        """Take the robot and the largest speed per task axis in m/s; 0 jumps."""
+        """Initialise the approach; `speed` is the maximum per task axis in m/s, 0 jumps."""
         self._body = robot.body
         formulas = robot.mechanism.formulas
         self._start_kernel = getattr(formulas, 'approach_start', _approach_start)
@@ -129,11 +127,11 @@ class Approach:
         self.is_on = False
 
     def begin(self) -> None:
-        """Start from wherever the robot is at the next tick."""
+        """Start from the robot position at the next tick."""
         self._is_due = self.is_on = self._speed > 0.0
 
     def watch(self, stamp: int, reference: Array) -> None:
-        """Start an approach if the reference steps; to be called with every one, stamps in ns."""
+        """Start an approach if the reference steps; call with every sample and its stamp in ns."""
         before, elapsed = self._before, (stamp - self._stamp) * 1e-9
         self._before, self._stamp = reference, stamp
         if before is not None and before is not reference:
@@ -143,10 +141,10 @@ class Approach:
 
     def follow(self, stamp: int, position: Array, rates: Array, reference: Array) -> Array:
         """
-        Return the sample to follow at a stamp in ns; the reference itself once joined.
+        Return the sample to follow at a stamp in ns, which is the reference after joining it.
 
-        `position` in the order of joint_states, `rates` of the driven joints in rad/s,
-        `reference` (3 axes).
+        `position` is in the order of joint_states, `rates` are those of the driven joints in
+        rad/s, and `reference` has 3 axes.
         """
         if self._is_due:
             self._is_due = False

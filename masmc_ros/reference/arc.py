@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""An arc of a circle about an axis in space, from rest to rest, or a whole one and more."""
+"""Arc of a circle about an axis in space, from rest to rest, also of more than one turn."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import math
 from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 from masmc_ros.numerics.portable_math import sin_cos
@@ -17,15 +18,12 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _SPACE = 3
 
 
 def _coordinates(mechanism: Mechanism) -> tuple[int, ...]:
-    """Return which task axes are x, y and perhaps z of the first place; none without a place."""
+    """Return the task axes of x, y and perhaps z of the first position; empty without one."""
     if not mechanism.places:
         return ()
     first, axes = mechanism.places[0].first, mechanism.axes
@@ -64,16 +62,16 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 class Arc:
     """
-    Goes about an axis through an angle, with the least jerk along the arc, and holds the ends.
+    Motion about an axis through an angle, with minimum jerk along the arc and holds at its ends.
 
-    x(t) = foot + u cos(angle(t)) + w sin(angle(t)): u leads from the axis to the start, and w
-    is across both.
+    x(t) = foot + u cos(angle(t)) + w sin(angle(t)), where u leads from the axis to the start and
+    w is perpendicular to both.
     """
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
     def __init__(self, values: Mapping[str, Any], first: int = 0) -> None:
-        """Take checked values, names without the type's prefix, and which task axis is x."""
+        """Initialise from checked values without the type's prefix; `first` is the axis of x."""
         self._start = np.array(values['start'], dtype=np.float64)
         self._first, dimensions = first, len(values['centre'])
         normal = values['normal'] if dimensions == _SPACE else (0.0, 0.0, 1.0)
@@ -81,9 +79,9 @@ class Arc:
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         if not length > 0.0:
             raise InputError(f'arc.normal = {list(normal)}: expected a direction')
-        nx, ny, nz = (each / length for each in normal)
+        nx, ny, nz = (component / length for component in normal)
         start = values['start'][first:first + dimensions]
-        away = [at - of for at, of in zip(start, values['centre'], strict=True)]
+        away = [at - centre for at, centre in zip(start, values['centre'], strict=True)]
         x, y, z = away if dimensions == _SPACE else (*away, 0.0)
         along = x * nx + y * ny + z * nz
         u = x - along * nx, y - along * ny, z - along * nz
@@ -98,14 +96,14 @@ class Arc:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Arc:
-        """Make it for the first place of the task; InputError where it has none."""
-        found = _coordinates(mechanism)
-        if not found:
+        """Return the arc for the first position of the task; raise InputError without one."""
+        coordinates = _coordinates(mechanism)
+        if not coordinates:
             raise InputError(
                 'type = arc: a trajectory of x and y; expected another type, as the task is '
                 f'{", ".join(axis.name for axis in mechanism.axes)}'
             )
-        return cls(values, found[0])
+        return cls(values, coordinates[0])
 
     def sample(self, times: Array) -> Array:
         """Return (n, 3 axes) samples at times (n) in s."""
@@ -131,7 +129,7 @@ def _sample(
         for j in range(circle.shape[1]):
             u, w = circle[0, j], circle[1, j]
             ahead, inward = w * c - u * s, u * c + w * s
-            # Of the start, so that it is there to the last bit before it sets out.
+            # The start itself is used, so the value before the motion is exact.
             out[k, first + j] = start[first + j] + (w * s - u * (1.0 - c))
             out[k, axes + first + j] = speed * ahead
             out[k, 2 * axes + first + j] = change * ahead - speed * speed * inward

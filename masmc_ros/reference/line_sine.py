@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A line with a sine on it, per task axis: the paper's path, and circles and eights as well."""
+"""Line plus sine on each task axis: the path of the paper, and also circles and eights."""
 
 from __future__ import annotations
 

@@ -19,16 +19,16 @@ Declared = tuple[Parameter, ...] | Callable[[Mechanism], tuple[Parameter, ...]]
 
 class Reference(Protocol):
     """
-    A type of trajectory: class attribute `parameters`, made from checked values.
+    Type of trajectory with a class attribute `parameters`, created from checked values.
 
-    One that is for certain task axes alone has their names as its class attribute `axes`. One
-    that has to know the task has a class method `of(values, mechanism)`, which makes it then.
+    A type for certain task axes has their names in the class attribute `axes`. A type that depends
+    on the task has a class method `of(values, mechanism)`, which creates it.
     """
 
     parameters: ClassVar[Declared]
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take checked values, names without the type's prefix."""
+        """Initialise from checked values, with names without the prefix of the type."""
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 3 axes) samples at times (n) in s: positions, velocities, accelerations."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reference trajectory: its parameters, and samples of it on the control grid."""
+"""Reference trajectory: its parameters, and samples on the control grid."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ENTRY_POINTS = 'masmc_ros.references'
-"""Group of entry points through which a user's own trajectory types plug in."""
+"""Group of entry points of plug-in trajectory types."""
 
 
 def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -32,7 +32,7 @@ def _line_sine_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         return Parameter(name, default, description, unit=unit, length=len(default))
 
     units = dict.fromkeys(axis.unit for axis in mechanism.axes)
-    unit, per_second = ', '.join(units), ', '.join(f'{each}/s' for each in units)
+    unit, per_second = ', '.join(units), ', '.join(f'{unit_name}/s' for unit_name in units)
     return (
         per_axis('offset', 'Position at t = 0 without the sine', unit),
         per_axis('slope', 'Velocity without the sine', per_second),
@@ -52,7 +52,7 @@ class LineSine:
     parameters: ClassVar[Declared] = staticmethod(_line_sine_parameters)
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take checked values, names without the type's prefix."""
+        """Initialise from checked values, with names without the prefix of the type."""
         names = 'offset', 'slope', 'amplitude', 'frequency', 'phase'
         self._table = np.array([values[name] for name in names], dtype=np.float64)
 
@@ -91,12 +91,12 @@ BUILT_IN: dict[str, type[Reference]] = {
 
 
 def types() -> tuple[str, ...]:
-    """Names of all types of trajectory, built in and plugged in."""
+    """Return the names of all types of trajectory, built in and plugged in."""
     return (*BUILT_IN, *plugged_in(ENTRY_POINTS))
 
 
 def load(name: str) -> type[Reference]:
-    """Return the class of a type of trajectory; InputError where it cannot be loaded."""
+    """Return the class of a type of trajectory; raise InputError if it cannot be loaded."""
     if name in BUILT_IN:
         return BUILT_IN[name]
     reference: type[Reference] = load_plug_in(ENTRY_POINTS, 'type', name)
@@ -110,19 +110,24 @@ def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     )
     declared = (load(name).parameters for name in types())
     return (
-        kind, *(p for each in declared for p in (each(mechanism) if callable(each) else each))
+        kind,
+        *(
+            parameter
+            for declaration in declared
+            for parameter in (declaration(mechanism) if callable(declaration) else declaration)
+        ),
     )
 
 
 class Trajectory:
-    """A trajectory on the control grid, checked against the robot's reach."""
+    """Trajectory on the control grid, checked against the robot's reach."""
 
     def __init__(self, values: Mapping[str, Any], period: float, robot: Robot) -> None:
         """
-        Take checked values of `parameters`, and the control period in s.
+        Initialise from checked values of `parameters`, and the control period in s.
 
-        Raises InputError where the trajectory is for other task axes than the robot's, and for
-        values that contradict each other.
+        Raises InputError if the trajectory is for other task axes than those of the robot, or if
+        values contradict each other.
         """
         kind = values['type']
         block = f'{kind}.'
@@ -144,7 +149,7 @@ class Trajectory:
         """
         Return (count, 3 axes) samples at ticks first, first + 1, ...
 
-        Raises InputError where the robot cannot reach what is desired.
+        Raises InputError if the robot cannot reach a sample.
         """
         times, samples = self._at(np.arange(first, first + count))
         if not np.isfinite(samples).all():

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Through points at given times, from rest to rest: at rest in each of them, or smoothly through all.
+Path through points at certain times, from rest to rest, with or without stops at the points.
 
-Where it does not stop, the path is the one of least jerk through its points: of all that are at
-them at their times and start and end at rest, that with the least integral of the squared third
-derivative (Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
+Without stops, the path has minimum jerk. Of all paths through the points at their times that start
+and end at rest, it has the smallest integral of the squared third derivative
+(Todorov and Jordan 1998, Smoothness maximization along a predefined path accurately
 predicts the speed profiles of complex arm movements). That is a spline of degree five whose
-derivatives are continuous up to the fourth. Where it stops, it goes in straight lines, each of
-least jerk (Flash and Hogan 1985).
+derivatives are continuous up to the fourth. With stops, it consists of straight lines, each with
+minimum jerk (Flash and Hogan 1985).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.elimination import solve_band
 from masmc_ros.numerics.hermite import quintic
@@ -27,9 +28,6 @@ from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.reference import Declared
 from masmc_ros.robot.declaration import Mechanism
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _BESIDE = 3
 """Diagonals on each side of the main one: a knot's two unknowns meet those of its neighbours."""
@@ -55,12 +53,12 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 class Waypoints:
-    """Holds the first point until its time, goes through the others, and holds the last."""
+    """Motion that holds the first point until its time, passes the others, and holds the last."""
 
     parameters: ClassVar[Declared] = staticmethod(_parameters)
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take checked values, names without the type's prefix; as many numbers for each time."""
+        """Initialise from checked values without the type's prefix; each time has a point."""
         self._times = np.array(values['times'], dtype=np.float64)
         points = np.array(values['points'], dtype=np.float64).reshape(len(self._times), -1)
         self._knots = np.hstack([points, np.zeros((len(points), 2 * points.shape[1]))])
@@ -69,7 +67,7 @@ class Waypoints:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], mechanism: Mechanism) -> Waypoints:
-        """Hold times and points against each other and the task; InputError where they differ."""
+        """Return the path; raise InputError if times and points do not match the task."""
         times, axes = values['times'], mechanism.axes
         if not times:
             raise InputError('waypoints.times = []: expected a time for each point')
@@ -97,10 +95,9 @@ def _pass_through(times: Any, knots: Any) -> None:
     """
     Write velocity and acceleration into knots (n, 3 axes) that have positions.
 
-    Those between the ends are such that the third and fourth derivatives do not step: each
-    knot has two unknowns, its velocity and its acceleration, and an equation for each
-    derivative, of the knot and its neighbours. The matrix is that of the integral of the
-    squared jerk, which is symmetric and positive definite, and has seven diagonals.
+    Between the ends the third and fourth derivatives are continuous. Each knot has two unknowns,
+    velocity and acceleration, and two equations with its neighbours. The matrix is that of the
+    integral of the squared jerk, which is symmetric, positive definite and has seven diagonals.
     """
     n, axes = len(times) - 2, knots.shape[1] // 3
     if n < 1:

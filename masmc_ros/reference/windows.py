@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The reference as the controller receives it: windows of samples sent ahead of time.
+Reference of the controller: windows of samples received in advance.
 
-It has one owner at a time. Windows, once they cover the present, are a trajectory that runs: a
-set-point is rejected until they have ended. A set-point that holds is replaced by windows that
-start to cover the present.
+The reference has one source at a time. Windows that cover the current time are a running
+trajectory: a set-point is rejected until they have ended. Windows that reach the current time
+replace an active set-point.
 """
 
 from __future__ import annotations
@@ -16,21 +16,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.hermite import quintic
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _ON_GRID_NS = 2
-"""A sample this close to the stamp asked for is used as it is: stamps are rounded to 1 ns."""
+"""Largest distance to a sample that is used without interpolation; stamps are rounded to 1 ns."""
 
 _KEPT_NS = 10_000_000_000
-"""Time for which windows are kept after their end, for a plant that is set back a little."""
+"""Time in ns for which windows are kept after their end, in case the plant is set back."""
 
 _MOST = 1000
-"""Windows that are kept at once; of more, the first that came goes."""
+"""Largest number of windows; a further one replaces the oldest."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +80,16 @@ def _between(first: Any, second: Any, period: float, part: float, out: Any) -> N
 class ReferenceWindows:
     """Windows received so far; newer ones replace older where they overlap."""
 
-    def __init__(self, axes: int, told: Callable[[str], object] = lambda _: None) -> None:
-        """Start without a reference of so many axes; `told` is told who has lost it."""
-        self._size, self._told = 3 * axes, told
+    def __init__(self, axes: int, on_notice: Callable[[str], object] = lambda _: None) -> None:
+        """Initialise without a reference; `on_notice` receives a text if a source is replaced."""
+        self._size, self._told = 3 * axes, on_notice
         self._windows: list[Window] = []
         self._recent: Window | None = None
         self._set_point: Array | None = None
 
     def add(self, start: int, period: float, samples: Array) -> None:
         """
-        Add samples (n, 3 axes), `period` s apart from the stamp `start` in ns on.
+        Add samples (n, 3 axes) every `period` s from the stamp `start` in ns.
 
         Raises InputError for numbers that are not finite and for a period that is not > 0.
         """
@@ -106,18 +104,18 @@ class ReferenceWindows:
         self._recent = None
         period_ns = period * 1e9
         end = start + round((len(samples) - 1) * period_ns)
-        # As compiled code reads them, which does not look whether they are.
+        # Compiled code requires this layout and does not check it.
         samples = np.require(samples, np.float64, ('C', 'A'))
         self._windows.append(Window(start, end, period_ns, samples))
         if len(self._windows) > _MOST:
             del self._windows[0]
 
-    def set_point(self, numbers: Array, now: int | None = None) -> None:
+    def set_point(self, numbers: Array, stamp: int | None = None) -> None:
         """
-        Hold a position (axes), with its velocity and acceleration after it if given.
+        Hold a position (axes), optionally followed by velocity and acceleration.
 
         Raises InputError for another count, for numbers that are not finite, and while windows
-        cover the stamp `now` in ns; None is any.
+        cover `stamp` in ns; None stands for any time.
         """
         counts = self._size // 3, 2 * self._size // 3, self._size
         if numbers.size not in counts or not np.isfinite(numbers).all():
@@ -126,7 +124,7 @@ class ReferenceWindows:
                     numbers.tolist(), *counts
                 )
             )
-        if self._windows and (now is None or self._covering(now) is not None):
+        if self._windows and (stamp is None or self._covering(stamp) is not None):
             raise InputError(
                 'a set-point beside a trajectory, which goes on; end it first, or wait until it '
                 'has ended'
@@ -136,7 +134,7 @@ class ReferenceWindows:
         self._set_point = sample
 
     def at(self, stamp: int) -> Array | None:
-        """Return the sample (3 axes) at a stamp in ns; None where there is none."""
+        """Return the sample (3 axes) at a stamp in ns; None without one."""
         recent = self._recent
         if recent is not None and recent.start <= stamp <= recent.end:
             return recent.at(stamp)
@@ -151,13 +149,13 @@ class ReferenceWindows:
         return window.at(stamp)
 
     def _covering(self, stamp: int) -> Window | None:
-        """Return the newest window at a stamp in ns, or what joins two that are next to it."""
+        """Return the newest window at a stamp in ns, or one that joins its two neighbours."""
         for window in reversed(self._windows):
             if window.covers(stamp):
                 return window
-        near = [each for each in self._windows if each.covers(stamp, each.period_ns)]
-        before = [each for each in near if each.end < stamp]
-        after = [each for each in near if each.start > stamp]
+        near = [w for w in self._windows if w.covers(stamp, w.period_ns)]
+        before = [candidate for candidate in near if candidate.end < stamp]
+        after = [candidate for candidate in near if candidate.start > stamp]
         if not (before and after):
             return None
         first, second = before[-1], after[-1]
@@ -169,7 +167,7 @@ class ReferenceWindows:
 
     @property
     def end(self) -> int | None:
-        """Return the stamp in ns up to which windows have come; None without."""
+        """Return the last stamp in ns of all windows; None without a window."""
         return max((window.end for window in self._windows), default=None)
 
     def held_after(self, stamp: int) -> Array | None:

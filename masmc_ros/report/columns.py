@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import CONTACT, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED
+from masmc_ros.numerics.aliases import Array
 import numpy as np
 from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 
 class Column(NamedTuple):
@@ -43,7 +42,7 @@ class Table(NamedTuple):
     """
 
     columns: tuple[Column, ...]
-    values: Floats
+    values: Array
     known: NDArray[np.bool_]
 
 
@@ -75,7 +74,7 @@ def _unit(text: str) -> str:
     return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
 
 
-def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
+def _parts(run: Run) -> Iterator[tuple[list[Column], Array | Series | None]]:
     """Yield neighbouring columns and their numbers: (n, k) of the states, or at other times."""
     mechanism, joints = run.mechanism, run.joint_names
     units = [each.unit for each in mechanism.positions]
@@ -103,7 +102,7 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
         )
     ]
     yield reference, run.reference
-    for signal in TOLD:
+    for signal in PUBLISHED:
         if not (signal.of_torques and run.commands_rates):
             of = run.components(signal)
             units = [signal.unit_of(each.unit) for each in of]
@@ -120,8 +119,8 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
 
 
 def _rows(
-    states: Floats, numbers: Floats | Series | None, width: int
-) -> tuple[Floats, NDArray[np.bool_]]:
+    states: Array, numbers: Array | Series | None, width: int
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return numbers in the rows of the states (n, width), and which rows have them."""
     if isinstance(numbers, np.ndarray):
         return numbers, ~np.isnan(numbers)

@@ -16,7 +16,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.report.columns import table_of
 from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
 import numpy as np
@@ -128,7 +128,7 @@ def _write_npz(run: Run, stream: BinaryIO) -> None:
         'applied_effort': run.applied_effort,
         **_commands(run),
         'reference': run.reference,
-        **_with_times({signal.name: run.telemetry.get(signal.name) for signal in TOLD}),
+        **_with_times({signal.name: run.telemetry.get(signal.name) for signal in PUBLISHED}),
         **_with_times({'contact': run.contact}),
     }
     there = {name: values for name, values in arrays.items() if values is not None}

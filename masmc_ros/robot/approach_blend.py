@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.hermite import quintic, Sample
 from masmc_ros.numerics.record import get
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.mechanism import Numbers
 
 SHORTEST = 0.5
 """Shortest duration of an approach in s, and the time in which a moving robot is braked."""
@@ -25,9 +25,9 @@ _LEAD = 2.0
 def task_state(robot: Any, position: Any, rates: Any) -> tuple[Numbers, Numbers]:
     """Return x in m and xdot in m/s of a robot with these positions and joint velocities."""
     model = mechanism.model_of(robot, 0)
-    at = taken(position, get(robot, 'position', 0))
+    at = to_vector(position, get(robot, 'position', 0))
     bend = mechanism.posture(model, at)
-    v = mechanism.motion(model, taken(rates, get(robot, 'rates', 0)))
+    v = mechanism.motion(model, to_vector(rates, get(robot, 'rates', 0)))
     return mechanism.task_position(model, bend, at), mechanism.task_velocity(model, bend, v)
 
 
@@ -51,6 +51,6 @@ def decayed(
 
 @formula
 def returned(speed: float, duration: float, part: float) -> Sample:
-    """Return the way of a coordinate that is braked from a speed and returns, and its rates."""
+    """Return the displacement of a coordinate that brakes and returns, and its derivatives."""
     braked = min(part * duration / SHORTEST, 1.0)
     return quintic((0.0, speed, 0.0), (0.0, 0.0, 0.0), SHORTEST, braked)

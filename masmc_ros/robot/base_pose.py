@@ -20,11 +20,10 @@ _FLAT = 1e-3
 
 class BasePose:
     """
-    The latest odometry, carried on to the stamps of the joint states.
+    Latest odometry, extrapolated to the stamps of the joint states.
 
-    Odometry comes less often than joint states. In between the twist is taken as constant:
-    the platform continues along an arc of its circle. Yaw is unwound, so that it never steps
-    by a whole turn.
+    Odometry has a lower rate than joint states. In between the twist is assumed constant, so the
+    platform continues along an arc of a circle. Yaw is unwrapped and never steps by a whole turn.
 
     Attributes
     ----------
@@ -34,20 +33,20 @@ class BasePose:
     """
 
     def __init__(self) -> None:
-        """Start without a pose."""
+        """Initialise without a pose."""
         self.stamp_ns: int | None = None
         self._x = self._y = self._yaw = 0.0
         self._forward = self._left = self._turn = 0.0
 
     def update(self, stamp_ns: int, pose: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
         """
-        Take a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
+        Store a pose (7: position in m, quaternion x, y, z, w) and a twist (6) in `base_link`.
 
         Raises
         ------
         InputError
-            for numbers that are not finite and for a quaternion that has not the
-            length 1 or tilts the platform; nothing is changed then.
+            If a number is not finite, or the quaternion does not have length 1 or tilts the
+            platform. The stored pose is then unmodified.
 
         """
         if not (np.isfinite(pose).all() and np.isfinite(twist).all()):
@@ -74,7 +73,7 @@ class BasePose:
         """Write x_O, y_O, yaw and their rates in the world at a stamp into the first three."""
         time = (stamp_ns - (self.stamp_ns or 0)) * 1e-9
         half = 0.5 * self._turn * time
-        # A chord of the arc: its direction is that half way, its length the arc's times sinc.
+        # The chord has the direction of the middle of the arc, and its length times sinc.
         chord = time * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
         c, s = math.cos(self._yaw + half), math.sin(self._yaw + half)
         position[0] = self._x + chord * (c * self._forward - s * self._left)

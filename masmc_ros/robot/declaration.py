@@ -20,22 +20,18 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from masmc_ros.errors import InputError
+from masmc_ros.numerics.aliases import Array, Numbers
 from masmc_ros.params.declaration import Parameter
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-Numbers = tuple[float, ...]
-"""A vector; its length is the mechanism's number of what it has an entry for."""
 
 ODOM_FRAME = 'odom'
-"""The world, as far as odometry knows it."""
+"""World frame of the odometry."""
 BASE_FRAME = 'base_link'
-"""Moves in the world as `Mechanism.base_motion` says."""
+"""Frame of the base; `base_motion` of the mechanism's module has its motion."""
 
 
 URDF = 'robot.urdf'
-"""Parameter of every node that needs the robot, which describes any; it chooses then."""
+"""Parameter of every node that needs the robot; a URDF replaces the built-in types."""
 
 SPEED_LIMITS = Parameter(
     'robot.speed_limits',
@@ -43,11 +39,11 @@ SPEED_LIMITS = Parameter(
     'Speed limits of joints in rad/s or m/s, each as a name and a number, such as '
     '[arm_joint_1 2.0]; they replace those of the URDF; 0: no limit',
 )
-"""Parameter of every node that needs the robot, whatever kind of robot it is."""
+"""Parameter of every node that needs the robot, for all types of robots."""
 
 
 class Coordinate(NamedTuple):
-    """A position, by the name of its joint in a joint state."""
+    """Position of a joint, with the name of the joint in a joint state."""
 
     name: str
     short: str
@@ -59,18 +55,18 @@ class Coordinate(NamedTuple):
 
     @property
     def effort_unit(self) -> str:
-        """Return the unit of what drives it."""
+        """Return the unit of its force or torque."""
         return 'N' if self.unit == 'm' else 'N·m'
 
 
 class Quantity(NamedTuple):
-    """Meaning of a number: a task axis, a base inertial parameter, a commanded velocity."""
+    """Name and unit of a task axis, a base inertial parameter or a commanded velocity."""
 
     name: str
     """Such as x_E or yaw_inertia; words are joined by underscores."""
     unit: str
     symbol: str = ''
-    """In legends, what follows _ being a subscript; the name where there is none."""
+    """Symbol in legends, with a subscript after _; empty for the name."""
 
     @property
     def html(self) -> str:
@@ -80,7 +76,7 @@ class Quantity(NamedTuple):
 
 
 class Velocity(NamedTuple):
-    """A velocity of the base that is commanded on cmd_vel."""
+    """Velocity of the base in commands on cmd_vel."""
 
     name: str
     unit: str
@@ -90,9 +86,9 @@ class Velocity(NamedTuple):
 
 class Point(NamedTuple):
     """
-    What is looked at together of a task: neighbouring axes of one unit.
+    Group of neighbouring task axes of one unit, for reports.
 
-    As a rule a point that has to follow a path in the plane: two axes, x and then y.
+    Usually it is a point that follows a path in the plane: two axes, x and then y.
     """
 
     symbol: str
@@ -112,7 +108,7 @@ class Point(NamedTuple):
 
     @property
     def axes(self) -> slice:
-        """Return which task axes are its own."""
+        """Return its task axes."""
         return slice(self.first, self.first + self.size)
 
     @property
@@ -133,7 +129,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 class Group(NamedTuple):
-    """Neighbouring joints that are looked at together."""
+    """Group of neighbouring joints, for reports."""
 
     name: str
     first: int
@@ -141,7 +137,7 @@ class Group(NamedTuple):
 
     @property
     def joints(self) -> slice:
-        """Return which joints they are."""
+        """Return its joints."""
         return slice(self.first, self.end)
 
 
@@ -149,12 +145,12 @@ def limited_speeds(
     speeds: Array, joints: Sequence[Coordinate], settings: Sequence[str]
 ) -> Array:
     """
-    Return the speeds (joints) in rad/s or m/s, with those of SPEED_LIMITS in their places.
+    Return the speeds (joints) in rad/s or m/s, updated by settings of SPEED_LIMITS.
 
     Raises InputError for a setting that is not the name of a joint and a speed.
     """
     names = [joint.name for joint in joints]
-    found, named = speeds.copy(), set()
+    speed_limits, named = speeds.copy(), set()
     # A ROS parameter file writes an empty list as one empty string.
     for setting in filter(str.strip, settings):
         name, _, text = setting.strip().partition(' ')
@@ -174,21 +170,21 @@ def limited_speeds(
                 f"and a speed >= 0, such as '{name} 2.0'; 0 is no limit"
             )
         named.add(name)
-        found[names.index(name)] = speed or math.inf
-    return found
+        speed_limits[names.index(name)] = speed or math.inf
+    return speed_limits
 
 
 class Shape(NamedTuple):
-    """A part of a drawing seen from above."""
+    """Part of a drawing in top view."""
 
     kind: Literal['body', 'part', 'links']
-    """A pale area, a dark area, or lines from joint to joint that end in the last one."""
+    """Pale area, dark area, or lines from joint to joint."""
     points: Array
     """Corners or joints (n, 2) in the world, m."""
 
 
 class Outline(NamedTuple):
-    """A robot seen from above, to scale."""
+    """Drawing of a robot in top view, to scale."""
 
     origin: tuple[float, float]
     """Of `base_link`, m."""
@@ -202,56 +198,56 @@ class Outline(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """
-    One kind of robot.
+    Type of robot.
 
     Attributes
     ----------
     name
-        as `robot.mechanism` has it.
+        Value of `robot.mechanism`.
     base
-        coordinates of the base's pose; x, y and yaw where `is_planar`.
+        Coordinates of the base pose; x, y and yaw if `is_planar`.
     joints
-        those that take a torque; the last ones are commanded rates of their own where rates
-        are, the others by the velocities of `twist`.
+        Actuated joints. With commanded rates, `twist` commands the first ones, and the others
+        have separate rates.
     axes
-        of the task, as many as joints.
+        Task axes.
     theta
-        base inertial parameters.
+        Base inertial parameters.
     twist
-        velocities of the base that are commanded where rates are.
+        Velocities of the base with commanded rates.
     points
-        points whose errors are reported; those that are places have a drawn path.
+        Points of reports; those in the plane have a drawn path.
     groups
-        of joints, for figures.
+        Groups of joints in figures.
     frames
-        parent and child of every transform, parents first: from ODOM_FRAME to BASE_FRAME, and
-        at last to the frame of the first point where `point_frame` does not name it.
+        Parent and child of every transform, parents first: from ODOM_FRAME to BASE_FRAME, and
+        last the frame of the first point, unless `point_frame` names it.
     parameters : sequence
-        of the robot, lengths and masses, named `robot.`.
+        Parameters of the robot, with the prefix `robot.`.
     law_parameters : sequence
-        of the controller, additional ones of every law on such a robot.
+        Additional parameters of the controller for every law.
     point_frame
-        child frame of the first point; that of the last transform where it is empty.
+        Child frame of the first point; empty for that of the last transform.
     lengths
-        names of its constant lengths, the fields of `MODEL`.
+        Names of its constant lengths, the fields of `MODEL`.
     module
-        full name of the module with the formulas.
+        Full name of the module with the formulas.
     defaults
-        of parameters by name, where they are not zero: `initial_pose`, `torque_limit`, ...
+        Nonzero defaults of parameters by name: `initial_pose`, `torque_limit`, ...
     start_names
-        of what `initial_pose` has; those of the base where they are not given.
+        Names of the entries of `initial_pose`; empty for those of the base.
     fixed_joints
-        names of joints that do not move, which no other joint may have.
+        Names of fixed joints, which no other joint may have.
     origin
-        what `base_link` is, as texts call it.
+        Description of `base_link` in texts.
     lost
-        what may come close to singular.
+        Part of the robot that can be singular, in texts.
     singular
-        when it does.
+        Condition of the singularity, in texts.
     is_planar
-        whether odometry can stand for the base's positions.
+        True if odometry can replace the base positions.
     speed_settings
-        checked values of SPEED_LIMITS.
+        Checked values of SPEED_LIMITS.
 
     """
 
@@ -280,7 +276,7 @@ class Mechanism:
 
     @property
     def choice(self) -> dict[str, Any]:
-        """Values of parameters by which it is chosen, also in another process."""
+        """Return the parameter values that select it, also in another process."""
         chosen: dict[str, Any] = {'robot.mechanism': self.name}
         if self.speed_settings:
             chosen[SPEED_LIMITS.name] = self.speed_settings
@@ -288,7 +284,7 @@ class Mechanism:
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Numbers of components, by the names of sizes that records have."""
+        """Return the numbers of components, by the size names of records."""
         return {
             'axes': len(self.axes),
             'joints': len(self.joints),
@@ -301,17 +297,17 @@ class Mechanism:
 
     @property
     def positions(self) -> tuple[Coordinate, ...]:
-        """Coordinates in the order of a joint state."""
+        """Return the coordinates in the order of a joint state."""
         return self.base + self.joints
 
     @property
     def own_rates(self) -> tuple[Coordinate, ...]:
-        """Return the joints that are commanded rates of their own where rates are."""
+        """Return the joints with separate commands of rates."""
         return self.joints[len(self.twist):]
 
     @property
     def entries(self) -> dict[str, str]:
-        """Say what parameters of a size have an entry for each of: 'on JOINT, JOINT'; by size."""
+        """Return descriptions of the entries of parameters, by size name."""
         return {
             'axes': f'per task axis {", ".join(axis.name for axis in self.axes)}',
             'joints': f'on {self.joint_list}',
@@ -320,7 +316,7 @@ class Mechanism:
 
     @property
     def joint_list(self) -> str:
-        """Return the joints as descriptions of parameters name them."""
+        """Return the names of the joints for descriptions of parameters."""
         return ', '.join(joint.short for joint in self.joints)
 
     @property
@@ -330,18 +326,18 @@ class Mechanism:
 
     @property
     def group_of_joints(self) -> tuple[int, ...]:
-        """Number of the group of each joint, one more than the last for a joint of none."""
-        found = [len(self.groups)] * len(self.joints)
+        """Return the group number of each joint; joints without a group have the next number."""
+        groups = [len(self.groups)] * len(self.joints)
         for number, group in enumerate(self.groups):
-            found[group.joints] = [number] * (group.end - group.first)
-        return tuple(found)
+            groups[group.joints] = [number] * (group.end - group.first)
+        return tuple(groups)
 
     @property
     def joint_limits(self) -> Mapping[str, Array]:
         """
         Return the limits of the joints, (joints) each: `lower`, `upper` and `speed`, SI units.
 
-        A limit that no joint has is missing; the others are infinite for joints without it.
+        Limits that no joint has are missing; others are infinite for joints without a limit.
         """
         if not self.speed_settings:
             return {}
@@ -360,13 +356,13 @@ class Mechanism:
         return tuple(zip(lower, upper, strict=True))
 
     def _limit(self, name: str, otherwise: float) -> Numbers:
-        """Return a limit of every joint, `otherwise` for all where none has one."""
-        found = self.joint_limits.get(name)
-        return (otherwise,) * len(self.joints) if found is None else tuple(found.tolist())
+        """Return a limit of every joint; `otherwise` for all if no joint has one."""
+        limit = self.joint_limits.get(name)
+        return (otherwise,) * len(self.joints) if limit is None else tuple(limit.tolist())
 
     @cached_property
     def tag(self) -> str:
-        """Return what keeps machine code apart: the name, and of whom else's which version."""
+        """Return the tag of the compiled code: the name, and a digest of a plug-in."""
         spec = find_spec(self.module)
         if spec is None or spec.origin is None:
             raise ImportError(f'{self.module}: no such module')
@@ -379,31 +375,31 @@ class Mechanism:
 
     @cached_property
     def formulas(self) -> Any:
-        """Return the module with the formulas; it is imported when it is asked for."""
+        """Return the module with the formulas, imported on demand."""
         return import_module(self.module)
 
     def default(self, parameter: str, size: str, otherwise: float = 0.0) -> Numbers:
-        """Return the default of a parameter with an entry for each of a size."""
+        """Return the default of a parameter with entries of a size."""
         return self.defaults.get(parameter, (otherwise,) * self.sizes[size])
 
 
 _KNOWN: dict[str, Mechanism] = {}
-"""By their tags."""
+"""Mechanisms by tag."""
 
 
 def register(mechanism: Mechanism) -> Mechanism:
-    """Make a mechanism known to compiled code."""
+    """Make a mechanism available to compiled code, and return it."""
     _KNOWN[mechanism.tag] = mechanism
     return mechanism
 
 
 def formulas_of_tag(tag: str) -> Any:
-    """Return the formulas that a record's tag means."""
+    """Return the formulas for the tag of a record."""
     return _KNOWN[tag].formulas
 
 
 def formulas_of_model(model: type) -> Any:
     """Return the formulas of the class of a mechanism's lengths."""
     return next(
-        each.formulas for each in _KNOWN.values() if each.formulas.MODEL is model
+        mechanism.formulas for mechanism in _KNOWN.values() if mechanism.formulas.MODEL is model
     )

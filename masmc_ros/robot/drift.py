@@ -5,8 +5,8 @@
 """
 Accelerations that neither the model nor the task explains: what a tick remembers of them.
 
-The disturbance estimate of a law exists on the task's axes. A robot with more velocities than
-axes is also accelerated in directions that the task does not see. Such a mechanism estimates
+The disturbance estimate of a law is on the task axes. A robot with more velocities than axes is
+also accelerated in the null space of the task. Such a mechanism estimates
 these accelerations, the *drift*, and a_r compensates them. For any other mechanism the formulas
 here apply, which change nothing.
 """
@@ -16,13 +16,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 
-Numbers = tuple[float, ...]
-
 FIRST_GAIN = 0.5
-"""Gain of the first estimate, which knows nothing; later ones count for less and less."""
+"""Gain of the first estimate; later gains decrease."""
 
 MEMORY = (
     Field('drift', 'joints', 'Estimated drift, in the velocities of the mechanism', '1/s²'),

@@ -2,28 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How the joints accelerate under torques, by the mechanism's other formulas.
+Joint accelerations under torques, computed with the other formulas of a mechanism.
 
-A formula of the contract, for mechanisms that know no shorter way.
+It is the default for mechanisms without a more efficient formula.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.mechanism import Numbers
 
 
 @formula
 def joint_accelerations(
     model: Any, posture: Any, theta: Numbers, rates: Numbers, torques: Numbers
 ) -> Numbers:
-    """Return those of H^-1 (f - V v - g)."""
+    """Return the joint accelerations of H^-1 (f - V v - g)."""
     bias = mechanism.coriolis(model, posture, theta, mechanism.motion(model, rates))
-    force = each(minus, mechanism.forces(model, torques), bias)
+    force = elementwise(minus, mechanism.forces(model, torques), bias)
     h = mechanism.inertia(model, posture, theta)
     return mechanism.joint_rates(model, mechanism.inertia_solve(model, h, force))

@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Adaptation of parameters that are free numbers: down their gradient.
+Adaptation of independent parameters by gradient descent.
 
-Formulas of the contract, for mechanisms that know nothing better of their parameters.
+These are default formulas for mechanisms without a more specific adaptation.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
-from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -28,10 +28,10 @@ def theta_step(
     model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """Return theta - T Gamma^-1 g."""
-    return each(gradient_step, theta, gradient, get(settings, 'gamma', lane), period)
+    return elementwise(gradient_step, theta, gradient, get(settings, 'gamma', lane), period)
 
 
 @formula
-def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
-    """Return False: numbers that are free may be those of no body."""
+def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
+    """Return False: independent parameters can be physically inconsistent."""
     return False

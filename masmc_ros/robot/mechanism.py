@@ -2,23 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The contract of a mechanism: what the laws and the plant ask of a kind of robot.
+Interface of a mechanism, between the laws and the plant and a type of robot.
 
-A mechanism has *joints* that take a torque, *positions*, the first of which are the base's
-pose and the others the joints' positions, *axes* of its task, as many as joints or fewer, and
-*parameters* theta in which its dynamics are linear. Its equations are written in velocities of
-its own choice, `motion`, a constant linear map of the joints' rates, with the forces conjugate to
-them.
+A mechanism has actuated *joints*; *positions*, first of the base pose and then of the joints;
+*axes* of its task, at most as many as joints; and *parameters* theta, in which its dynamics are
+linear. Its equations use velocities of its choice, `motion`, a constant linear map of the joint
+rates, and the forces conjugate to them.
 
-What it is called and has, without formulas, is a `Mechanism` (`declaration.py`), which names the
-module with the formulas: all of this file, under these names. They are chosen by the type of
-`model`, the named tuple of the mechanism's constant lengths. All are pure; vectors are tuples, SI
-units, radians; world frame and REP-103 where a formula speaks of a task. `like` is a vector as
-long as the result. Built-in mechanisms are next to this file, others come by entry points
-(`registry.py`).
+A `Mechanism` (`declaration.py`) declares names and numbers, and the module with the formulas: all
+of this file, under the same names. The type of `model`, the named tuple of the mechanism's
+constant lengths, selects them. All are pure and use SI units, radians and, for a task, the world
+frame by REP-103. Vectors are tuples; theta and vectors as long are arrays if they have more than
+`numerics.tuples.LONGEST` entries. `template` is a vector of the kind and length of the
+result. Built-in mechanisms are next to this file; plug-ins use entry points (`registry.py`).
 
 A mechanism without redundancy and without speed limits needs neither `reachable_surface` nor
-`compensated` nor `follow_drift`: those of `drift.py` stand in.
+`compensated` nor `follow_drift`: those of `drift.py` are the defaults.
 
 `square_task.py` has the formulas from `task_error` to `task_inertia` for a task of as many axes as
 joints, whose errors are differences of coordinates; a mechanism with one imports them.
@@ -27,20 +26,20 @@ In addition to the formulas the module has, in plain Python or as kernels over a
 
     MODEL                             the class of the named tuple of lengths
     constants(values)                 lengths and theta, two tuples, of values by the names of the
-                                      mechanism's parameters without `robot.`; InputError for what
-                                      is no robot
-    start(values, pose, angles)       positions where `initial_pose` and the joints' angles are so
-    out_of_reach(lengths, task)       first row of the task's positions (n, axes) that cannot be,
-                                      and what is wrong with it; None where all can be
+                                      mechanism's parameters without `robot.`; InputError for an
+                                      invalid robot
+    start(values, pose, angles)       positions for `initial_pose` and the joint angles
+    out_of_reach(lengths, task)       first unreachable row of the task positions (n, axes), and
+                                      the reason; None if all are reachable
     base_motion(position, velocity)   poses (n, 7) of `base_link` in `odom`: m and a quaternion
                                       x, y, z, w; twists (n, 6) in `base_link`: m/s, rad/s
-    frame_origins(lengths)            where each frame is in its parent, (frames, 3) in m
+    frame_origins(lengths)            position of each frame in its parent, (frames, 3) in m
     frame_transforms(origins, position)   transforms (n, frames, 7) of positions (n, positions)
     description(values, driven, frame_prefix)   URDF, of all values by their whole names, with
                                       these names of the driven joints, a prefix before all links
-    outline(lengths, position)        an `Outline`: what it looks like from above
+    outline(lengths, position)        an `Outline`: drawing in top view
 
-It may have, where a straight line to the reference could leave the robot's reach:
+If a straight line to the reference could leave the robot's reach, it may have:
 
     approach_start, approach_sample   kernels in place of those of `reference/approach.py`
     regular_posture(angles, rates)    joint angles from which a law in task space can start; None
@@ -51,35 +50,28 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.dispatch import by_class, by_tag, contract
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.dispatch import by_class, by_tag, interface
 from masmc_ros.robot.declaration import formulas_of_model, formulas_of_tag
 from masmc_ros.robot.drift import acceleration_itself, no_drift, surface_itself
 
-Numbers = tuple[float, ...]
-"""
-A vector; its length is the mechanism's number of what it has an entry for.
-
-It is a tuple; theta and what has as many entries are arrays where those are more than
-`numerics.tuples.LONGEST`, and formulas return an array then where `like` is one.
-"""
-
-_of_record = contract(by_tag('mechanism', formulas_of_tag))
-of_model = contract(by_class(formulas_of_model))
+_of_record = interface(by_tag('mechanism', formulas_of_tag))
+of_model = interface(by_class(formulas_of_model))
 
 
 @_of_record
 def model_of(record: Any, lane: int) -> Any:
-    """Return the lengths that a record of this mechanism holds."""
+    """Return the lengths in a record of this mechanism."""
 
 
 @of_model
 def posture(model: Any, position: Numbers) -> Any:
-    """Return what the other formulas need of the positions: sines and cosines."""
+    """Return the sines and cosines of the positions for the other formulas."""
 
 
 @of_model
 def posture_of_joints(model: Any, angles: Numbers) -> Any:
-    """Return the same with the base at the origin, from the joints' angles alone."""
+    """Return the posture of joint angles, with the base at the origin."""
 
 
 @of_model
@@ -94,12 +86,12 @@ def joint_rates(model: Any, motion: Numbers) -> Numbers:
 
 @of_model
 def joint_torques(model: Any, forces: Numbers) -> Numbers:
-    """Return the joints' torques that do the work of forces."""
+    """Map generalised forces to joint torques (equal power)."""
 
 
 @of_model
 def forces(model: Any, torques: Numbers) -> Numbers:
-    """Return the forces that do the work of the joints' torques."""
+    """Map joint torques to generalised forces (equal power)."""
 
 
 @of_model
@@ -119,13 +111,13 @@ def task_velocity(model: Any, posture: Any, motion: Numbers) -> Numbers:
 
 class Tracking(NamedTuple):
     """
-    How a state follows what is desired of the task.
+    Tracking of the desired task motion by a state.
 
-    Velocities of the task are what J v is: rates of coordinates, or where an axis turns a frame,
-    components of its angular velocity, which are no coordinate's rates.
+    Task velocities are J v: rates of coordinates or, for rotations of a frame, components of its
+    angular velocity, which are not the rates of coordinates.
     """
 
-    error: Numbers  # e, zero where x is x_d
+    error: Numbers  # e, zero if x = x_d
     error_derivative: Numbers  # de/dt
     velocity_error: Numbers  # J v less the desired velocity
     velocity: Numbers  # desired
@@ -145,7 +137,7 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return how a state follows x_d and its first and second derivatives."""
+    """Return the tracking of x_d and its first and second derivatives by a state."""
 
 
 @of_model
@@ -158,27 +150,27 @@ def reference_motion(
     acceleration: Numbers,
 ) -> tuple[Numbers, Numbers, bool]:
     """
-    Return v_r and a_r, finite everywhere, and whether J is close to singular.
+    Return v_r and a_r, which are always finite, and True if J is close to singular.
 
-    J v_r is the task's velocity where nothing is singular, and a_r the derivative of v_r along the
-    true motion while the task's acceleration is that given. What the task leaves free is the
-    mechanism's, with what damps it in a_r.
+    Without a singularity, J v_r is `velocity`, and a_r is the derivative of v_r along the true
+    motion for the task acceleration. The mechanism determines the motion in the null space of the
+    task, with damping in a_r.
     """
 
 
-@contract(by_class(formulas_of_model), otherwise=surface_itself)
+@interface(by_class(formulas_of_model), otherwise=surface_itself)
 def reachable_surface(
     model: Any, posture: Any, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
-    """Return J (v - v_r): s, less what limits and singularities keep v_r from."""
+    """Return J (v - v_r): s, without the part that limits and singularities prevent in v_r."""
 
 
-@contract(by_class(formulas_of_model), otherwise=acceleration_itself)
+@interface(by_class(formulas_of_model), otherwise=acceleration_itself)
 def compensated(model: Any, acceleration: Numbers, drift: Numbers) -> Numbers:
-    """Return a_r less the estimated drift."""
+    """Return a_r minus the estimated drift."""
 
 
-@contract(by_class(formulas_of_model), otherwise=no_drift)
+@interface(by_class(formulas_of_model), otherwise=no_drift)
 def follow_drift(
     model: Any,
     posture: Any,
@@ -193,7 +185,7 @@ def follow_drift(
     """
     Update the estimated drift in the memory after a tick.
 
-    `settings` are the law's, `surface` is s, `missing` are the torques that limits take away.
+    `settings` are those of the law, `surface` is s; limits removed the torques `missing`.
     """
 
 
@@ -206,16 +198,16 @@ def motion_error(
 
 @of_model
 def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
-    """Return H_x, what the task feels of the inertia, by its columns; s has as many entries."""
+    """Return the columns of the task inertia H_x; `surface` has as many entries."""
 
 
 @of_model
-def motion_from_task(model: Any, posture: Any, rates: Numbers, like: Numbers) -> Numbers:
-    """Return J^-1 xdot, finite everywhere; damped where `is_singular`."""
+def motion_from_task(model: Any, posture: Any, rates: Numbers, template: Numbers) -> Numbers:
+    """Return J^-1 xdot, finite everywhere; damped if `is_singular`."""
 
 
 @of_model
-def forces_from_task(model: Any, posture: Any, force: Numbers, like: Numbers) -> Numbers:
+def forces_from_task(model: Any, posture: Any, force: Numbers, template: Numbers) -> Numbers:
     """Return J' F."""
 
 
@@ -237,7 +229,7 @@ def regressor_times(model: Any, y: Any, theta: Numbers) -> Numbers:
 
 
 @of_model
-def regressor_transpose_times(model: Any, y: Any, motion: Numbers, like: Numbers) -> Numbers:
+def regressor_transpose_times(model: Any, y: Any, motion: Numbers, template: Numbers) -> Numbers:
     """Return Y' v, an entry per parameter."""
 
 
@@ -246,15 +238,15 @@ def theta_step(
     model: Any, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
-    Return theta after one period of adaptation that follows a gradient, before all else.
+    Return theta after one period of adaptation along a gradient, before leakage and projection.
 
-    `settings` are the law's, with Gamma as `gamma` and what else the mechanism declares for laws.
-    `gradient_step.py` has this formula and the next for theta whose entries are free.
+    `settings` are those of the law, with Gamma as `gamma` and the mechanism's law parameters.
+    `gradient_step.py` has this formula and the next one for independent parameters.
     """
 
 
 @of_model
-def keeps_bodies(model: Any, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: Any, settings: Any, lane: int) -> bool:
     """Return True if `theta_step` keeps theta physically possible, without a projection."""
 
 
@@ -285,7 +277,7 @@ def joint_accelerations(
     """
     Return the joints' accelerations under torques.
 
-    `forward_dynamics.py` has this formula by those above.
+    `forward_dynamics.py` computes it with the formulas above.
     """
 
 
@@ -294,29 +286,29 @@ def weakest_motion(model: Any, theta: Numbers) -> tuple[float, Numbers]:
     """
     Return the first pivot of the inertia's consistency matrix that is not positive, and x.
 
-    x' Q(theta) x is that pivot. Where all are positive, bodies can have theta, and it is the
-    last one.
+    x' Q(theta) x is that pivot. If all are positive, theta is physically consistent, and it is the
+    last pivot.
     """
 
 
 @of_model
-def consistency_normal(model: Any, x: Numbers, like: Numbers) -> Numbers:
+def consistency_normal(model: Any, x: Numbers, template: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' Q(theta) x."""
 
 
 @of_model
 def rate_command(model: Any, motion: Numbers) -> Numbers:
-    """Return the velocities as drives are commanded: the base's own, then the joints' rates."""
+    """Return the command of the drives: base velocities, then rates of the other joints."""
 
 
 @of_model
 def commanded_joint_rates(model: Any, command: Numbers) -> Numbers:
-    """Return the joints' rates that a command of rates comes to."""
+    """Return the joint rates of a command of rates."""
 
 
 @of_model
 def dead_reckoned(model: Any, pose: Numbers, turned: Numbers) -> Numbers:
-    """Return the base's pose after the joints have turned by so many radians."""
+    """Return the base pose after a rotation of the joints in rad."""
 
 
 @of_model

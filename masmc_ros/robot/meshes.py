@@ -1,6 +1,6 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The files of the meshes that a description names."""
+"""Mesh files of a robot description."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def mesh_files(description: str) -> dict[str, Path]:
     """
     Return the files of those meshes that are on this machine, by their names in a description.
 
-    Relative names are left out: a description that was published has no folder. Raises
-    InputError for what is no description.
+    Relative names are ignored, because a published description has no folder. Raises InputError
+    for an invalid description.
     """
-    found = {}
+    paths = {}
     for link in read_urdf(description, 'the description').links.values():
         for name in link.meshes:
             with suppress(InputError):
                 path = resource_path(name)
                 if '://' in name and path.suffix.lower() in _SUFFIXES and path.is_file():
-                    found[name] = path
-    return found
+                    paths[name] = path
+    return paths

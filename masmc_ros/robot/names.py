@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot's joints and frames by name, whatever kind it is of."""
+"""Names of joints and frames of any type of robot."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from typing import Any
 from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 
 JOINT_NAMES_PARAMETER = 'robot.joint_names'
 
 
 def all_joints(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints' own names in the order of a joint state."""
-    return tuple(each.name for each in mechanism.positions)
+    return tuple(joint.name for joint in mechanism.positions)
 
 
 def joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     """
-    Return the names of the joints in the order of a joint state, by checked values.
+    Return the names of the joints in the order of a joint state, from checked values.
 
-    Where the driven joints alone are named, the base's keep their names; where none are, all do.
+    Joints that the values do not rename keep their names.
     """
-    return joint_names_of(chosen(values), values.get(JOINT_NAMES_PARAMETER, ()))
+    return joint_names_of(mechanism_from(values), values.get(JOINT_NAMES_PARAMETER, ()))
 
 
 def driven_joint_names(values: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of the joints that take torques, by checked values."""
-    return joint_names(values)[len(chosen(values).base):]
+    return joint_names(values)[len(mechanism_from(values).base):]
 
 
 def joint_names_of(mechanism: Mechanism, names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return given names of a mechanism's last joints, after the others' own."""
+    """Return the joint names with `names` for the last joints of a mechanism."""
     own = all_joints(mechanism)
     return (*own[:len(own) - len(names)], *names)
 
@@ -55,7 +55,7 @@ def _are_joint_names(mechanism: Mechanism, names: Sequence[str]) -> bool:
 
 def joint_names_parameter(mechanism: Mechanism) -> Parameter:
     """Return the declaration of every node that knows joints by name."""
-    base = ', '.join(each.short for each in mechanism.base)
+    base = ', '.join(coordinate.short for coordinate in mechanism.base)
     driven = len(mechanism.joints)
     return Parameter(
         JOINT_NAMES_PARAMETER,

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Files that URIs name: `package://NAME/path`, `file:///path`, and plain paths.
+Files of URIs: `package://NAME/path`, `file:///path`, and plain paths.
 
-Packages are looked for as ROS 2, ROS 1 and Python keep them; neither is needed for that.
+The search for packages uses the conventions of ROS 2, ROS 1 and Python, and requires none of them.
 """
 
 from __future__ import annotations
@@ -25,52 +25,52 @@ _INDEX = Path('share/ament_index/resource_index/packages')
 
 def resource_path(uri: str, folder: Path | None = None) -> Path:
     """
-    Return the path that a URI means, whether there is a file or not.
+    Return the path of a URI, which need not exist.
 
     Parameters
     ----------
     uri
         `package://NAME/path`, `file:///path`, or a path.
     folder
-        that relative paths start from; None for the current one. Of a mesh it is the folder
-        of the description.
+        Folder of relative paths; None for the current one. For a mesh it is the folder of the
+        description.
 
     Raises
     ------
     InputError
-        where the package is not found, or the scheme is another.
+        If there is no such package, or the scheme is not supported.
 
     """
-    scheme, separator, rest = uri.partition('://')
+    scheme, separator, relative = uri.partition('://')
     if not separator:
         return (folder or Path()) / uri
     if scheme == 'file':
-        return Path(unquote(rest))
-    name, _, path = rest.partition('/')
+        return Path(unquote(relative))
+    name, _, path = relative.partition('/')
     if scheme != 'package' or not name:
         raise InputError(f'{uri}: expected package://NAME/PATH, file:///PATH or a path')
-    found = next(_folders(name), None)
-    if found is None:
+    package_folder = next(_folders(name), None)
+    if package_folder is None:
         raise InputError(
             f"{uri}: no package '{name}' in the ament indices of AMENT_PREFIX_PATH"
             f" ({_told('AMENT_PREFIX_PATH')}) and {sys.prefix}, in ROS_PACKAGE_PATH"
             f" ({_told('ROS_PACKAGE_PATH')}), or among Python's; source the workspace that has"
             ' it, or give a path'
         )
-    return found / path
+    return package_folder / path
 
 
 def _folders(name: str) -> Iterator[Path]:
     """Yield the folders of a package of a name."""
     # Python wheels may have a separate prefix next to Python's packages.
-    own = [Path(sys.prefix), *(Path(each, 'cmeel.prefix') for each in sys.path if each)]
+    own = [Path(sys.prefix), *(Path(place, 'cmeel.prefix') for place in sys.path if place)]
     for prefix in [*_listed('AMENT_PREFIX_PATH'), *own]:
         if (prefix / _INDEX / name).is_file():
             yield prefix / 'share' / name
     for folder in _listed('ROS_PACKAGE_PATH'):
-        for each in (folder / name, folder):
-            if each.name == name and each.is_dir():
-                yield each
+        for place in (folder / name, folder):
+            if place.name == name and place.is_dir():
+                yield place
     # What has no specification, such as __main__, is a ValueError.
     with suppress(ValueError):
         spec = find_spec(name) if name.isidentifier() else None
@@ -79,7 +79,7 @@ def _folders(name: str) -> Iterator[Path]:
 
 
 def _listed(variable: str) -> list[Path]:
-    return [Path(each) for each in os.environ.get(variable, '').split(os.pathsep) if each]
+    return [Path(path) for path in os.environ.get(variable, '').split(os.pathsep) if path]
 
 
 def _told(variable: str) -> str:

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-All mechanisms by name: those of this folder, and users' own.
+Mechanisms by name: those of this folder, and plug-ins.
 
-A new one is a file or folder next to the others and one line here, or in a package of its own
-an entry point.
+A new one needs a file or folder next to the others and one line here, or an entry point in a
+separate package.
 """
 
 from __future__ import annotations
@@ -22,44 +22,46 @@ from masmc_ros.robot.declaration import Mechanism, register, SPEED_LIMITS, URDF
 from masmc_ros.robot.two_link.names import TWO_LINK
 
 DEFAULT = TWO_LINK
-"""The paper's robot."""
+"""Robot of the paper."""
 
 BUILT_IN = {mechanism.name: mechanism for mechanism in (TWO_LINK,)}
 
 ENTRY_POINTS = 'masmc_ros.mechanisms'
-"""Group of entry points through which a user's own mechanism plugs in."""
+"""Group of entry points of plug-in mechanisms."""
 
 NAME = 'robot.mechanism'
 """Parameter of every node that needs the robot."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of all mechanisms, built in and plugged in."""
+    """Return the names of all mechanisms, built in and plugged in."""
     return (*BUILT_IN, *plugged_in(ENTRY_POINTS))
 
 
 @cache
 def load(name: str) -> Mechanism:
-    """Return a mechanism; InputError where a plugged-in one cannot be loaded."""
+    """Return a mechanism; raise InputError if a plug-in cannot be loaded."""
     if name in BUILT_IN:
         return BUILT_IN[name]
     mechanism = load_plug_in(ENTRY_POINTS, NAME, name)
     if not isinstance(mechanism, Mechanism) or mechanism.name != name:
-        found = getattr(mechanism, 'name', mechanism)
-        raise InputError(f'{NAME} = {name}: found {found}, expected a Mechanism of this name')
+        name_of_plug_in = getattr(mechanism, 'name', mechanism)
+        raise InputError(
+            f'{NAME} = {name}: found {name_of_plug_in}, expected a Mechanism of this name'
+        )
     return register(mechanism)
 
 
-def chosen(values: Mapping[str, Any]) -> Mechanism:
+def mechanism_from(values: Mapping[str, Any]) -> Mechanism:
     """
-    Return the mechanism that values name, checked or not; the default one for no known name.
+    Return the mechanism selected by values, checked or not; the default for an unknown name.
 
-    Where they have a URDF, it is that robot; where they have speed limits, it has those. Raises
-    InputError for what is no robot.
+    A URDF in the values has priority, and speed limits apply to it. Raises InputError for an
+    invalid robot.
     """
     urdf = values.get(URDF)
     if isinstance(urdf, str) and urdf:
-        # Only who has such a robot waits for its formulas.
+        # The import takes time, so it happens only for such robots.
         from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 
         return tree_mechanism(values)
@@ -71,15 +73,15 @@ def chosen(values: Mapping[str, Any]) -> Mechanism:
 
 @lru_cache(maxsize=16)
 def _limited(mechanism: Mechanism, settings: tuple[str, ...]) -> Mechanism:
-    """Return a mechanism with speed limits of its joints, the same one for the same limits."""
+    """Return a mechanism with speed limits of its joints; the same object for equal limits."""
     limited = replace(mechanism, speed_settings=settings)
-    # An unknown joint is found now, not when a limit is first asked for.
+    # This raises the error of an unknown joint now, instead of at the first use of a limit.
     assert len(limited.speed_limits) == len(limited.joints)
     return limited
 
 
 def parameters() -> tuple[Parameter, ...]:
-    """Return the declarations of what chooses among them."""
+    """Return the declarations of the parameters that select a mechanism."""
     return (
         Parameter(
             NAME,

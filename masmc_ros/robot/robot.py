@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One robot: a mechanism with its lengths and base inertial parameters, and where it is."""
+"""Robot: a mechanism with lengths and base inertial parameters, and its kinematics."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import fill, get, new_record
 from masmc_ros.robot import mechanism as formulas
 from masmc_ros.robot.declaration import Mechanism, ODOM_FRAME
 from masmc_ros.robot.names import driven_joint_names
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 import numpy as np
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 _BODY = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
@@ -33,12 +32,12 @@ _BODY = (
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot as the formulas take it."""
+    """Robot with the inputs of the formulas."""
 
     mechanism: Mechanism
     """Type of the robot."""
     values: Mapping[str, Any]
-    """Its own parameters by name, without `robot.`."""
+    """Parameters of the robot by name, without `robot.`."""
     geometry: Array
     """Lengths in m, in the order of the mechanism's model."""
     theta: Array
@@ -46,31 +45,31 @@ class Robot:
 
     @cached_property
     def body(self) -> NDArray[np.void]:
-        """Array of one record by which kernels know mechanism and lengths."""
+        """Return the record (1) with the mechanism and lengths for kernels."""
         record = new_record(_BODY, self.mechanism.sizes, 1, {'mechanism': self.mechanism.tag})
         fill(record, 'geometry', self.geometry)
         return record
 
     def task_positions(self, position: Array) -> Array:
         """Return x (n, axes) in m of positions (n, positions) in the order of joint_states."""
-        found: Array = _task_positions(self.body, position)
-        return found
+        positions: Array = _task_positions(self.body, position)
+        return positions
 
     def start(self, pose: tuple[float, ...], angles: tuple[float, ...]) -> tuple[float, ...]:
         """Return the positions of `initial_pose` and of the joints' angles."""
-        found: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
-        return found
+        positions: tuple[float, ...] = self.mechanism.formulas.start(self.values, pose, angles)
+        return positions
 
     @cached_property
     def frame_origins(self) -> Array:
         """Position of each frame in its parent, (frames, 3) in m; zero in the world frame."""
-        found: Array = self.mechanism.formulas.frame_origins(self.geometry)
-        return found
+        origins: Array = self.mechanism.formulas.frame_origins(self.geometry)
+        return origins
 
     def frame_transforms(self, position: Array) -> Array:
         """Return the transforms (n, frames, 7) of positions (n, positions), m and quaternions."""
-        found: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
-        return found
+        transforms: Array = self.mechanism.formulas.frame_transforms(self.frame_origins, position)
+        return transforms
 
     @property
     def height(self) -> float:
@@ -83,8 +82,8 @@ class Robot:
 
 
 def robot_of(values: Mapping[str, Any]) -> Robot:
-    """Return the robot that a node's checked values describe; InputError where none can be so."""
-    mechanism = chosen(values)
+    """Return the robot of a node's checked values; raise InputError for an invalid robot."""
+    mechanism = mechanism_from(values)
     own = {p.name.removeprefix('robot.'): values[p.name] for p in mechanism.parameters}
     lengths, theta = mechanism.formulas.constants(own)
     return Robot(mechanism, own, np.array(lengths), np.array(theta))
@@ -92,24 +91,24 @@ def robot_of(values: Mapping[str, Any]) -> Robot:
 
 def robot_description(values: Mapping[str, Any], frame_prefix: str = '') -> str:
     """
-    Return the URDF of the robot that a node's checked values describe.
+    Return the URDF of the robot of a node's checked values.
 
-    `frame_prefix` is put before the name of every link, so that links and frames are the same.
-    Raises InputError as `robot_of`.
+    `frame_prefix` precedes the name of every link, so links and frames have equal names. Raises
+    InputError for an invalid robot.
     """
     driven = driven_joint_names(values)
-    urdf: str = chosen(values).formulas.description(values, driven, frame_prefix)
+    urdf: str = mechanism_from(values).formulas.description(values, driven, frame_prefix)
     return urdf
 
 
 @kernel
 def _task_positions(body: Any, position: Any) -> Array:
     record = body[0]
-    like = get(record, 'position', 0)
+    template = get(record, 'position', 0)
     model = formulas.model_of(record, 0)
     out = np.empty((len(position), len(get(record, 'error', 0))))
     for k in range(len(position)):
-        at = taken(position[k], like)
+        at = to_vector(position[k], template)
         x = formulas.task_position(model, formulas.posture(model, at), at)
         for i in range(len(x)):
             out[k, i] = x[i]

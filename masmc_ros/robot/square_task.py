@@ -2,21 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A task of as many axes as joints, whose errors are differences of coordinates.
+Formulas for tasks with as many axes as joints, whose errors are differences of coordinates.
 
-Formulas of the contract for mechanisms with such a task, which beside the rest of the contract
-have the two that stand first here.
+Mechanisms with such a task import them. In addition to the other formulas of the interface they
+have the first two formulas below.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.robot import mechanism
-from masmc_ros.robot.mechanism import Numbers, of_model, Tracking
+from masmc_ros.robot.mechanism import of_model, Tracking
 
 
 @of_model
@@ -32,7 +33,7 @@ def task_from_forces(model: Any, posture: Any, forces: Numbers) -> Numbers:
 @formula
 def task_error(model: Any, posture: Any, position: Numbers, desired: Numbers) -> Numbers:
     """Return e = x - x_d."""
-    return each(minus, mechanism.task_position(model, posture, position), desired)
+    return elementwise(minus, mechanism.task_position(model, posture, position), desired)
 
 
 @formula
@@ -43,9 +44,9 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return e, edot twice, and the desired velocity and acceleration as they are."""
+    """Return e, edot twice, and the unmodified desired velocity and acceleration."""
     error = task_error(model, posture, position, desired[0])
-    rate = each(minus, mechanism.task_velocity(model, posture, motion), desired[1])
+    rate = elementwise(minus, mechanism.task_velocity(model, posture, motion), desired[1])
     return Tracking(error, rate, rate, desired[1], desired[2])
 
 
@@ -61,7 +62,8 @@ def reference_motion(
     """Return v_r = J^-1 xdot_r, a_r = J^-1 (xddot_r - Jdot v_r), and if J is close to singular."""
     v_r = mechanism.motion_from_task(model, posture, velocity, motion)
     drift = task_drift(model, posture, motion, v_r)
-    a_r = mechanism.motion_from_task(model, posture, each(minus, acceleration, drift), motion)
+    difference = elementwise(minus, acceleration, drift)
+    a_r = mechanism.motion_from_task(model, posture, difference, motion)
     return v_r, a_r, mechanism.is_singular(model, posture)
 
 
@@ -74,9 +76,9 @@ def motion_error(
 
 
 @formula
-def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
-    model, posture, h, like = of
-    v = mechanism.motion_from_task(model, posture, unit(like, j), like)
+def _task_inertia_column(arguments: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
+    model, posture, h, template = arguments
+    v = mechanism.motion_from_task(model, posture, unit(template, j), template)
     return task_from_forces(model, posture, mechanism.inertia_times(model, h, v))
 
 
@@ -84,4 +86,4 @@ def _task_inertia_column(of: tuple[Any, Any, Any, Numbers], j: int) -> Numbers:
 def task_inertia(model: Any, posture: Any, theta: Numbers, surface: Numbers) -> Any:
     """Return H_x = J^-T H J^-1 of (11) by its columns, kg."""
     h = mechanism.inertia(model, posture, theta)
-    return tabulate(_task_inertia_column, surface, (model, posture, h, surface))
+    return from_index(_task_inertia_column, surface, (model, posture, h, surface))

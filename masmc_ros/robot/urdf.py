@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.robot.packages import resource_path
 
 MOST_BYTES = 10_000_000
@@ -26,8 +27,6 @@ MOST_BYTES = 10_000_000
 
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed')
 """Joints that can be had; floating and planar ones have more than one axis."""
-
-Numbers = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -152,7 +151,7 @@ class _Element:
     children: list[_Element] = field(default_factory=list)
 
     def child(self, tag: str) -> _Element | None:
-        return next((each for each in self.children if each.tag == tag), None)
+        return next((element for element in self.children if element.tag == tag), None)
 
 
 def read_urdf(text: str | bytes, where: str) -> Description:
@@ -299,17 +298,17 @@ class _Reader:
         kind = element.attributes.get('type', '')
         if kind not in KINDS:
             self._refuse(element, about, f"type '{kind}'; {suggestion(kind, KINDS)}")
-        given = {
+        limits = {
             key: self._attribute(self._child(element, key, about), 'link', about)
             for key in ('parent', 'child')
         }
         axis: Numbers = (1.0, 0.0, 0.0)
-        if kind != 'fixed' and (found := element.child('axis')) is not None:
-            axis = self._vector(found, 'xyz', about)
+        if kind != 'fixed' and (axis_element := element.child('axis')) is not None:
+            axis = self._vector(axis_element, 'xyz', about)
             # Not by `sum`, which Python 3.12 rounds in another way.
             length = math.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
             if not 1.0e-6 < length < math.inf:
-                self._refuse(found, about, f'axis {axis}, expected a vector of length 1')
+                self._refuse(axis_element, about, f'axis {axis}, expected a vector of length 1')
             # As it stands where it is of length 1, rounded decimals included.
             axis = axis if abs(length - 1.0) < 1.0e-12 else tuple(e / length for e in axis)
         bounds: dict[str, float] = {}
@@ -328,8 +327,8 @@ class _Reader:
             name,
             element.line,
             kind,
-            given['parent'],
-            given['child'],
+            limits['parent'],
+            limits['child'],
             self._pose(element.child('origin'), about),
             axis,
             mimics='' if mimic is None else self._attribute(mimic, 'joint', about),

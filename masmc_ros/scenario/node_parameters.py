@@ -315,7 +315,7 @@ def drop_foreign(
         service.
 
     """
-    mechanism = mechanisms.chosen(given)
+    mechanism = mechanisms.mechanism_from(given)
     own = {parameter.name for parameter in declared(node, mechanism)}
     known = _known(mechanism)
     foreign = []

@@ -13,7 +13,7 @@ from typing import Any
 from masmc_ros.errors import InputError, suggestion
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
-from masmc_ros.loop.stretch import Change
+from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all
@@ -21,7 +21,7 @@ from masmc_ros.params.file import parse_value, read
 from masmc_ros.params.precedence import node_values
 from masmc_ros.params.values import FileValue
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.node_parameters import (
     accepted,
     declared,
@@ -77,7 +77,7 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     for node in NODES:
         start = node_values((file,), robot, node)
         given, places = dict(start.values), start.places
-        mechanism = chosen(given)
+        mechanism = mechanism_from(given)
         for name in accepted(node, mechanism) & given.keys():
             # Shared parameters are checked in the file, needed by this node or not.
             value = given.pop(name)
@@ -143,7 +143,7 @@ def logged_scenario(
     scenario = {}
     for node in NODES:
         given = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
-        declarations = declared(node, chosen({**given, **extra[node]}))
+        declarations = declared(node, mechanism_from({**given, **extra[node]}))
         if 'duration' in given and 'duration' not in extra[node]:
             given['duration'] = _length(run)
         names = {parameter.name: parameter for parameter in declarations}
@@ -182,7 +182,7 @@ def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
 
 def _controller_changes(run: Run, without: Values) -> list[Change]:
     """Return the checked changes of the controller, except those of some parameters."""
-    mechanism = chosen(run.parameters['controller'])
+    mechanism = mechanism_from(run.parameters['controller'])
     known = {parameter.name: parameter for parameter in declared('controller', mechanism)}
     changes = []
     for change in run.changes:
@@ -246,7 +246,7 @@ def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
     sorted_: dict[str, Values] = {node: {} for node in NODES}
     parsed = [(setting, *_parsed(setting)) for setting in settings]
     of_robot = {name: value for _, name, value in parsed if name.startswith(_OF_ROBOT)}
-    mechanism = chosen({**plant, **of_robot})
+    mechanism = mechanism_from({**plant, **of_robot})
     common = {parameter.name for parameter in shared(mechanism)}
     for setting, name, value in parsed:
         node, _, parameter = name.partition('.')

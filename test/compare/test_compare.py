@@ -16,7 +16,7 @@ from masmc_ros.compare.ranking import ranking
 from masmc_ros.compare.trials import AS_IS, drawn, TRIALS, trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
@@ -33,7 +33,7 @@ def test_side_by_side_runs_equal_single_runs() -> None:
     settings = (*SHORT, 'plant.velocity_noise=0.02', 'controller.projection.lower=0.5')
     scenario = load_scenario(PAPER, settings)
     runs = [drawn(scenario, TWO_LINK, seed) for seed in range(4)]
-    blocks = list(SideBySide(runs).run(block=100))
+    blocks = list(BatchSimulation(runs).run(block=100))
     signals = np.concatenate(blocks)
     assert len(signals) == 301
     assert len(blocks) == 4
@@ -47,7 +47,7 @@ def test_side_by_side_runs_equal_single_runs() -> None:
 def test_side_by_side_different_durations_raise() -> None:
     one, other = load_scenario(PAPER, SHORT), load_scenario(PAPER, ('duration=0.4',))
     with pytest.raises(InputError, match=r'plant.duration = 0.4: expected 0.3'):
-        SideBySide([one, other])
+        BatchSimulation([one, other])
 
 
 def test_drawn_scenario_changes_plant_only_repeatably() -> None:

@@ -36,7 +36,7 @@ from masmc_ros.robot.declaration import (
     Velocity,
 )
 from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
+from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
     reference_motion,
@@ -49,8 +49,8 @@ from numpy.typing import NDArray
 
 __all__ = [
     'joint_accelerations',
-    'keeps_bodies',
     'motion_error',
+    'preserves_consistency',
     'reference_motion',
     'task_error',
     'task_inertia',
@@ -286,14 +286,14 @@ def _inverse_cosine(posture: Posture) -> float:
 
 
 @formula
-def motion_from_task(model: Lengths, posture: Posture, rates: Pair, like: Pair) -> Pair:
+def motion_from_task(model: Lengths, posture: Posture, rates: Pair, template: Pair) -> Pair:
     """Return J^-1 xdot."""
     turn = rates[1] * _inverse_cosine(posture) / model.arm
     return rates[0] + model.arm * posture.s * turn, turn
 
 
 @formula
-def forces_from_task(model: Lengths, posture: Posture, force: Pair, like: Pair) -> Pair:
+def forces_from_task(model: Lengths, posture: Posture, force: Pair, template: Pair) -> Pair:
     """Return J' F."""
     return force[0], model.arm * (posture.c * force[1] - posture.s * force[0])
 
@@ -328,7 +328,7 @@ def regressor_times(model: Lengths, y: Regressor, theta: Triple) -> Pair:
 
 @formula
 def regressor_transpose_times(
-    model: Lengths, y: Regressor, motion: Pair, like: Triple
+    model: Lengths, y: Regressor, motion: Pair, template: Triple
 ) -> Triple:
     """Return Y' v."""
     return y.a * motion[0], y.p_u * motion[0] + y.p_w * motion[1], y.w * motion[1]
@@ -375,7 +375,7 @@ def weakest_motion(model: Lengths, theta: Triple) -> tuple[float, Pair]:
 
 
 @formula
-def consistency_normal(model: Lengths, x: Pair, like: Triple) -> Triple:
+def consistency_normal(model: Lengths, x: Pair, template: Triple) -> Triple:
     """Return n with n' theta = x' [[M, p], [p, i]] x."""
     return x[0] * x[0], 2.0 * x[0] * x[1], x[1] * x[1]
 

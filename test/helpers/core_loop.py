@@ -28,7 +28,7 @@ from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.params.declaration import check_all
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 import numpy as np
@@ -39,7 +39,7 @@ def node_values(
 ) -> dict[str, dict[str, Any]]:
     """Return checked values of plant, trajectory and controller, in real time by default."""
     values = {'pacing': 'realtime', **(shared or {})}
-    mechanism = chosen(values)
+    mechanism = mechanism_from(values)
     return {
         name: check_all(declared(name, mechanism), {**values, **nodes.get(name, {})})
         for name in ('plant', 'trajectory', 'controller')

@@ -178,15 +178,15 @@ def run(law: str, *settings: str, duration: float = 20.0) -> Track:
         PAPER, (f'duration={duration}', f'controller.law={law}', *settings)
     )
     simulation = Simulation(values)
-    stretch = next(simulation.run(block=10**6))
-    count = len(stretch)
+    tick_block = next(simulation.run(block=10**6))
+    count = len(tick_block)
     return Track(
         np.arange(count) * simulation.timing.period,
-        np.array(stretch.error),
-        np.array(stretch.surface),
-        np.array(stretch.torque),
-        np.array(stretch.estimate),
-        np.array(stretch.position),
-        np.array(stretch.velocity),
+        np.array(tick_block.error),
+        np.array(tick_block.surface),
+        np.array(tick_block.torque),
+        np.array(tick_block.estimate),
+        np.array(tick_block.position),
+        np.array(tick_block.velocity),
         simulation.controller,
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from masmc_ros.compare.trials import drawn
 from masmc_ros.law.registry import LAWS, SWITCHING
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
@@ -44,7 +44,7 @@ def differing(law: str, switching: str) -> list[str]:
     )
     scenario = load_scenario(PAPER, settings)
     runs = [drawn(scenario, TWO_LINK, seed) for seed in range(LANES)]
-    (signals,) = SideBySide(runs).run()
+    (signals,) = BatchSimulation(runs).run()
     alone = [next(Simulation(run).run()) for run in runs]
     return [
         f'{law} {switching}: {name}, lane {lane}'

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from masmc_ros.loop.controller_events import ACTIVATED
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change
-from masmc_ros.robot.registry import chosen
+from masmc_ros.loop.tick_block import Change
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ def limits_of(file: str, settings: Sequence[str], *, approaches: bool = False) -
         settings = (*settings, 'controller.active_on_start=false')
         changes = (Change(0, {}, ACTIVATED),)
     values = load_scenario(file, settings)
-    mechanism = chosen(values['plant'])
+    mechanism = mechanism_from(values['plant'])
     parts = list(Simulation(values, changes).run())
 
     def of_run(name: str) -> Any:

@@ -171,7 +171,7 @@ class Loop:
         """Say what was computed so far."""
         return Run(self.signals)
 
-    def stretch(self, first: int, last: int) -> None:
+    def run_ticks(self, first: int, last: int) -> None:
         """Compute ticks first ... last - 1 in one compiled call."""
         closed_loop(
             self._plant,
@@ -199,15 +199,15 @@ class Loop:
 def whole(scenario: Scenario) -> Run:
     """Run in one compiled call."""
     loop = Loop(scenario)
-    loop.stretch(0, scenario.ticks)
+    loop.run_ticks(0, scenario.ticks)
     return loop.run
 
 
 def in_pieces(scenario: Scenario, cut: int) -> Run:
     """Run in two compiled calls."""
     loop = Loop(scenario)
-    loop.stretch(0, cut)
-    loop.stretch(cut, scenario.ticks)
+    loop.run_ticks(0, cut)
+    loop.run_ticks(cut, scenario.ticks)
     return loop.run
 
 

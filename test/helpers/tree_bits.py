@@ -61,13 +61,13 @@ def digest() -> str:
         strict=True,
     ):
         position, velocity, reference, acceleration = state
-        theta = scale * robot.moments.ravel()
+        theta = scale * robot.inertial_parameters.ravel()
         posture = kinematics.place(model, *position[:3].tolist(), position, 3)
         of = model, posture, theta
         moved = velocity, reference, acceleration, 9.81
         found += [
             posture.frames[:, :12].copy(),
-            posture.screws,
+            posture.motion_subspaces,
             dynamics.inverse_dynamics(*of, *moved),
             dynamics.inertia(*of),
             articulated.forward_dynamics(*of, velocity, reference, 9.81),
@@ -82,12 +82,12 @@ def adapted_digest() -> str:
     """Return the digest of moments that are adapted for some steps, some of them too long."""
     robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text')
     found = []
-    for each in robot.moments:
-        moments = tuple(each.tolist())
+    for each in robot.inertial_parameters:
+        inertial_parameters = tuple(each.tolist())
         for step in range(50):
             gradient = tuple(((step * 7 + i * 11) % 13 - 6.0) / 3.0 for i in range(10))
-            moments = natural_step(moments, gradient, (step % 10) / 20.0)
-            found.append(moments)
+            inertial_parameters = natural_step(inertial_parameters, gradient, (step % 10) / 20.0)
+            found.append(inertial_parameters)
     return hashlib.sha256(np.array(found).tobytes()).hexdigest()
 
 

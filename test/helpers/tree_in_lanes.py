@@ -15,7 +15,7 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
@@ -36,7 +36,7 @@ OF_LANES = (
 
 def differing(runs: list[Mapping[str, Mapping[str, Any]]]) -> list[str]:
     """Return the signals in which a lane is not the run alone."""
-    parts = list(SideBySide(runs).run())
+    parts = list(BatchSimulation(runs).run())
     alone = [list(Simulation(run).run()) for run in runs]
     found = []
     for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface', 'error'):

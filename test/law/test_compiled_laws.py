@@ -35,7 +35,7 @@ for k in range(len(run.torque)):
     if k + 1 < len(run.torque):
         plant.advance(controller.torque)
 controller.change({'explicit_twisting.k_1': 0.0, 'explicit_twisting.k_2': 0.0})
-controller.forget()
+controller.reset_adaptation()
 controller.tick(plant.position, plant.velocity, run.reference[-1])
 without = controller.torque.copy()
 controller.change({'law': 'smc', 'k_s1': (0.0,) * 4, 'k_s2': (0.0,) * 4})

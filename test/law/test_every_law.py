@@ -78,7 +78,7 @@ def test_law_after_pause_or_reset_has_no_old_state(law: str) -> None:
     first = [torque(k) for k in range(20)]
     controller.skip(5)
     assert np.isfinite(torque(26)).all()
-    controller.rest()
+    controller.output_not_applied()
     assert np.isfinite(torque(200)).all()
     controller.reset()
     np.testing.assert_array_equal([torque(k) for k in range(20)], first)

@@ -13,7 +13,7 @@ from logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -48,12 +48,12 @@ def test_read_run_round_trip_restores_run(tmp_path: Path, namespace: str) -> Non
     assert np.array_equal(run.torque.values, written.torque)
     assert run.reference is not None
     assert np.array_equal(run.reference, written.reference)
-    for signal in TOLD:
+    for signal in PUBLISHED:
         recorded = run.telemetry[signal.name]
         assert np.array_equal(recorded.values, written.telemetry[signal.label])
         assert np.array_equal(recorded.times, seconds)
     assert run.topics[f'{namespace}joint_states'] == 1200
-    assert len(run.topics) == 3 + len(TOLD)
+    assert len(run.topics) == 3 + len(PUBLISHED)
     assert run.metadata == {'origin': [{'law': 'smc'}]}
     assert run.attachments == {'paper.yaml': b'plant: {}'}
 

@@ -20,7 +20,7 @@ from masmc_ros.loop.controller_events import (
     RESUMED,
 )
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.scenario.scenario import load_scenario, logged_scenario
 import numpy as np
@@ -37,7 +37,7 @@ FAST_ADAPTATION = (
 """Settings with fast changes of theta_hat and disturbance estimate, and with a rate limit."""
 
 
-def run_with(*changes: Change, settings: tuple[str, ...] = ()) -> Stretch:
+def run_with(*changes: Change, settings: tuple[str, ...] = ()) -> TickBlock:
     values = load_scenario(PAPER, ('controller.fault_action=void', *FAST_ADAPTATION, *settings))
     (run,) = Simulation(values, changes).run()
     return run
@@ -91,8 +91,8 @@ def logged(tmp_path: Path, *settings: str, changes: tuple[Change, ...] = ()) -> 
     simulation = Simulation(values, changes)
     path = tmp_path / 'run.mcap'
     with SimulationLog(path, simulation, values, {}) as log:
-        for stretch in simulation.run(block=150):
-            log.write(stretch)
+        for tick_block in simulation.run(block=150):
+            log.write(tick_block)
     return path
 
 

@@ -96,7 +96,7 @@ def test_law_change_code_missing_waits_for_compilation(bench: Bench) -> None:
     applied = change.poll()
     assert applied is not None
     assert applied.values == {'law': 'pid'}
-    assert applied.text == 'law = pid: ready after 2.0 s; now in force'
+    assert applied.text == 'law = pid: ready after 2.0 s; now active'
     assert bench.values('law') == ('pid',)
     assert change.awaited == ''
     assert change.poll() is None

@@ -102,7 +102,7 @@ def test_disturbance_estimate_skipped_ticks_is_unchanged() -> None:
     before = loop.disturbance()
     for _ in range(20):
         loop.move(np.zeros(4))
-    loop.controller.rest()
+    loop.controller.output_not_applied()
     loop.tick()
     assert (loop.disturbance() == before).all()
     for _ in range(20):

@@ -12,7 +12,7 @@ import subprocess
 from masmc_ros.law import registry
 from masmc_ros.law.smc import SMC
 from masmc_ros.loop import preparation
-from masmc_ros.loop.closed_loop import control_tick, settle
+from masmc_ros.loop.closed_loop import control_tick, post_update
 from masmc_ros.loop.controller import Controller
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.names import TWO_LINK
@@ -25,8 +25,8 @@ TIMEOUT = 60.0
 
 
 def test_preparation_loaded_live_change_compiles_nothing() -> None:
-    preparation.load(TWO_LINK, preparation.laws_at_hand())
-    compiled = len(control_tick.signatures), len(settle.signatures)
+    preparation.load(TWO_LINK, preparation.laws_loaded_at_start())
+    compiled = len(control_tick.signatures), len(post_update.signatures)
     values = load_scenario(str(PAPER), ('controller.projection.lower=0.5',))['controller']
     controller = Controller(robot_of(values), 1e-3, values)
     for law in ('smc', 'rasmc'):
@@ -34,7 +34,7 @@ def test_preparation_loaded_live_change_compiles_nothing() -> None:
             controller.change({'law': law, 'switching': switching})
             controller.tick(np.ones(7), np.zeros(7), np.zeros(12))
             assert np.isfinite(controller.torque).all()
-    assert (len(control_tick.signatures), len(settle.signatures)) == compiled
+    assert (len(control_tick.signatures), len(post_update.signatures)) == compiled
 
 
 def test_preparation_law_source_changed_is_repeated(

@@ -34,10 +34,10 @@ class LongRun:
         simulation = Simulation(load_scenario(ROBUST, ('duration=600.0', *settings)))
         robot, self.nominal = simulation.plant.robot, simulation.controller.nominal
         errors, estimates, limited = [], [], 0
-        for stretch in simulation.run():
-            errors.append(stretch.true_error(robot))
-            estimates.append(stretch.estimate)
-            limited += int((stretch.raw_torque != stretch.torque).any(axis=1).sum())
+        for tick_block in simulation.run():
+            errors.append(tick_block.true_error(robot))
+            estimates.append(tick_block.estimate)
+            limited += int((tick_block.raw_torque != tick_block.torque).any(axis=1).sum())
         self.error, self.estimate = np.concatenate(errors), np.concatenate(estimates)
         self.limited = limited
 

@@ -11,7 +11,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.loop import records
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Stretch
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.plant.drives import drive, joint_inertias
 from masmc_ros.robot.robot import robot_of
@@ -29,7 +29,7 @@ def simulation(*settings: str) -> Simulation:
     return Simulation(load_scenario(PAPER, (*RATES, *settings)))
 
 
-def rms(run: Stretch) -> list[float]:
+def rms(run: TickBlock) -> list[float]:
     """Return the RMS distances of E and F from their paths over the second half, in mm."""
     half = len(run.error) // 2
     error = 1e3 * run.error[half:-1]

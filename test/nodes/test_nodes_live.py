@@ -269,8 +269,8 @@ def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_pat
     assert max(shown_late) >= max(seen) > 0
     seen |= shown_late
     settings = [f'duration={max(seen) * 1e-3:.3f}']
-    stretches = Simulation(load_scenario(str(file), settings)).run()
-    expected = np.concatenate([stretch.position for stretch in stretches])
+    tick_blocks = Simulation(load_scenario(str(file), settings)).run()
+    expected = np.concatenate([tick_block.position for tick_block in tick_blocks])
     for tick, position in seen.items():
         assert position == expected[tick].tolist(), tick
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import resource
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, parted, read_along, taken, write_along
+from masmc_ros.numerics.arrays import array_of, read_along, split_buffer, to_vector, write_along
 from masmc_ros.numerics.compiled import formula, inlined, kernel
 from masmc_ros.numerics.scratch import clear, copy_into, MOST, scratch
 import numpy as np
@@ -72,7 +72,7 @@ def test_scratch_matrix_any_shape_is_usable(rows: int, columns: int) -> None:
 
 @kernel
 def _parts(size: int) -> Any:
-    frames, screws = parted(np.empty(4 * size), size, 3, size, 1)
+    frames, screws = split_buffer(np.empty(4 * size), size, 3, size, 1)
     for i in range(size):
         for j in range(3):
             frames[i, j] = 3.0 * i + j
@@ -103,7 +103,7 @@ def test_scratch_repeated_calls_do_not_leak_memory() -> None:
 def _of_tuple(values: Any) -> Any:
     array = array_of(values)
     write_along(array, 1, read_along(array, 0, (0.0, 0.0)))
-    return taken(array, values), values
+    return to_vector(array, values), values
 
 
 def test_array_of_tuple_is_a_copy() -> None:

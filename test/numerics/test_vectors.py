@@ -13,14 +13,14 @@ from masmc_ros.numerics.arrays import (
     read_down,
     read_part,
     read_row,
-    taken,
+    to_vector,
     write_part,
     write_row,
 )
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, new_record, put
-from masmc_ros.numerics.tuples import dot, each, LONGEST, tabulate, unit
+from masmc_ros.numerics.tuples import dot, elementwise, from_index, LONGEST, unit
 import numpy as np
 import pytest
 
@@ -47,21 +47,21 @@ def all_functions(records: Any) -> Any:
     """Return results of all vector functions for a field of the second lane."""
     record = records[0]
     a = get(record, 'values', 1)
-    b = each(_combined, a, 2.0)
-    put(record, 'values', 0, each(_combined, a, b))
+    b = elementwise(_combined, a, 2.0)
+    put(record, 'values', 0, elementwise(_combined, a, b))
     rows = np.zeros((2, 3))
     write_part(rows, 1, 1, (1.5, 2.5))
     lanes = np.zeros((2, 3, 2))
     write_row(lanes, 1, 1, 1, (3.5, 4.5))
     return (
         b,
-        tabulate(_entry, a, b),
-        tabulate(_pair, a, b),
-        taken(array_of(b), a),
+        from_index(_entry, a, b),
+        from_index(_pair, a, b),
+        to_vector(array_of(b), a),
         unit(a, 1),
         array_of(b).copy(),
         array_of(PAIR).copy(),
-        taken(array_of(b), PAIR),
+        to_vector(array_of(b), PAIR),
         read_part(rows, 1, 1, PAIR),
         read_down(rows, 0, 2, PAIR),
         read_row(lanes, 1, 1, 1, PAIR),

@@ -25,8 +25,8 @@ DECLARED = """
            label='stretched', title='Error of all axes'),
 """
 COMPUTED = """
-    put(now, 'push', lane, each(minus, raw, torque))
-    put(now, 'stretched', lane, math.sqrt(dot(tick.error, tick.error)))
+    put(signals, 'push', lane, elementwise(minus, raw, torque))
+    put(signals, 'stretched', lane, math.sqrt(dot(tick.error, tick.error)))
 """
 IMPORTED = """
 import math
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / name, folder / name)
     insert(folder / 'masmc_ros/loop/signals.py', "    Signal('singular'", DECLARED)
     control = folder / 'masmc_ros/loop/control.py'
-    insert(control, "    put(now, 'singular'", COMPUTED)
+    insert(control, "    put(signals, 'singular'", COMPUTED)
     insert(control, 'from typing import Any\n', IMPORTED, after=True)
     # Interpreted, what was inserted need not be compiled; the bits are the same.
     variables = {**surroundings(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}

@@ -226,7 +226,7 @@ def _escaping(source: str) -> list[str]:
 
 def test_no_function_returns_an_array_that_ends_with_it() -> None:
     assert _escaping('def f(n):\n    a, b = scratch(n), 1\n    return b, Pair(a, b)') == ['f:3']
-    assert _escaping('def f(n):\n    a = array_of(n)\n    return taken(a, n)') == []
+    assert _escaping('def f(n):\n    a = array_of(n)\n    return to_vector(a, n)') == []
     found = {path: _escaping(path.read_text(encoding='utf-8')) for path in files()}
     assert {path: names for path, names in found.items() if names} == {}
 

@@ -15,7 +15,7 @@ from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.physics.mujoco_model import contact_model
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario
@@ -39,7 +39,7 @@ def plant(physics: str = 'mujoco', **changes: Any) -> SimulatedRobot:
         'robot.wheels': (),
         'robot.held_joints': ('wheel_right_joint', 'wheel_left_joint'),
     }
-    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
     start = {'initial_joints': (0.0, *START), 'initial_pose': (0.5, -0.2, YAW)}
     values = {**defaults, **values, 'physics': physics, **start, **changes}
     return plant_of(values, PERIOD)
@@ -64,7 +64,7 @@ def test_omni_contact_wheels_support_weight() -> None:
     robot = plant()
     for _ in range(300):
         robot.advance(None)
-    mass = robot.robot.mechanism.robot.moments[:, 0].sum() + 4 * 0.05
+    mass = robot.robot.mechanism.robot.inertial_parameters[:, 0].sum() + 4 * 0.05
     assert contact_of(robot)[:, 2].sum() == pytest.approx(mass * GRAVITY, rel=0.01)
     assert np.abs(robot.true_position[:2] - (0.5, -0.2)).max() < 1e-3
 
@@ -133,7 +133,7 @@ def test_omni_contact_robot_with_own_wheels_raises() -> None:
     values: dict[str, Any] = {
         'robot.urdf': urdf, 'robot.base': 'omnidirectional', 'robot.wheels': ('a', 'b', 'c'),
     }
-    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
     with pytest.raises(InputError, match=r'without robot\.wheels'):
         contact_model(robot_of({**defaults, **values}), 0.5 * PERIOD, friction=0.8)
 
@@ -143,6 +143,6 @@ def test_omni_contact_robot_with_own_wheels_raises() -> None:
 @pytest.mark.parametrize('friction', [0.8, 0.3])
 def test_omni_contact_panda_tracks_path(friction: float) -> None:
     settings = ('duration=4', 'plant.physics=mujoco', f'plant.friction={friction}')
-    (stretch,) = Simulation(load_scenario(FRANKA, settings)).run(block=sys.maxsize)
-    assert largest_slip(stretch.contact[1000:]) < 0.01
-    assert np.abs(stretch.error[2000:, :3]).max() < 5e-4
+    (tick_block,) = Simulation(load_scenario(FRANKA, settings)).run(block=sys.maxsize)
+    assert largest_slip(tick_block.contact[1000:]) < 0.01
+    assert np.abs(tick_block.error[2000:, :3]).max() < 5e-4

@@ -13,15 +13,15 @@ from typing import Any
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
-from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Stretch
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.physics.mujoco_model import contact_model
 from masmc_ros.robot.plant.drives import joint_inertias
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import activation, load_scenario
@@ -47,7 +47,7 @@ def plant(*settings: str, physics: str = 'mujoco') -> SimulatedRobot:
 
 def tree_values(values: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of the plant of a tree, with defaults for missing ones."""
-    defaults = {p.name: p.default for p in declared('plant', chosen(values))}
+    defaults = {p.name: p.default for p in declared('plant', mechanism_from(values))}
     return {**defaults, **values}
 
 
@@ -56,11 +56,11 @@ def loads(robot: SimulatedRobot) -> NDArray[np.float64]:
     return robot.contact.reshape(-1, len(CONTACT))[:, 2]
 
 
-def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> Stretch:
+def run(*settings: str, physics: str = 'mujoco', file: str = PAPER) -> TickBlock:
     """Return a run from the current position of the robot, in one block."""
     values = load_scenario(file, [f'plant.physics={physics}', APPROACH, *settings])
-    (stretch,) = Simulation(values, activation(values)).run(block=sys.maxsize)
-    return stretch
+    (tick_block,) = Simulation(values, activation(values)).run(block=sys.maxsize)
+    return tick_block
 
 
 def rolling_inertia(values: dict[str, Any], angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -151,20 +151,20 @@ def test_contact_plant_without_slip_matches_rigid_robot() -> None:
 @pytest.mark.parametrize('friction', [0.8, 0.3, 0.1])
 def test_contact_robust_law_keeps_traction(friction: float) -> None:
     """Check the statement of docs/contact.md for the first seconds of the path."""
-    stretch = run(
+    tick_block = run(
         'duration=6.0',
         f'plant.friction={friction}',
         'robot.wheel_spin_inertia=0.01',
         file=PAPER.replace('paper', 'robust'),
     )
-    assert largest_slip(stretch.contact) < 0.01
-    assert np.abs(stretch.error[5000:]).max() < 2e-4
+    assert largest_slip(tick_block.contact) < 0.01
+    assert np.abs(tick_block.error[5000:]).max() < 2e-4
 
 
 @pytest.mark.parametrize(('backoff', 'keeps'), [(0.05, True), (0.0, False)])
 def test_contact_slip_backoff_lets_wheels_regain_grip(backoff: float, keeps: bool) -> None:
     """Check the statement of docs/contact.md: after an abrupt start only one robot grips again."""
-    stretch = run(
+    tick_block = run(
         'duration=4.0',
         'plant.friction=0.3',
         'robot.wheel_spin_inertia=0.01',
@@ -173,8 +173,8 @@ def test_contact_slip_backoff_lets_wheels_regain_grip(backoff: float, keeps: boo
         f'controller.slip_backoff={backoff}',
         file=PAPER.replace('paper', 'robust'),
     )
-    assert (largest_slip(stretch.contact[2000:]) < 0.01) == keeps
-    assert (np.abs(stretch.error[3000:]).max() < 0.01) == keeps
+    assert (largest_slip(tick_block.contact[2000:]) < 0.01) == keeps
+    assert (np.abs(tick_block.error[3000:]).max() < 0.01) == keeps
 
 
 @pytest.mark.slow
@@ -185,12 +185,12 @@ def test_contact_tiago_keeps_traction(friction: float, limits: str) -> None:
     """Check the shipped file, in which only the disturbance estimate is reduced during slip."""
     settings = ['duration=4', 'plant.physics=mujoco', f'plant.friction={friction}', limits]
     scenario = load_scenario(TIAGO, [setting for setting in settings if setting])
-    (stretch,) = Simulation(scenario).run(block=sys.maxsize)
-    assert largest_slip(stretch.contact) < 0.1
-    assert largest_slip(stretch.contact[1000:]) < 0.01
+    (tick_block,) = Simulation(scenario).run(block=sys.maxsize)
+    assert largest_slip(tick_block.contact) < 0.1
+    assert largest_slip(tick_block.contact[1000:]) < 0.01
     # Without a limit of the wheel torque the wheels slip at first on such ground.
     is_slippery = bool(limits) and friction == 0.1
-    assert np.abs(stretch.error[2000:, :3]).max() < (5e-4 if is_slippery else 1e-4)
+    assert np.abs(tick_block.error[2000:, :3]).max() < (5e-4 if is_slippery else 1e-4)
 
 
 def test_contact_plant_small_friction_wheels_slip() -> None:
@@ -266,8 +266,8 @@ def test_contact_model_fixed_base_raises() -> None:
 
 def test_side_by_side_contact_physics_raises() -> None:
     run = load_scenario(PAPER, ['plant.physics=mujoco', 'duration=0.1'])
-    with pytest.raises(InputError, match='physics = mujoco: expected rigid of runs side by side'):
-        SideBySide([run])
+    with pytest.raises(InputError, match='physics = mujoco: expected rigid for runs in one batch'):
+        BatchSimulation([run])
 
 
 def test_rigid_plant_with_payload_raises() -> None:

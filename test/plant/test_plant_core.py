@@ -27,7 +27,7 @@ from masmc_ros.plant.core import (
 )
 from masmc_ros.plant.lockstep import LockStep
 from masmc_ros.plant.real_time import RealTime
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ FEW = settings(max_examples=40, deadline=None)
 @cache
 def values() -> dict[str, Any]:
     changed = {'control_period': PERIOD, 'duration': 50.0, 'command_timeout': TIMEOUT}
-    return check_all(declared('plant', chosen({})), changed)
+    return check_all(declared('plant', mechanism_from({})), changed)
 
 
 def core_of(

@@ -152,8 +152,8 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
     values = load_scenario(str(PAPER), ['duration=1.0', 'robot.link_2_length=0.4'])
     simulation = Simulation(values)
     with SimulationLog(path, simulation, values, {PAPER.name: PAPER.read_bytes()}) as log:
-        for stretch in simulation.run():
-            log.write(stretch)
+        for tick_block in simulation.run():
+            log.write(tick_block)
     return read_run(path)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
@@ -28,7 +28,7 @@ HELD = slice(3, 7)
 """The driven joints in the order of joint_states."""
 
 
-def computed(ticks: tuple[int, ...], *settings: str) -> Stretch:
+def computed(ticks: tuple[int, ...], *settings: str) -> TickBlock:
     """Return the paper's run with the controller deactivated and activated at alternate ticks."""
     events = (DEACTIVATED, ACTIVATED) * (len(ticks) // 2)
     changes = [Change(tick, {}, event) for tick, event in zip(ticks, events, strict=True)]
@@ -113,8 +113,8 @@ def test_drives_torque_command_end_holding_at_once() -> None:
     plant = robot('plant.disturbance.amplitude=[0.0, 0.0, 3.0, 0.0]')
     for _ in range(1000):
         plant.advance(None)
-    assert plant.memory['wound'].any()
+    assert plant.memory['drive_integral'].any()
     # After a torque command the drives keep no holding torque.
     plant.advance(np.zeros(4))
-    assert not plant.memory['wound'].any()
+    assert not plant.memory['drive_integral'].any()
     assert not plant.applied.any()

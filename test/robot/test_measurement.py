@@ -11,7 +11,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Stretch
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.portable_random import gaussian, philox
 from masmc_ros.robot.plant.measurement import quantised
 from masmc_ros.scenario.scenario import load_scenario
@@ -152,7 +152,7 @@ def test_measurement_noise_has_its_deviation_base_matches_wheels() -> None:
     assert run.velocity[:-1, 1] == pytest.approx(speed * np.sin(yaw), abs=1e-14)
 
 
-def simulate(*settings: str) -> list[Stretch]:
+def simulate(*settings: str) -> list[TickBlock]:
     """Simulate one second of the paper's scenario twice, in blocks of different length."""
     simulation = Simulation(load_scenario(PAPER, ('duration=1.0', *settings)))
     first = list(simulation.run(block=500))
@@ -163,8 +163,8 @@ def simulate(*settings: str) -> list[Stretch]:
     return first
 
 
-def joined(run: list[Stretch], name: str) -> Array:
-    return np.concatenate([getattr(stretch, name) for stretch in run])
+def joined(run: list[TickBlock], name: str) -> Array:
+    return np.concatenate([getattr(tick_block, name) for tick_block in run])
 
 
 def test_simulation_repeats_exactly_and_depends_on_seed() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from masmc_ros.errors import InputError
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen, DEFAULT
+from masmc_ros.robot.registry import DEFAULT, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from small_tree import parameters, URDF, write_scenario
@@ -22,7 +22,7 @@ UNLIMITED = (-math.inf, math.inf)
 
 def mechanism(*settings: str, **values: Any) -> Mechanism:
     """Return the small robot with the speed limits of the parameter."""
-    return chosen({**parameters(), 'robot.speed_limits': settings, **values})
+    return mechanism_from({**parameters(), 'robot.speed_limits': settings, **values})
 
 
 def test_limits_of_urdf_apply_per_driven_joint() -> None:
@@ -54,14 +54,14 @@ def test_speed_limits_base_without_wheels_apply_to_base_joint() -> None:
 
 
 def test_speed_limits_planar_robot_apply_only_if_configured() -> None:
-    assert chosen({}) is DEFAULT
+    assert mechanism_from({}) is DEFAULT
     assert DEFAULT.speed_limits == (math.inf,) * 4
     assert DEFAULT.position_limits == (UNLIMITED,) * 4
-    limited = chosen({'robot.speed_limits': ['arm_joint_2 1.5']})
+    limited = mechanism_from({'robot.speed_limits': ['arm_joint_2 1.5']})
     assert limited.speed_limits == (math.inf, math.inf, math.inf, 1.5)
     assert limited.tag == DEFAULT.tag
     # Another process that receives this choice creates an equal mechanism.
-    assert chosen(limited.choice) is limited
+    assert mechanism_from(limited.choice) is limited
 
 
 @pytest.mark.parametrize(
@@ -79,13 +79,13 @@ def test_speed_limits_invalid_setting_raises_one_line(setting: str, expected: st
     for values in ({'robot.urdf': URDF}, {}):
         name = 'lift_joint' if values else 'arm_joint_1'
         with pytest.raises(InputError) as raised:
-            chosen({
+            mechanism_from({
                 **(parameters() if values else {}),
                 'robot.speed_limits': (setting.replace('lift_joint', name),),
             })
         assert expected in str(raised.value)
         if expected.startswith('no joint'):
-            for joint in chosen(parameters() if values else {}).joints:
+            for joint in mechanism_from(parameters() if values else {}).joints:
                 assert joint.name in str(raised.value)
 
 
@@ -104,14 +104,14 @@ def test_speed_limits_file_and_command_line_set_them(tmp_path: Path) -> None:
     for settings, lift in (((), 0.07), (('robot.speed_limits=[lift_joint 0.1]',), 0.1)):
         values = load_scenario(str(path), settings)
         for node in ('plant', 'trajectory', 'controller'):
-            assert chosen(values[node]).speed_limits[3] == lift
+            assert mechanism_from(values[node]).speed_limits[3] == lift
     with pytest.raises(InputError, match="no joint 'elbow'"):
         load_scenario(str(path), ('robot.speed_limits=[elbow 0.1]',))
     values = load_scenario(PAPER, ('robot.speed_limits=[arm_joint_1 2.0]',))
-    assert chosen(values['controller']).speed_limits[2] == 2.0
+    assert mechanism_from(values['controller']).speed_limits[2] == 2.0
 
 
 def test_speed_limits_empty_string_of_dump_is_no_limit() -> None:
     """A ROS parameter file contains an empty list as one empty string."""
-    limits = chosen({'robot.speed_limits': ('',)}).speed_limits
+    limits = mechanism_from({'robot.speed_limits': ('',)}).speed_limits
     assert all(limit == float('inf') for limit in limits)

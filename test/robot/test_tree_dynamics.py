@@ -67,7 +67,7 @@ class Drawn:
             0.1 * root @ root.T,
         )
         self.model = model_of(self.tree)
-        self.moments = np.stack(
+        self.inertial_parameters = np.stack(
             [[_moments(draw) for _ in range(bodies)] for _ in range(STATES)], axis=2
         )
         self.position = draw.normal(size=((3 if base else 0) + joints, STATES))
@@ -86,7 +86,8 @@ class Drawn:
 
     def thetas(self) -> Array:
         """Return the inertial parameters of the bodies in every state."""
-        return np.ascontiguousarray(self.moments.reshape(-1, self.moments.shape[2]).T)
+        states = self.inertial_parameters.shape[2]
+        return np.ascontiguousarray(self.inertial_parameters.reshape(-1, states).T)
 
     def forces(
         self,
@@ -140,8 +141,8 @@ class Drawn:
         """Return kinetic and potential energy in J."""
         kinetic = np.einsum('il,ijl,jl->l', velocity, self.inertia(position), velocity) / 2.0
         frames = np.stack([posture.frames for posture in self.postures(position)], axis=2)
-        first = np.einsum('bil,bil->bl', frames[:, 6:9], self.moments[:, 1:4])
-        heights = self.moments[:, 0] * frames[:, 11] + first
+        first = np.einsum('bil,bil->bl', frames[:, 6:9], self.inertial_parameters[:, 1:4])
+        heights = self.inertial_parameters[:, 0] * frames[:, 11] + first
         return kinetic + GRAVITY * heights.sum(axis=0)
 
 
@@ -326,7 +327,7 @@ def test_tree_planar_robot_equals_closed_form(machine: Machine, seed: int) -> No
     place = kinematics.place(model, 0.0, 0.0, angles[0], angles[1:], 0)
     velocity, along, gained = (to_tree @ v for v in (rates, wanted, applied_forces))
     forces = dynamics.inverse_dynamics(
-        model, place, robot.moments.ravel(), velocity, along, gained, GRAVITY
+        model, place, robot.inertial_parameters.ravel(), velocity, along, gained, GRAVITY
     )
     scale = 1.0 + np.abs(torques).max()
     assert np.abs(to_tree.T @ forces - torques).max() < 1e-10 * scale
@@ -335,9 +336,9 @@ def test_tree_planar_robot_equals_closed_form(machine: Machine, seed: int) -> No
 def test_tree_planar_robot_bodies_are_consistent() -> None:
     values = {f'robot.{name}': value for name, value in DEFAULT.items()}
     robot = tree_robot(read_urdf(robot_description(values), 'x'), 'x')
-    for moments in robot.moments[1:]:
+    for inertial_parameters in robot.inertial_parameters[1:]:
         # The wheels are flat.
-        assert np.linalg.eigvalsh(pseudo_inertia(moments))[0] > -1.0e-12
+        assert np.linalg.eigvalsh(pseudo_inertia(inertial_parameters))[0] > -1.0e-12
 
 
 RECORDED = 'da172e702aeef37631c61b963ac6bad5d84b30f5eb40cb04374562ec6cee4847'

@@ -15,7 +15,7 @@ from masmc_ros.loop.records import plant_settings
 from masmc_ros.numerics.record import tag_of
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.declaration import formulas_of_tag
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.formulas import model_of_axes
 from masmc_ros.robot.tree.friction import CREEP
@@ -93,7 +93,7 @@ class Drawn:
         # Too slow for any speed limit.
         self.twist *= 0.02
         self.theta = self.robot.theta
-        self.like = tuple(self.rates.tolist())
+        self.template = tuple(self.rates.tolist())
 
     def posture(self, position: Array | None = None) -> Any:
         """Return the kinematics of positions."""
@@ -191,7 +191,7 @@ def test_tree_jacobian_is_derivative_of_task_error(
     # Near zero, the orientation error is the angle of the rotation.
     assert derivative(error) == pytest.approx(twist, abs=1e-8)
     force = mechanism.forces_from_task(
-        drawn.model, drawn.posture(), numbers(drawn.pull), drawn.like
+        drawn.model, drawn.posture(), numbers(drawn.pull), drawn.template
     )
     assert np.dot(force, nu) == pytest.approx(drawn.pull @ twist, abs=1e-11)
 
@@ -246,7 +246,7 @@ def test_tree_reference_motion_keeps_speed_limits(seed: int, task: tuple[str, ..
     drawn.twist *= 100.0
     v_r, _ = drawn.reference(0.0)
     rates = np.abs(mechanism.joint_rates(drawn.model, numbers(v_r)))
-    limits = 0.9 * np.array(chosen(drawn.values).speed_limits)
+    limits = 0.9 * np.array(mechanism_from(drawn.values).speed_limits)
     assert (rates <= limits * (1.0 + 1e-12)).all()
     assert rates.max() > 0.01
 
@@ -292,7 +292,7 @@ def test_tree_path_out_of_reach_ends_at_rest_without_chatter() -> None:
 @given(SEED, TASK)
 def test_tree_null_space_motion_does_not_move_task(seed: int, task: tuple[str, ...]) -> None:
     drawn = Drawn(seed, task)
-    unseen = _unseen(drawn.model, drawn.posture(), drawn.like)
+    unseen = _unseen(drawn.model, drawn.posture(), drawn.template)
     assert drawn.jacobian() @ unseen == pytest.approx(np.zeros(len(drawn.twist)), abs=1e-9)
     again = _unseen(drawn.model, drawn.posture(), numbers(np.array(unseen)))
     assert np.array(again) == pytest.approx(np.array(unseen), abs=1e-9)

@@ -209,7 +209,7 @@ def _compare(
     frame = robot.frames[tip]
     tree_model = model_of(robot, frame.body, frame.offset)
     place = kinematics.place(tree_model, *(pose.tolist() if base else (0.0, 0.0, 0.0)), angles, 0)
-    arguments = tree_model, place, robot.moments.ravel()
+    arguments = tree_model, place, robot.inertial_parameters.ravel()
     _assert_close(dynamics.inertia(*arguments), inertia)
     torques = dynamics.inverse_dynamics(*arguments, velocity, reference, acceleration, GRAVITY)
     _assert_close(torques, inertia @ acceleration + coriolis @ reference + gravity)

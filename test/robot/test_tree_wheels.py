@@ -180,7 +180,7 @@ def test_tree_robot_base_inertia_contains_wheel_spin() -> None:
     assert np.diag(robot.tree.armature) == pytest.approx(
         np.array([1.0, 1.0, 0.5**2]) * 4.0 * 0.013 / 0.08**2
     )
-    assert robot.moments[0][0] == 24.0
+    assert robot.inertial_parameters[0][0] == 24.0
     assert robot.limits.speed.tolist() == [13.0] * 4
     assert robot.limits.effort.tolist() == [6.0] * 4
     assert robot.limits.upper.tolist() == [math.inf] * 4

@@ -70,7 +70,7 @@ def test_tree_robot_held_joint_and_base_frame_move_subtrees() -> None:
     )
     assert robot.frames['upper'].offset == (0.0, 0.0, 0.0)
     assert robot.frames['base'].offset == pytest.approx((0.0, 0.0, -0.5))
-    assert robot.moments[0][0] == 4.0
+    assert robot.inertial_parameters[0][0] == 4.0
 
 
 @pytest.mark.parametrize(

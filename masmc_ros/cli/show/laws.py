@@ -69,7 +69,7 @@ def _cost(name: str) -> float:
     controller.tick(position, velocity, reference)
     # Another place at each tick: else a compiler finds that nothing changes.
     positions = position + np.linspace(0.0, _AWAY, _TICKS)[:, None]
-    inputs = controller.settings, controller.memory, controller.now, positions
+    inputs = controller.settings, controller.memory, controller.signals, positions
     ticks = bound(control_ticks, *inputs)
     times = []
     for _ in range(_TIMES):

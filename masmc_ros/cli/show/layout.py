@@ -14,7 +14,7 @@ from masmc_ros.log.read.reader import is_log, read_run
 from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
 from masmc_ros.robot.declaration import Mechanism, Quantity
-from masmc_ros.robot.registry import chosen, DEFAULT
+from masmc_ros.robot.registry import DEFAULT, mechanism_from
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, shared_file
 from masmc_ros.whole_file import WholeFile
@@ -54,8 +54,8 @@ def mechanism_of(source: str) -> Mechanism:
         told = read_run(source).parameters
         if 'plant' not in told:
             raise InputError(f'{source}: no parameters of the plant in it, which say what robot')
-        return chosen(told['plant'])
-    return chosen(load_scenario(scenario_file(source))['plant'])
+        return mechanism_from(told['plant'])
+    return mechanism_from(load_scenario(scenario_file(source))['plant'])
 
 
 def write_layout(mechanism: Mechanism, path: Path) -> None:

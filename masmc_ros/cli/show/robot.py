@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from masmc_ros.report.aligned import aligned
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
@@ -28,7 +28,7 @@ def robot(file: str, settings: Sequence[str], *, as_data: bool) -> int:
 
 def _told(values: Any) -> dict[str, Any]:
     plant, control = values['plant'], values['controller']
-    mechanism, made = chosen(plant), robot_of(plant)
+    mechanism, made = mechanism_from(plant), robot_of(plant)
     position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))
     task = made.task_positions(position[None])[0]
     limits = mechanism.joint_limits

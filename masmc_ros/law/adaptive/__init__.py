@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Laws that learn a model, of the robot's parameters or of none."""
+"""Adaptive laws, with a model of the robot's parameters or without."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Composite adaptation: theta_hat learns from what it did not predict, too.
+Composite adaptation: theta_hat adapts to prediction errors as well.
 
 The torque is that of `rasmc`. With W = Y(q, v, v, dv/dt) of the last period and f the forces that
 were commanded in it, epsilon = H^-1 (W theta_hat - f) is the error of the predicted acceleration,
@@ -23,15 +23,14 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     *RASMC.parameters,
@@ -86,15 +85,15 @@ def _sum(tracking: float, prediction: float, weight: float) -> float:
 
 @formula
 def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return Y' sigma + kappa W' epsilon_f, and remember epsilon_f."""
+    """Return Y' sigma + kappa W' epsilon_f, and store epsilon_f."""
     before = get(memory, 'composite_adaptation_velocity', lane)
-    w = last_regressor(tick, each(_finite, before, tick.velocity))
+    w = last_regressor(tick, elementwise(_finite, before, tick.velocity))
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     forces = mechanism.forces(tick.model, get(memory, 'composite_adaptation_torque', lane))
     predicted = mechanism.regressor_times(tick.model, w, get(memory, 'estimate', lane))
-    error = mechanism.inertia_solve(tick.model, h, each(minus, predicted, forces))
+    error = mechanism.inertia_solve(tick.model, h, elementwise(minus, predicted, forces))
     gain = tick.period * get(settings, 'composite_adaptation_rate', lane)
-    error = each(
+    error = elementwise(
         _filtered,
         get(memory, 'composite_adaptation_error', lane),
         error,
@@ -103,16 +102,16 @@ def _gradient(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     )
     put(memory, 'composite_adaptation_error', lane, error)
     prediction = mechanism.regressor_transpose_times(tick.model, w, error, tick.nominal)
-    # A step along W' epsilon that is explicit overshoots where the robot is accelerated much;
-    # kappa / (1 + T kappa q), q the curvature along it, takes it no farther than to its minimum.
-    step = each(_divided, prediction, get(settings, 'gamma', lane))
+    # An explicit step along W' epsilon overshoots at large accelerations. The gain
+    # kappa / (1 + T kappa q), with the curvature q along the step, stops it at the minimum.
+    step = elementwise(_divided, prediction, get(settings, 'gamma', lane))
     change = mechanism.regressor_times(tick.model, w, step)
     curvature = dot(change, mechanism.inertia_solve(tick.model, h, change))
     slope = dot(prediction, step)
     kappa = get(settings, 'composite_adaptation_kappa', lane)
     whole = slope + tick.period * kappa * curvature
     weight = kappa * slope / (whole if whole > 0.0 else 1.0)
-    return each(_sum, tracking_gradient(tick), prediction, weight)
+    return elementwise(_sum, tracking_gradient(tick), prediction, weight)
 
 
 @formula

@@ -22,18 +22,17 @@ from masmc_ros.law.parts.last_period import last_regressor
 from masmc_ros.law.rasmc import RASMC
 from masmc_ros.law.reaching.reaching import correct
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     *RASMC.parameters,
@@ -65,18 +64,18 @@ MEMORY = (
 
 
 @formula
-def _row(of: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
+def _row(arguments: tuple[Any, Any, Numbers, Numbers], i: int) -> Numbers:
     """Return row i of W."""
-    model, w, like, motion = of
-    return mechanism.regressor_transpose_times(model, w, unit(motion, i), like)
+    model, w, template, motion = arguments
+    return mechanism.regressor_transpose_times(model, w, unit(motion, i), template)
 
 
 @formula
-def _weighted_row(of: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
+def _weighted_row(arguments: tuple[Any, Any, Numbers, Numbers, Any], i: int) -> Numbers:
     """Return row i of H^-1 W."""
-    model, w, like, motion, h = of
+    model, w, template, motion, h = arguments
     column = mechanism.inertia_solve(model, h, unit(motion, i))
-    return mechanism.regressor_transpose_times(model, w, column, like)
+    return mechanism.regressor_transpose_times(model, w, column, template)
 
 
 @formula
@@ -84,14 +83,14 @@ def _record(settings: Any, tick: Tick, memory: Any, lane: int, before: Numbers) 
     """Add the last period to A and b."""
     w = last_regressor(tick, before)
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
-    like, v = tick.nominal, tick.velocity
+    template, v = tick.nominal, tick.velocity
     _add(
         memory,
         lane,
         1.0 / (1.0 + tick.period * get(settings, 'concurrent_learning_forgetting', lane)),
         tick.period,
-        tabulate(_row, v, (tick.model, w, like, v)),
-        tabulate(_weighted_row, v, (tick.model, w, like, v, h)),
+        from_index(_row, v, (tick.model, w, template, v)),
+        from_index(_weighted_row, v, (tick.model, w, template, v, h)),
         mechanism.forces(tick.model, get(memory, 'concurrent_learning_torque', lane)),
     )
 
@@ -106,7 +105,7 @@ def _add(
     weighted: tuple[Numbers, ...],
     forces: Numbers,
 ) -> None:
-    """Add to A and b, which fade."""
+    """Add the last period to A and b, after forgetting."""
     information = memory['concurrent_learning_information']
     vector = memory['concurrent_learning_vector']
     n = len(rows[0])
@@ -126,7 +125,7 @@ def _add(
 @kernel
 def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: float) -> Numbers:
     """
-    Return Gamma (theta - theta+) for theta+ after an implicit step, `weight` being T kappa.
+    Return Gamma (theta - theta+) for theta+ after an implicit step with `weight` T kappa.
 
     (Gamma + T kappa A) (theta+ - theta) = T kappa (b - A theta).
     """
@@ -135,17 +134,17 @@ def _recalled(memory: Any, lane: int, theta: Numbers, gamma: Numbers, weight: fl
     n = len(theta)
     work = np.empty((n, n + 1))
     for i in range(n):
-        rest = vector[i, lane]
+        residual = vector[i, lane]
         for j in range(n):
             entry = information[i * n + j, lane]
-            rest -= entry * theta[j]
+            residual -= entry * theta[j]
             work[i, j] = weight * entry
         work[i, i] += gamma[i]
-        work[i, n] = weight * rest
+        work[i, n] = weight * residual
     solve_definite(n, work)
     for i in range(n):
         work[i, 0] = -gamma[i] * work[i, n]
-    return taken(work[:, 0], theta)
+    return to_vector(work[:, 0], theta)
 
 
 @formula
@@ -167,7 +166,8 @@ def learn(settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, held:
         get(settings, 'gamma', lane),
         tick.period * get(settings, 'concurrent_learning_kappa', lane),
     )
-    gradient = each(plus, tracking_gradient(tick), each(_rate, recalled, tick.period))
+    recalled_rate = elementwise(_rate, recalled, tick.period)
+    gradient = elementwise(plus, tracking_gradient(tick), recalled_rate)
     adapt_along(settings, tick, memory, lane, raw, held, gradient)
     put(memory, 'concurrent_learning_torque', lane, held)
     put(memory, 'concurrent_learning_velocity', lane, tick.velocity)

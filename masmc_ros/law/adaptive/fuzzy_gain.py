@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a fuzzy gain on each axis, learned, in place of the switching term.
+Sliding mode with an adaptive fuzzy gain on each axis, in place of the switching term.
 
     tau = Y theta_hat + J' u,    u_i = -A_i s_i - K_i,    K_i = theta_i' psi(s_i)
     theta_i' = gamma_i s_i psi(s_i) - leak theta_i
@@ -21,7 +21,7 @@ from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
-    bells,
+    gaussian,
     learning_step,
     mean_of_rules,
     SEVEN,
@@ -30,13 +30,12 @@ from masmc_ros.law.parts.fuzzy_sets import (
 from masmc_ros.law.parts.model import ESTIMATE, model_torque
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('fuzzy_gain.a', 'axes', 300.0, 'Gain A of the linear term', 'N·s/m'),
@@ -70,8 +69,8 @@ MEMORY = (
 @formula
 def _degrees(s: float, span: float) -> Numbers:
     """Return psi(s)."""
-    found: Numbers = bells(s / span, SEVEN)
-    return found
+    degrees: Numbers = gaussian(s / span, SEVEN)
+    return degrees
 
 
 @formula
@@ -82,9 +81,9 @@ def _force(s: float, a: float, k: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
-    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, each(alone, tick.surface))
-    u = each(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
+    degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+    k = mean_of_rules(memory['fuzzy_gain_theta'], lane, degrees, elementwise(alone, tick.surface))
+    u = elementwise(_force, tick.surface, get(settings, 'fuzzy_gain_a', lane), k)
     return model_torque(tick, get(memory, 'estimate', lane), u)
 
 
@@ -92,16 +91,16 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn the rules, unless limits cut the torque: then they would wind up."""
+    """Adapt the rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
-        degrees = each(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
+        degrees = elementwise(_degrees, tick.surface, get(settings, 'fuzzy_gain_span', lane))
         gamma = get(settings, 'fuzzy_gain_gamma', lane)
         train_rules(
             memory['fuzzy_gain_theta'],
             lane,
             degrees,
-            each(alone, tick.surface),
-            each(learning_step, tick.surface, gamma, tick.period),
+            elementwise(alone, tick.surface),
+            elementwise(learning_step, tick.surface, gamma, tick.period),
             tick.period * get(settings, 'fuzzy_gain_leak', lane),
         )
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fuzzy model and fuzzy switching, both learned: nothing is known of the dynamics.
+Adaptive fuzzy model and adaptive fuzzy switching, without knowledge of the dynamics.
 
 With z = rates - rates_r, joint by joint,
 
@@ -10,8 +10,8 @@ With z = rates - rates_r, joint by joint,
     h_i = (k_i c + eta_i)' phi(z_i)
     theta_i' = -gamma_i z_i xi - leak theta_i,    eta_i' = gamma_h z_i phi - leak eta_i
 
-xi being 25 products of triangular sets of both, phi seven of z, centred at c. Before anything
-is learned h is linear in z between the outermost sets: what stands in place of k sgn(z).
+where xi are 25 products of triangular sets of both, and phi seven sets of z, centred at c. With
+initial rules, h is linear in z between the outermost sets; it replaces k sgn(z).
 Reference [10] of the paper; B. Yoo and W. Ham, "Adaptive fuzzy sliding mode control of nonlinear
 system", IEEE Transactions on Fuzzy Systems 6, 1998.
 """
@@ -26,25 +26,24 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
     alone,
     FIVE,
-    hats,
     learning_step,
     mean_of_rules,
     RULES,
     SEVEN,
     train_rules,
+    triangular,
 )
 from masmc_ros.law.parts.inverse_dynamics import rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('fuzzy_model.k', 'joints', 2.0, 'Gain K of the linear term', 'N·m·s'),
@@ -95,27 +94,27 @@ MEMORY = (
 
 @formula
 def _five(x: float, span: float) -> Numbers:
-    """Return how far x belongs to each of FIVE triangles."""
-    found: Numbers = hats(x / span, FIVE)
-    return found
+    """Return the membership of x in each of the FIVE triangular sets."""
+    degrees: Numbers = triangular(x / span, FIVE)
+    return degrees
 
 
 @formula
 def _seven(x: float, span: float) -> Numbers:
-    """Return how far x belongs to each of SEVEN triangles."""
-    found: Numbers = hats(x / span, SEVEN)
-    return found
+    """Return the membership of x in each of the SEVEN triangular sets."""
+    degrees: Numbers = triangular(x / span, SEVEN)
+    return degrees
 
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
-    """Return the sets of both inputs of the model, and those of switching."""
+    """Return the memberships of both inputs of the model, and those of switching."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     derivative = mechanism.joint_rates(tick.model, tick.reference_acceleration)
     return (
-        each(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
-        each(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
-        each(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
+        elementwise(_five, rates, get(settings, 'fuzzy_model_velocity_span', lane)),
+        elementwise(_five, derivative, get(settings, 'fuzzy_model_acceleration_span', lane)),
+        elementwise(_seven, z, get(settings, 'fuzzy_model_error_span', lane)),
     )
 
 
@@ -135,16 +134,16 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
     first, second, third = _inputs(settings, tick, lane, z)
-    return each(
+    return elementwise(
         _held,
         mean_of_rules(memory['fuzzy_model_theta'], lane, first, second),
         z,
         get(settings, 'fuzzy_model_k', lane),
-        each(
+        elementwise(
             _switched,
             third,
             get(settings, 'fuzzy_model_k_h', lane),
-            mean_of_rules(memory['fuzzy_model_eta'], lane, third, each(alone, z)),
+            mean_of_rules(memory['fuzzy_model_eta'], lane, third, elementwise(alone, z)),
         ),
     )
 
@@ -153,7 +152,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn all rules, unless limits cut the torque: then they would wind up."""
+    """Adapt all rules, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
         first, second, third = _inputs(settings, tick, lane, z)
@@ -165,15 +164,15 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, z, gamma, -tick.period),
+            elementwise(learning_step, z, gamma, -tick.period),
             pull,
         )
         train_rules(
             memory['fuzzy_model_eta'],
             lane,
             third,
-            each(alone, z),
-            each(learning_step, z, gamma_h, tick.period),
+            elementwise(alone, z),
+            elementwise(learning_step, z, gamma_h, tick.period),
             pull,
         )
 

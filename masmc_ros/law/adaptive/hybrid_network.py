@@ -22,8 +22,8 @@ from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.adaptive_bound import grown
 from masmc_ros.law.parts.fuzzy_sets import (
-    bells,
     FIVE,
+    gaussian,
     learning_step,
     mean_of_rules,
     RULES,
@@ -34,15 +34,14 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('hybrid_network.k', 'joints', 50.0, 'Gain K of the linear term', '1/s'),
@@ -92,23 +91,23 @@ MEMORY = (
 
 @formula
 def _sets(x: float, span: float) -> Numbers:
-    found: Numbers = bells(x / span, FIVE)
-    return found
+    degrees: Numbers = gaussian(x / span, FIVE)
+    return degrees
 
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int, z: Numbers) -> Any:
-    """Return the sets of both inputs."""
+    """Return the memberships of both inputs."""
     rates = mechanism.joint_rates(tick.model, tick.reference_velocity)
     return (
-        each(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
-        each(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
+        elementwise(_sets, rates, get(settings, 'hybrid_network_velocity_span', lane)),
+        elementwise(_sets, z, get(settings, 'hybrid_network_error_span', lane)),
     )
 
 
 @formula
 def _correction(z: float, k: float, network: float, robust: float, delta: float) -> float:
-    """Return what is taken off the reference's derivative of one joint."""
+    """Return the feedback subtracted from the reference acceleration of one joint."""
     return k * z + network + robust * saturation(z, delta)
 
 
@@ -117,7 +116,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     z = rate_error(tick)
     first, second = _inputs(settings, tick, lane, z)
-    correction = each(
+    correction = elementwise(
         _correction,
         z,
         get(settings, 'hybrid_network_k', lane),
@@ -125,7 +124,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         get(memory, 'hybrid_network_robust', lane),
         get(settings, 'hybrid_network_delta', lane),
     )
-    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
     f = model_forces(tick, get(memory, 'estimate', lane), a)
     return mechanism.joint_torques(tick.model, f)
 
@@ -134,7 +133,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Learn rules and robust gain, unless limits cut the torque: then they would wind up."""
+    """Adapt rules and robust gain, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         z = rate_error(tick)
         first, second = _inputs(settings, tick, lane, z)
@@ -144,10 +143,12 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period),
+            elementwise(
+                learning_step, z, get(settings, 'hybrid_network_gamma', lane), tick.period
+            ),
             tick.period * leak,
         )
-        robust = each(
+        robust = elementwise(
             grown,
             get(memory, 'hybrid_network_robust', lane),
             z,

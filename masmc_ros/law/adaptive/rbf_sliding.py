@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a network of radial basis functions that learns what the model lacks.
+Sliding mode with an adaptive network of radial basis functions for the model error.
 
     tau = Y theta_hat + J' (W' Phi - K s - k sat(s / delta))
     W' = -Gamma^-1 (Phi s' + nu |s| W)
@@ -21,8 +21,8 @@ from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.fuzzy_sets import (
-    bells,
     FIVE,
+    gaussian,
     learning_step,
     mean_of_rules,
     RULES,
@@ -33,14 +33,13 @@ from masmc_ros.law.parts.surface import reference_acceleration, reference_veloci
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('rbf_sliding.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
@@ -89,26 +88,26 @@ MEMORY = (ESTIMATE, Field('rbf_sliding_weights', ('axes', RULES), 'W', 'N'))
 @formula
 def _velocity(desired: float, error: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xdot_r of one axis."""
-    found: Numbers = bells(reference_velocity(desired, error, sigma) / span, FIVE)
-    return found
+    activations: Numbers = gaussian(reference_velocity(desired, error, sigma) / span, FIVE)
+    return activations
 
 
 @formula
 def _acceleration(desired: float, rate: float, sigma: float, span: float) -> Numbers:
     """Return the functions of xddot_r of one axis."""
-    found: Numbers = bells(reference_acceleration(desired, rate, sigma) / span, FIVE)
-    return found
+    activations: Numbers = gaussian(reference_acceleration(desired, rate, sigma) / span, FIVE)
+    return activations
 
 
 @formula
 def _inputs(settings: Any, tick: Tick, lane: int) -> Any:
-    """Return both inputs of all axes' networks."""
+    """Return the memberships of both inputs, for all axes."""
     sigma = get(settings, 'sigma', lane)
     velocity_span = get(settings, 'rbf_sliding_velocity_span', lane)
     acceleration_span = get(settings, 'rbf_sliding_acceleration_span', lane)
     return (
-        each(_velocity, tick.desired_velocity, tick.error, sigma, velocity_span),
-        each(
+        elementwise(_velocity, tick.desired_velocity, tick.error, sigma, velocity_span),
+        elementwise(
             _acceleration,
             tick.desired_acceleration,
             tick.error_derivative,
@@ -123,21 +122,21 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     first, second = _inputs(settings, tick, lane)
     network = mean_of_rules(memory['rbf_sliding_weights'], lane, first, second)
-    reaching = each(
+    reaching = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'rbf_sliding_k', lane),
         get(settings, 'rbf_sliding_k_s', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
-    return model_torque(tick, get(memory, 'estimate', lane), each(plus, network, reaching))
+    return model_torque(tick, get(memory, 'estimate', lane), elementwise(plus, network, reaching))
 
 
 @formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Train the networks, unless limits cut the torque: then they would wind up."""
+    """Train the networks, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
         first, second = _inputs(settings, tick, lane)
         rate = get(settings, 'rbf_sliding_rate', lane)
@@ -147,7 +146,7 @@ def learn(
             lane,
             first,
             second,
-            each(learning_step, tick.surface, -rate, tick.period),
+            elementwise(learning_step, tick.surface, -rate, tick.period),
             tick.period * rate * get(settings, 'rbf_sliding_nu', lane) * distance,
         )
 

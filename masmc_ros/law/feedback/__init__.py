@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Laws of feedback alone: the model as it is, errors, and their integrals."""
+"""Feedback laws with a constant model: errors, and their integrals."""

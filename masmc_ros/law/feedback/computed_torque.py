@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Computed torque: the model inverted in the joints' rates, which follow those of an outer loop.
+Computed torque: inverse model of joint velocities that follow an outer loop.
 
     z = rates - rates_r,    wdot = z
     tau = H (a_r - K_d z - K_p w) + V v
 
-with v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, in place of desired
-velocities (reference [2] of the paper): with sigma 0 it is the source's law of velocities alone.
+where v_r and a_r of (14), an outer kinematic loop of bandwidth sigma, replace desired velocities
+(reference [2] of the paper). With sigma 0 it is the source's law for velocities.
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ from masmc_ros.law.parts.inverse_dynamics import model_forces, rate_error
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('computed_torque.k_d', 'joints', 20.0, 'Gain K_d of the joint velocities', '1/s'),
@@ -52,14 +51,14 @@ def _corrected(z: float, w: float, k_d: float, k_p: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    correction = each(
+    correction = elementwise(
         _corrected,
         rate_error(tick),
         get(memory, 'computed_torque_integral', lane),
         get(settings, 'computed_torque_k_d', lane),
         get(settings, 'computed_torque_k_p', lane),
     )
-    a = each(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
+    a = elementwise(minus, tick.reference_acceleration, mechanism.motion(tick.model, correction))
     return mechanism.joint_torques(tick.model, model_forces(tick, tick.nominal, a))
 
 
@@ -67,10 +66,10 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the rates' error, unless limits cut the torque: then it would wind up."""
+    """Integrate the velocity error, except while the torque is limited."""
     if torque == raw:
         w = get(memory, 'computed_torque_integral', lane)
-        following = each(moved, w, rate_error(tick), tick.period)
+        following = elementwise(moved, w, rate_error(tick), tick.period)
         put(memory, 'computed_torque_integral', lane, following)
 
 

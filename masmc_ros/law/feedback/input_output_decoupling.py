@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Input-output decoupling: the same torque as `nonlinear_feedback`, by the name of reference [4].
+Input-output decoupling: torque of `nonlinear_feedback`, under the name of reference [4].
 
-With the outputs y = x, which differentiated twice give yddot = Jdot v + J H^-1 (f - V v), the
-inputs f = (J H^-1)^-1 (nu - Jdot v) + V v make yddot = nu, an output for each input. This is
-H J^-1 (nu - Jdot v) + V v, so that the formulas and parameters are those of the other file.
+The second derivative of the outputs y = x is yddot = Jdot v + J H^-1 (f - V v). The inputs
+f = (J H^-1)^-1 (nu - Jdot v) + V v give yddot = nu, one output for each input. They equal
+H J^-1 (nu - Jdot v) + V v, therefore formulas and parameters are those of the other file.
 """
 
 from __future__ import annotations

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nonlinear feedback: the model inverted, so that errors of the task decay as those of springs.
+Nonlinear feedback: inverse model, with task errors that decay like those of springs.
 
     xddot_c = xddot_d - K_d edot - K_p e - K_i w,    wdot = e
     tau = H J^-1 (xddot_c - Jdot v) + V v
 
-is what the literature calls computed torque in task space (reference [1] of the paper); [4]
-decouples inputs from outputs by it, which is the same wherever the output has as many entries as
-there are inputs. K_i is ours, 0 as in the source.
+is known as computed torque in task space (reference [1] of the paper). In [4] it decouples inputs
+from outputs, which is equivalent for equal numbers of inputs and outputs. K_i is an addition; the
+source has 0.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import acceleration_torque, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import moved
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('nonlinear_feedback.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
@@ -51,7 +50,7 @@ def _with_integral(acceleration: float, k_i: float, w: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    acceleration = each(
+    acceleration = elementwise(
         _with_integral,
         spring(
             tick,
@@ -68,14 +67,14 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, unless limits cut the torque: then it would wind up."""
+    """Integrate the error, except while the torque is limited."""
     if torque == raw:
         w = get(memory, 'nonlinear_feedback_integral', lane)
         put(
             memory,
             'nonlinear_feedback_integral',
             lane,
-            each(moved, w, tick.error, tick.period),
+            elementwise(moved, w, tick.error, tick.period),
         )
 
 

@@ -4,7 +4,7 @@
 """
 Operational space control: the first axes of the task first, the others in their null space.
 
-With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, cut into the first axes (1) and
+With A = J H^-1 J' and b = xddot_d - K_d edot - K_p e - Jdot v, split into the first axes (1) and
 the others (2), and Lambda_1 = A_11^-1, Lambda_2 = A_22^-1,
 
     F_2 = Lambda_2 b_2,    F_1 = Lambda_1 (b_1 - A_12 F_2),    f = J' F + V v,
@@ -25,17 +25,15 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Columns, Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each, tabulate, unit
+from masmc_ros.numerics.tuples import elementwise, from_index, unit
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
-
-Numbers = tuple[float, ...]
-Columns = tuple[Numbers, ...]
 
 PARAMETERS = (
     Parameter(
@@ -54,10 +52,10 @@ _LEAST_SHARE = 1.0e-6
 
 
 @formula
-def _mobility_column(of: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
+def _mobility_column(arguments: tuple[Any, Any, Any, Numbers, Numbers], j: int) -> Numbers:
     """Return a column of J H^-1 J'."""
-    model, posture, h, axes, like = of
-    f = mechanism.forces_from_task(model, posture, unit(axes, j), like)
+    model, posture, h, axes, template = arguments
+    f = mechanism.forces_from_task(model, posture, unit(axes, j), template)
     return mechanism.task_velocity(model, posture, mechanism.inertia_solve(model, h, f))
 
 
@@ -69,11 +67,11 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
     Parameters
     ----------
     mobility
-        A by its columns, 1/kg.
+        Columns of A, 1/kg.
     wanted
-        b in m/s2.
+        b in m/s².
     first
-        number of axes that come first, limited to those there are.
+        Number of axes with priority, at most the number of axes.
 
     """
     n = len(wanted)
@@ -81,7 +79,7 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
     work, force = np.empty((n, n + 1)), np.zeros(n)
     _solve(n, mobility, wanted, first, n, work, force)
     _solve(n, mobility, wanted, 0, first, work, force)
-    return taken(force, wanted)
+    return to_vector(force, wanted)
 
 
 @formula
@@ -121,24 +119,24 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     commanded = spring(
         tick, get(settings, 'null_space_k_d', lane), get(settings, 'null_space_k_p', lane)
     )
-    # J of the acceleration with which the task has none is -Jdot v.
-    still = motion_acceleration(tick, each(zero, commanded))
-    wanted = each(plus, commanded, mechanism.task_velocity(model, posture, still))
+    # For zero task acceleration, J times the acceleration is -Jdot v.
+    still = motion_acceleration(tick, elementwise(zero, commanded))
+    wanted = elementwise(plus, commanded, mechanism.task_velocity(model, posture, still))
     h = mechanism.inertia(model, posture, tick.nominal)
-    mobility = tabulate(
+    mobility = from_index(
         _mobility_column, tick.surface, (model, posture, h, tick.surface, tick.velocity)
     )
     task_force = prioritised_force(mobility, wanted, get(settings, 'null_space_first_axes', lane))
     f = mechanism.coriolis(model, posture, tick.nominal, tick.velocity)
     if len(tick.velocity) > len(tick.surface):
-        # What the whole task leaves free follows the posture: H a less what the task has of it.
+        # The free motion of the task follows the posture: H a minus its part in the task.
         moved = mechanism.task_velocity(model, posture, still)
-        task_force = each(
+        task_force = elementwise(
             minus, task_force, prioritised_force(mobility, moved, len(tick.surface))
         )
-        f = each(plus, f, mechanism.inertia_times(model, h, still))
+        f = elementwise(plus, f, mechanism.inertia_times(model, h, still))
     pushed = mechanism.forces_from_task(model, posture, task_force, tick.velocity)
-    return mechanism.joint_torques(model, each(plus, f, pushed))
+    return mechanism.joint_torques(model, elementwise(plus, f, pushed))
 
 
 NULL_SPACE = register(
@@ -147,7 +145,7 @@ NULL_SPACE = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='operational space control: the first axes first, the others in their null space',
         source='[3] of the paper; Khatib 1987',
         uses_switching=False,

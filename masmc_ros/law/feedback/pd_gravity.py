@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PD in task space with the nominal model's forces against gravity.
+PD control in task space with gravity compensation by the nominal model.
 
     tau = g(q) + J' (-K_p e - K_d edot)
 
-is passive: about a set point the robot is one with springs and dampers on its task.
+is passive: at a set-point the task behaves like springs and dampers.
 """
 
 from __future__ import annotations
@@ -19,13 +19,12 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import gravity_forces
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('pd_gravity.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
@@ -42,7 +41,7 @@ def _force(error: float, rate: float, k_p: float, k_d: float) -> float:
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
@@ -50,7 +49,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
         get(settings, 'pd_gravity_k_d', lane),
     )
     pushed = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
-    f = each(plus, gravity_forces(tick, tick.nominal), pushed)
+    f = elementwise(plus, gravity_forces(tick, tick.nominal), pushed)
     return mechanism.joint_torques(tick.model, f)
 
 
@@ -60,7 +59,7 @@ PD_GRAVITY = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary="PD feedback on each axis of the task, and the model's forces against gravity",
         source='Takegaki and Arimoto 1981',
         uses_switching=False,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-PID in task space, without a model: a spring, a damper and an integral on each axis.
+PID control in task space, without a model: spring, damper and integral on each axis.
 
     tau = J' u,    u = -K_p e - K_d edot - K_i w,    wdot = e
 """
@@ -17,13 +17,12 @@ from masmc_ros.law.parts.adaptation import project
 from masmc_ros.law.parts.inverse_dynamics import task_force_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import moved
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('pid.k_p', 'axes', 2000.0, 'Stiffness K_p', 'N/m'),
@@ -43,7 +42,7 @@ def _force(error: float, rate: float, w: float, k_p: float, k_d: float, k_i: flo
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _force,
         tick.error,
         tick.error_rate,
@@ -59,10 +58,10 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate the error, unless limits cut the torque: then it would wind up."""
+    """Integrate the error, except while the torque is limited."""
     if torque == raw:
         w = get(memory, 'pid_integral', lane)
-        put(memory, 'pid_integral', lane, each(moved, w, tick.error, tick.period))
+        put(memory, 'pid_integral', lane, elementwise(moved, w, tick.error, tick.period))
 
 
 PID = register(

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Computed torque in task space, less the disturbance that a momentum observer finds.
+Computed torque in task space, minus the disturbance estimated by a momentum observer.
 
     tau = H a_c + V v + g - d,    a_c = J^-1 (xddot_d - K_d edot - K_p e - Jdot v)
     d' = K_o (H vdot + V v + g - tau - d)
 
-with the nominal model; d is in the forces conjugate to v. Over one period, in implicit Euler,
-with the torque that was really commanded.
+with the nominal model; d is a force conjugate to v. The observer computes one period in implicit
+Euler, with the commanded torque.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('momentum_observer.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
@@ -56,7 +55,7 @@ MEMORY = (
 
 @formula
 def _observed(d: float, inertial: float, drive: float, share: float) -> float:
-    """Return the next d of one velocity; what is not known moves nothing."""
+    """Return the next d of one velocity; it is unmodified for unknown values."""
     moved = d + share * (inertial - drive - d)
     return moved if moved == moved else d
 
@@ -68,11 +67,11 @@ def _forces(a: float, b: float, disturbance: float) -> float:
 
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the joints' torques in N m, and observe the disturbance up to now."""
+    """Return the joints' torques in N m, and update the disturbance estimate."""
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, get(memory, 'momentum_observer_velocity', lane))
     gain = tick.period * get(settings, 'momentum_observer_rate', lane)
-    d = each(
+    d = elementwise(
         _observed,
         get(memory, 'momentum_observer_disturbance', lane),
         mechanism.inertia_times(tick.model, h, before),
@@ -87,16 +86,16 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     )
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
-    return mechanism.joint_torques(tick.model, each(_forces, wanted, model, d))
+    return mechanism.joint_torques(tick.model, elementwise(_forces, wanted, model, d))
 
 
 @formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Remember what moves the robot until the next tick."""
+    """Store drive forces and velocity for the next tick."""
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
-    drive = each(minus, mechanism.forces(tick.model, torque), model)
+    drive = elementwise(minus, mechanism.forces(tick.model, torque), model)
     put(memory, 'momentum_observer_drive', lane, drive)
     put(memory, 'momentum_observer_velocity', lane, tick.velocity)
 

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Time-delay control: what the last period left unsaid is taken to be there in this one.
+Time-delay control: the unmodelled forces of the last period are assumed in this one.
 
     tau_k = tau_{k-1} + H (a_c - vdot_{k-1}),    a_c = J^-1 (xddot_d - K_d edot - K_p e - Jdot v)
 
-tau_{k-1} is what was really commanded. Written as H a_c + n, with n = tau_{k-1} - H vdot_{k-1} all
-of the dynamics but for H vdot: velocities, gravity, disturbances, and what H leaves out.
+tau_{k-1} is the commanded torque. The torque is H a_c + n, where n = tau_{k-1} - H vdot_{k-1} are
+all forces except H vdot: of velocities, gravity, disturbances, and errors of H.
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ from masmc_ros.law.parts.inverse_dynamics import motion_acceleration, spring
 from masmc_ros.law.parts.last_period import last_acceleration
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('time_delay.k_p', 'axes', 100.0, 'Stiffness K_p per mass', '1/s²'),
@@ -44,7 +43,7 @@ MEMORY = (
 
 @formula
 def _known(measured: float, modelled: float) -> float:
-    """Return what was measured, or what the model has where there is no tick before."""
+    """Return the measured value, or that of the model without a previous tick."""
     return measured if measured == measured else modelled
 
 
@@ -57,10 +56,10 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
     before = last_acceleration(tick, get(memory, 'time_delay_velocity', lane))
     commanded = mechanism.forces(tick.model, get(memory, 'commanded', lane))
-    left = each(minus, commanded, mechanism.inertia_times(tick.model, h, before))
+    left = elementwise(minus, commanded, mechanism.inertia_times(tick.model, h, before))
     model = mechanism.coriolis(tick.model, tick.posture, tick.nominal, tick.velocity)
     wanted = mechanism.inertia_times(tick.model, h, motion_acceleration(tick, acceleration))
-    f = each(plus, wanted, each(_known, left, model))
+    f = elementwise(plus, wanted, elementwise(_known, left, model))
     return mechanism.joint_torques(tick.model, f)
 
 
@@ -68,7 +67,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Remember the velocity."""
+    """Store the velocity for the next tick."""
     put(memory, 'time_delay_velocity', lane, tick.velocity)
 
 

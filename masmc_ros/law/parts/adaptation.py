@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What lets adaptation last: dead zone, leakage, e-modification and projection.
+Bounded adaptation: dead zone, leakage, e-modification and projection.
 
 With g = Y' sigma, sigma = J^-1 s, the gradient of (23), theta_0 the nominal estimate and f in
-[0, 1] what the dead zone and a saturated torque leave of it, one tick is
+[0, 1] its reduction by the dead zone and a saturated torque, one tick is
 
     theta <- theta_0 + (theta - theta_0 - T f g / gamma) / (1 + T (leakage + nu f |s|)),
 
-explicit in the gradient (a mechanism may have a better step of its own, `theta_step`) and
-implicit in what pulls back, which no rate can make unstable;
-projection follows. docs/adaptation.md has the sources and what each part is for.
+explicit in the gradient (a mechanism may have a better step, `theta_step`) and implicit in the
+leakage, which is stable at any rate. The projection follows. docs/adaptation.md has the sources
+and the purpose of each part.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from typing import Any
 
 from masmc_ros.law.declared import PerEntry
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import dot, each
+from masmc_ros.numerics.tuples import dot, elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -90,7 +91,6 @@ PARAMETERS = (
 )
 """Settings that keep the adaptation of any law bounded."""
 
-Numbers = tuple[float, ...]
 
 _CUTS = 200
 _HALVINGS = 60
@@ -104,8 +104,8 @@ def beyond_dead_zone(distance: float, width: float) -> float:
     """
     Return the part of |s| that lies beyond the dead zone, as a fraction of |s|.
 
-    The gradient times this fraction is that of s less its part inside the zone: continuous,
-    zero inside, all of it without a zone.
+    The gradient times this fraction is that of the part of s outside the zone. It is continuous,
+    zero inside the zone, and unmodified without a zone.
     """
     fraction = 1.0 - width / distance
     return 1.0 if width == 0.0 else (fraction if distance > width else 0.0)
@@ -120,7 +120,7 @@ def pulled_estimate(moved: float, nominal: float, period: float, rate: float) ->
 
 @formula
 def bounds(nominal: float, lower: float, upper: float) -> tuple[float, float]:
-    """Return the least and the largest of lower ... upper times a number of whichever sign."""
+    """Return the bounds of lower ... upper times a number of either sign."""
     one, other = lower * nominal, upper * nominal
     return (one, other) if nominal > 0.0 else (other, one)
 
@@ -148,8 +148,8 @@ def move_into_half_space(
     """
     Move theta (n), in its box, to the nearest point of it with normal' theta >= bound.
 
-    Nearest in the metric sqrt(d' Gamma d) in which the Lyapunov function of (19) measures
-    the estimation error: no point of both comes farther away. Entries that reach their bound
+    The metric is sqrt(d' Gamma d), in which the Lyapunov function of (19) measures the estimation
+    error, so the distance to no point of both sets increases. Entries that reach their bound
     stay there, and the others continue, at most n times.
     """
     for _ in range(n):
@@ -169,7 +169,7 @@ def move_into_half_space(
 
 @formula
 def _share(gradient: float, share: float) -> float:
-    """Return what is left of a gradient."""
+    """Return a share of a gradient."""
     return share * gradient
 
 
@@ -186,7 +186,7 @@ def tracking_gradient(tick: Tick) -> Numbers:
 def adapt(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Move theta_hat on by one tick, before the projection."""
+    """Advance theta_hat by one tick, before the projection."""
     adapt_along(settings, tick, memory, lane, raw, torque, tracking_gradient(tick))
 
 
@@ -200,7 +200,7 @@ def adapt_along(
     torque: Numbers,
     gradient: Numbers,
 ) -> None:
-    """Move theta_hat on by one tick down a gradient, before the projection."""
+    """Advance theta_hat by one tick down a gradient, before the projection."""
     distance = math.sqrt(dot(tick.surface, tick.surface))
     share = beyond_dead_zone(distance, get(settings, 'dead_zone', lane))
     freezes = (get(settings, 'freeze_when_saturated', lane) != 0) & (torque != raw)
@@ -213,10 +213,10 @@ def adapt_along(
         settings,
         lane,
         get(memory, 'estimate', lane),
-        each(_share, gradient, share),
+        elementwise(_share, gradient, share),
         tick.period,
     )
-    following = each(pulled_estimate, moved, tick.nominal, tick.period, rate)
+    following = elementwise(pulled_estimate, moved, tick.nominal, tick.period, rate)
     put(memory, 'estimate', lane, following)
 
 
@@ -225,7 +225,7 @@ def project(settings: Any, memory: Any, lane: int) -> None:
     """Project theta_hat onto physically possible values if a projection is active."""
     lower = get(settings, 'projection_lower', lane)
     model = mechanism.model_of(settings, lane)
-    if (lower > 0.0) & (not mechanism.keeps_bodies(model, settings, lane)):
+    if (lower > 0.0) & (not mechanism.preserves_consistency(model, settings, lane)):
         theta = projected(
             model,
             get(memory, 'estimate', lane),
@@ -239,7 +239,7 @@ def project(settings: Any, memory: Any, lane: int) -> None:
 
 @formula
 def _less(theta: float, nominal: float, part: float) -> float:
-    """Return an entry of theta less a part of the nominal one."""
+    """Return an entry of theta minus a part of the nominal one."""
     return theta - part * nominal
 
 
@@ -248,12 +248,12 @@ def projected(
     model: Any, theta: Numbers, nominal: Numbers, gamma: Numbers, lower: float, upper: float
 ) -> Numbers:
     """
-    Return theta moved into the box, and to where bodies can have it; docs/adaptation.md.
+    Return theta projected into the box and onto physically possible values; docs/adaptation.md.
 
-    Every cut is the projection onto a half-space that holds every robot whose bodies are
-    all above `lower`, so that none takes theta farther from the theta of such a one. In the
-    rare case that many cuts do not suffice, the way to the nominal model, which is inside, is
-    halved until they do.
+    Every step is the projection onto a half-space that contains all robots whose bodies are above
+    `lower`, so it does not increase the distance to any of them. In the rare case that many
+    steps do not suffice, the distance to the nominal model, which is inside, is halved until
+    they do.
     """
     n = len(nominal)
     estimate, normal = np.empty(n), np.empty(n)
@@ -262,10 +262,10 @@ def projected(
     clip_to_box(n, nominal, lower, upper, estimate)
     part = MARGIN * lower
     for _ in range(_CUTS):
-        above = each(_less, taken(estimate, nominal), nominal, part)
+        above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
-            return taken(estimate, nominal)
+            return to_vector(estimate, nominal)
         entries = mechanism.consistency_normal(model, x, nominal)
         bound = 0.0
         for j in range(n):
@@ -273,10 +273,10 @@ def projected(
             bound += lower * normal[j] * nominal[j]
         move_into_half_space(n, normal, bound, gamma, nominal, lower, upper, estimate)
     for _ in range(_HALVINGS):
-        above = each(_less, taken(estimate, nominal), nominal, part)
+        above = elementwise(_less, to_vector(estimate, nominal), nominal, part)
         pivot, x = mechanism.weakest_motion(model, above)
         if pivot > 0.0:
             break
         for j in range(n):
             estimate[j] = nominal[j] + 0.5 * (estimate[j] - nominal[j])
-    return taken(estimate, nominal)
+    return to_vector(estimate, nominal)

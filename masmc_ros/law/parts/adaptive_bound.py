@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A gain that grows with what is left of an error, and leaks."""
+"""Adaptive gain that grows with an error outside a dead zone, and leaks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def grown(
     """
     Return a gain after a period of k' = rate (|s| - dead zone)+ - leak k; leak in 1/s.
 
-    Explicit in the growth and implicit in the leak, which no rate can make unstable.
+    The step is explicit in the growth and implicit in the leak, which is stable at any rate.
     """
     beyond = abs(s) - dead_zone
     beyond = beyond if beyond > 0.0 else 0.0

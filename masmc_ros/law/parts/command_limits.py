@@ -1,19 +1,18 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's limits of what it commands: magnitude and rate of the torques."""
+"""Limits of the controller for magnitude and rate of the commanded torques."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from masmc_ros.law.declared import PerEntry
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry(
@@ -37,8 +36,8 @@ PARAMETERS = (
 
 @formula
 def within_limits(settings: Any, raw: Numbers, before: Numbers, lane: int) -> Numbers:
-    """Return a torque within the controller's limits, `before` being the last tick's."""
-    return each(
+    """Return a torque within the controller's limits; `before` is that of the last tick."""
+    return elementwise(
         limited,
         raw,
         before,

@@ -2,32 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What networks and fuzzy systems are made of: overlapping sets on [-1, 1], and rules.
+Parts of networks and fuzzy systems: overlapping sets on [-1, 1], and rules.
 
-Degrees of membership of all sets of a kind add up to one, for any number: beyond the outermost
-centres it belongs to the outermost sets. A system of two inputs has a rule, a weight, for each
-pair of sets; its output is the mean of the rules, each counting as far as its pair holds.
+The memberships of a number in all sets of a kind add up to one; beyond the outermost centres the
+number belongs to the outermost sets. A system of two inputs has a rule, a weight, for each pair of
+sets. Its output is the mean of the rules, weighted by the memberships of the pairs.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import exp
-from masmc_ros.numerics.tuples import each, tabulate
-
-Numbers = tuple[float, ...]
-Sets = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise, from_index
 
 FIVE = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Centres of the sets of each of two inputs."""
 
 SEVEN = (-1.0, -2.0 / 3.0, -1.0 / 3.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Centres of those of one alone: negative big, medium, small, zero, positive small, ..."""
+"""Centres of the sets of a single input: negative big, medium, small, zero, ..."""
 
 RULES = len(FIVE) * len(FIVE)
-"""Of a system with two inputs of FIVE sets, for each output."""
+"""Number of rules per output of a system with two inputs of FIVE sets."""
 
 
 @formula
@@ -37,7 +35,7 @@ def _within(x: float) -> float:
 
 @formula
 def _bell(centre: float, x: float, spacing: float) -> float:
-    """Return a Gaussian whose standard deviation is half of what the centres are apart."""
+    """Return a Gaussian with half the distance of the centres as standard deviation."""
     z = (x - centre) / spacing
     return exp(-2.0 * z * z)
 
@@ -48,13 +46,13 @@ def _part(value: float, total: float) -> float:
 
 
 @formula
-def bells(x: float, centres: Sets) -> Sets:
-    """Return how far x belongs to each of the normalised Gaussians at centres."""
-    found = each(_bell, centres, _within(x), centres[1] - centres[0])
+def gaussian(x: float, centres: Numbers) -> Numbers:
+    """Return the membership of x in each of the normalised Gaussians at the centres."""
+    degrees = elementwise(_bell, centres, _within(x), centres[1] - centres[0])
     total = 0.0
-    for value in found:
+    for value in degrees:
         total += value
-    return each(_part, found, total)
+    return elementwise(_part, degrees, total)
 
 
 @formula
@@ -64,20 +62,20 @@ def _hat(centre: float, x: float, spacing: float) -> float:
 
 
 @formula
-def hats(x: float, centres: Sets) -> Sets:
-    """Return how far x belongs to each of the triangles between centres."""
-    return each(_hat, centres, _within(x), centres[1] - centres[0])
+def triangular(x: float, centres: Numbers) -> Numbers:
+    """Return the membership of x in each of the triangles between the centres."""
+    return elementwise(_hat, centres, _within(x), centres[1] - centres[0])
 
 
 @formula
-def alone(of: float) -> Sets:
-    """Return the second input of a system that has one alone."""
+def alone(value: float) -> Numbers:
+    """Return the second input of a system with a single input."""
     return (1.0,)
 
 
 @formula
-def _output(of: tuple[Any, int, Any, Any], i: int) -> float:
-    weights, lane, first, second = of
+def _output(arguments: tuple[Any, int, Any, Any], i: int) -> float:
+    weights, lane, first, second = arguments
     columns = len(second[0])
     place = i * len(first[0]) * columns
     total = 0.0
@@ -90,20 +88,20 @@ def _output(of: tuple[Any, int, Any, Any], i: int) -> float:
 @kernel
 def mean_of_rules(weights: Any, lane: int, first: Any, second: Any) -> Numbers:
     """
-    Return the outputs of systems.
+    Return the output of each system.
 
     Parameters
     ----------
     weights
-        all rules of the first output, of the second, ... (outputs * rules, lanes); those of an
-        output in the order of its pairs of sets, the sets of the second input innermost.
+        Rules (outputs * rules, lanes), output by output. The rules of an output are in the order
+        of its pairs of sets, with the sets of the second input innermost.
     lane
-        which run.
+        Index of the run.
     first, second
-        for each output, how far its two inputs belong to each of their sets.
+        For each output, the memberships of its two inputs.
 
     """
-    return tabulate(_output, first, (weights, lane, first, second))
+    return from_index(_output, first, (weights, lane, first, second))
 
 
 @kernel
@@ -115,12 +113,16 @@ def train_rules(
 
     Parameters
     ----------
-    weights, lane, first, second
-        as of `mean_of_rules`.
+    weights
+        Rules (outputs * rules, lanes), output by output.
+    lane
+        Index of the run.
+    first, second
+        For each output, the memberships of its two inputs.
     step
-        for each output, what a rule that counts wholly changes by.
+        For each output, the change of a rule with membership one.
     pull
-        part by which all rules fall back to zero.
+        Share by which all rules return to zero.
 
     """
     place = 0

@@ -7,25 +7,24 @@ from __future__ import annotations
 
 from masmc_ros.law.parts.surface import reference_acceleration
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.scalars import minus, plus, zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 
 @formula
 def task_velocity(tick: Tick) -> Numbers:
     """Return J v."""
-    return each(plus, tick.error_rate, tick.desired_velocity)
+    return elementwise(plus, tick.error_rate, tick.desired_velocity)
 
 
 @formula
 def rate_error(tick: Tick) -> Numbers:
     """Return the joints' rates less those of the reference velocity v_r, in their own units."""
     return mechanism.joint_rates(
-        tick.model, each(minus, tick.velocity, tick.reference_velocity)
+        tick.model, elementwise(minus, tick.velocity, tick.reference_velocity)
     )
 
 
@@ -34,7 +33,8 @@ def motion_acceleration(tick: Tick, acceleration: Numbers) -> Numbers:
     """
     Return J^-1 (xddot - Jdot v), the velocities' derivative for a task acceleration.
 
-    Damped where J is close to singular; what a redundant robot has left follows its posture.
+    It is damped close to a singularity of J. The free motion of a redundant robot follows its
+    posture.
     """
     return mechanism.reference_motion(
         tick.model, tick.posture, tick.position, tick.velocity, task_velocity(tick), acceleration
@@ -63,7 +63,7 @@ def _spring(desired: float, rate: float, error: float, k_d: float, k_p: float) -
 @formula
 def spring(tick: Tick, k_d: Numbers, k_p: Numbers) -> Numbers:
     """Return the task acceleration xddot_c = xddot_d - K_d edot - K_p e."""
-    return each(_spring, tick.desired_acceleration, tick.error_rate, tick.error, k_d, k_p)
+    return elementwise(_spring, tick.desired_acceleration, tick.error_rate, tick.error, k_d, k_p)
 
 
 @formula
@@ -74,7 +74,7 @@ def _with_surface_rate(desired: float, rate: float, sigma: float, nu: float) -> 
 @formula
 def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> Numbers:
     """Return the joints' torques in N m with which a model has ds/dt = nu (axes, m/s2)."""
-    acceleration = each(
+    acceleration = elementwise(
         _with_surface_rate, tick.desired_acceleration, tick.error_derivative, sigma, nu
     )
     return acceleration_torque(tick, theta, acceleration)
@@ -83,7 +83,7 @@ def surface_torque(tick: Tick, theta: Numbers, sigma: Numbers, nu: Numbers) -> N
 @formula
 def gravity_forces(tick: Tick, theta: Numbers) -> Numbers:
     """Return the forces against gravity of a model, conjugate to v."""
-    still = each(zero, tick.velocity)
+    still = elementwise(zero, tick.velocity)
     y = mechanism.regressor(tick.model, tick.posture, still, still, still)
     return mechanism.regressor_times(tick.model, y, theta)
 

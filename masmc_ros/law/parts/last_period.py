@@ -4,7 +4,7 @@
 """
 Acceleration of the robot in the last period, measured and according to the model.
 
-`before` is v at the tick before, not-a-number where there is none: the results are so, too.
+`before` is v at the previous tick. Without a previous tick it is NaN, and so are the results.
 """
 
 from __future__ import annotations
@@ -12,31 +12,30 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
-Numbers = tuple[float, ...]
+
+@formula
+def _rate(value: float, before: float, period: float) -> float:
+    return (value - before) / period
 
 
 @formula
-def _rate(now: float, before: float, period: float) -> float:
-    return (now - before) / period
-
-
-@formula
-def _middle(now: float, before: float) -> float:
-    return 0.5 * (now + before)
+def _middle(value: float, before: float) -> float:
+    return 0.5 * (value + before)
 
 
 @formula
 def last_acceleration(tick: Tick, before: Numbers) -> Numbers:
     """Return dv/dt over the last period."""
-    return each(_rate, tick.velocity, before, tick.period)
+    return elementwise(_rate, tick.velocity, before, tick.period)
 
 
 @formula
 def last_regressor(tick: Tick, before: Numbers) -> Any:
     """Return W = Y(q, v, v, dv/dt) of the last period: the forces in it were W theta."""
-    v = each(_middle, tick.velocity, before)
+    v = elementwise(_middle, tick.velocity, before)
     return mechanism.regressor(tick.model, tick.posture, v, v, last_acceleration(tick, before))

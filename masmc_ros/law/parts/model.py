@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     Parameter(
@@ -34,4 +33,4 @@ def model_torque(tick: Tick, theta: Numbers, u: Numbers) -> Numbers:
     """Return Y theta + J' u in N m: of a model, and of a force u (N) on the task's axes."""
     model = mechanism.regressor_times(tick.model, tick.regressor, theta)
     force = mechanism.forces_from_task(tick.model, tick.posture, u, tick.velocity)
-    return mechanism.joint_torques(tick.model, each(plus, model, force))
+    return mechanism.joint_torques(tick.model, elementwise(plus, model, force))

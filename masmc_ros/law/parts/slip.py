@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Slip of the base's wheels, and how much of a gain it leaves.
+Slip of the base's wheels, and the reduction of a gain by it.
 
-Slip is the base's velocity as measured, less the one with which its wheels would roll; of a base
-that is measured by its wheels there is none. What a wheel does that has broken loose is no
-disturbance of the robot: an estimate that followed it would ask the wheel for more and more.
+Slip is the measured velocity of the base minus that of rolling wheels; it is zero if the base is
+measured by its wheels. Slip is no disturbance of the robot: an estimate that followed it would
+request ever more torque from a slipping wheel.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, each, tail
+from masmc_ros.numerics.tuples import dot, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 
@@ -38,7 +38,7 @@ def squared_slip(tick: Tick) -> float:
     """Return the squared velocity of the base against its wheels, m/s and rad/s together."""
     rates = tail(tick.position_rates, tick.velocity)
     rolling = mechanism.position_rates(tick.model, tick.posture, rates)
-    slip = each(minus, tick.position_rates, rolling)
+    slip = elementwise(minus, tick.position_rates, rolling)
     return dot(slip, slip)
 
 
@@ -47,7 +47,7 @@ def backed_off(settings: Any, tick: Tick, gain: float, lane: int) -> float:
     """
     Return gain / (1 + (slip / slip_backoff)^2).
 
-    Of rates that are not measured there is no slip; the noise of those that are looks like some.
+    Without measured rates the slip is unknown. Noise of measured rates appears as slip.
     """
     scale = get(settings, 'slip_backoff', lane)
     if (scale > 0.0) & (get(settings, 'velocity_source', lane) == MEASURED):

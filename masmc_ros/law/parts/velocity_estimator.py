@@ -2,26 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rates from joint angles: a Luenberger observer of angle, rate and push, one joint at a time.
+Joint velocities from joint angles, by a Luenberger observer for each joint.
 
-Between two ticks the nominal model says how the commanded torque and the law's disturbance
-estimate accelerate the joint; the push, an acceleration, is what they leave unsaid. At a tick
-all three follow the angle that was measured. docs/estimator.md has the equations.
+The observer estimates angle, rate and unmodelled acceleration. Between two ticks the nominal model
+predicts the acceleration by the commanded torque and the law's disturbance estimate. At a tick all
+three are corrected by the measured angle. docs/estimator.md has the equations.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import column, each, tail
+from masmc_ros.numerics.tuples import column, elementwise, tail
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 SOURCES = ('measured', 'estimated')
 """Choices of the parameter `velocity_source`; compiled code knows them by their position."""
@@ -47,14 +46,14 @@ PARAMETERS = (
     ),
 )
 
-_PUSH = 0.1
+_UNMODELLED = 0.1
 """Rate of the disturbance estimate relative to that of a filter of third order."""
 
 
 @formula
 def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
     """
-    Return the gains of angle, rate (times T) and push (times T^2).
+    Return the gains of angle, rate (times T) and unmodelled acceleration (times T^2).
 
     Angle and rate are those of a critically damped filter of second order, both poles at
     1 / (1 + bandwidth T): bandwidth in rad/s, T the period in s.
@@ -62,41 +61,40 @@ def gains(bandwidth: float, period: float) -> tuple[float, float, float]:
     pole = 1.0 / (1.0 + bandwidth * period)
     of_angle = 1.0 - pole * pole
     of_rate = (1.0 - pole) * (1.0 - pole)
-    return of_angle, of_rate, _PUSH * of_rate * of_rate / of_angle
+    return of_angle, of_rate, _UNMODELLED * of_rate * of_rate / of_angle
 
 
 @formula
 def followed(
     angle: float,
     rate: float,
-    push: float,
+    unmodelled: float,
     acceleration: float,
     measured: float,
     period: float,
     gain: tuple[float, float, float],
 ) -> tuple[float, float, float]:
     """
-    Return angle (rad), rate (rad/s) and push (rad/s2) one period later.
+    Return angle (rad), rate (rad/s) and unmodelled acceleration (rad/s²) one period later.
 
-    `acceleration` (rad/s2) is what the model expects over the period, `measured` the angle at
-    its end.
+    `acceleration` (rad/s²) is that of the model in the period, `measured` the angle at its end.
     """
-    total = acceleration + push
+    total = acceleration + unmodelled
     reached = angle + period * rate + 0.5 * period * period * total
     missed = measured - reached
     return (
         reached + gain[0] * missed,
         rate + period * total + gain[1] * missed / period,
-        push + gain[2] * missed / (period * period),
+        unmodelled + gain[2] * missed / (period * period),
     )
 
 
 MEMORY = (
-    Field('follows', description='Whether the estimator has begun', kind='i8'),
+    Field('estimator_initialised', description='1 after the first measured position', kind='i8'),
     Field('left_out', description='Ticks since the last one that were not computed', kind='i8'),
     Field('angles', 'joints', 'Estimated angles', 'rad'),
     Field('rates', 'joints', 'Estimated rates', 'rad/s'),
-    Field('push', 'joints', 'Estimated accelerations that the model leaves unsaid', 'rad/s²'),
+    Field('unmodelled', 'joints', 'Estimated unmodelled accelerations', 'rad/s²'),
     Field('felt', 'joints', "The law's disturbance estimate as torques at the last tick", 'N·m'),
     Field('commanded', 'joints', 'Torque of the last tick', 'N·m'),
 )
@@ -107,7 +105,7 @@ MEMORY = (
 def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) -> Numbers:
     """Return the joints' acceleration (rad/s2) under the last command by the nominal model."""
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    torque = each(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
+    torque = elementwise(plus, get(memory, 'commanded', lane), get(memory, 'felt', lane))
     bend = mechanism.posture_of_joints(model, angles)
     return mechanism.joint_accelerations(model, bend, theta, rates, torque)
 
@@ -116,16 +114,16 @@ def expected_acceleration(model: Any, theta: Numbers, memory: Any, lane: int) ->
 def _followed(
     angle: float,
     rate: float,
-    push: float,
+    unmodelled: float,
     acceleration: float,
     measured: float,
     period: float,
     of_angle: float,
     of_rate: float,
-    of_push: float,
+    of_unmodelled: float,
 ) -> tuple[float, float, float]:
-    gain = (of_angle, of_rate, of_push)
-    return followed(angle, rate, push, acceleration, measured, period, gain)
+    gain = (of_angle, of_rate, of_unmodelled)
+    return followed(angle, rate, unmodelled, acceleration, measured, period, gain)
 
 
 @formula
@@ -133,41 +131,41 @@ def estimate_rates(
     settings: Any, memory: Any, position: Numbers, lane: int, knows_torques: bool
 ) -> None:
     """
-    Bring the estimated angles, rates and pushes to the tick of a position.
+    Advance the estimated angles, rates and unmodelled accelerations to the tick of a position.
 
-    Over ticks that were left out it is one long period with its own gains: those of a short one
-    would take what the rates were off by for a jump of the angles, many times too large.
-    `knows_torques`: what drives make of commanded rates is not known, and all of it a push.
+    Skipped ticks are one long period with separate gains; the gains of a single period would be
+    many times too large. `knows_torques` is false with commanded rates: the torques of the drives
+    are unknown then, and all acceleration is unmodelled.
     """
     angles, rates = get(memory, 'angles', lane), get(memory, 'rates', lane)
-    push = get(memory, 'push', lane)
+    unmodelled = get(memory, 'unmodelled', lane)
     measured = tail(position, angles)
     period = (1 + get(memory, 'left_out', lane)) * get(settings, 'period', lane)
     put(memory, 'left_out', lane, 0)
-    if get(memory, 'follows', lane) == 0:
-        put(memory, 'follows', lane, 1)
+    if get(memory, 'estimator_initialised', lane) == 0:
+        put(memory, 'estimator_initialised', lane, 1)
         put(memory, 'angles', lane, measured)
-        put(memory, 'rates', lane, each(zero, angles))
-        put(memory, 'push', lane, each(zero, angles))
+        put(memory, 'rates', lane, elementwise(zero, angles))
+        put(memory, 'unmodelled', lane, elementwise(zero, angles))
         return
     gain = gains(get(settings, 'estimator_bandwidth', lane), period)
-    a = each(zero, angles)
+    a = elementwise(zero, angles)
     if knows_torques:
         model = mechanism.model_of(settings, lane)
         a = expected_acceleration(model, get(settings, 'nominal', lane), memory, lane)
-    found = each(
-        _followed, angles, rates, push, a, measured, period, gain[0], gain[1], gain[2]
+    estimates = elementwise(
+        _followed, angles, rates, unmodelled, a, measured, period, gain[0], gain[1], gain[2]
     )
-    put(memory, 'angles', lane, column(found, 0))
-    put(memory, 'rates', lane, column(found, 1))
-    put(memory, 'push', lane, column(found, 2))
+    put(memory, 'angles', lane, column(estimates, 0))
+    put(memory, 'rates', lane, column(estimates, 1))
+    put(memory, 'unmodelled', lane, column(estimates, 2))
 
 
 @formula
 def note_disturbance(
     memory: Any, model: Any, posture: Any, disturbance: Numbers, lane: int
 ) -> None:
-    """Keep the law's disturbance estimate (N) as torques for the next expectation."""
+    """Store the law's disturbance estimate (N) as torques for the next prediction."""
     force = mechanism.forces_from_task(
         model, posture, disturbance, get(memory, 'rates', lane)
     )

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The implicit reaching law: sliding mode without chatter, without a boundary layer.
+Implicit reaching law: sliding mode without chatter and without a boundary layer.
 
 Implicit Euler discretisation of the set-valued law (V. Acary and B. Brogliato, "Implicit
 Euler numerical scheme and chattering-free implementation of sliding mode systems", Systems
@@ -10,12 +10,12 @@ and Control Letters 59, 2010): the switching term belongs to the *next* sample's
 
     (H_x + T K_s1) s+ + T K_s2 zeta = H_x s,    zeta in Sgn(s+),    u = -K_s1 s+ - K_s2 zeta,
 
-with H_x the task-space inertia of the nominal model. On the surface, s+ = 0 and zeta is
-whatever keeps it there.
+with the task-space inertia H_x of the nominal model. On the surface, s+ = 0 and zeta takes the
+value that keeps it there.
 
-What the model did not predict, s_k - s+_{k-1}, is an impulse of the disturbance, which the
-estimate d follows: d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d. Where wheels
-slip, beta is less: `parts.slip`.
+The prediction error s_k - s+_{k-1} is an impulse of the disturbance. The estimate d follows it:
+d_k = d_{k-1} + (beta / T) H_x (s_k - s+_{k-1}), and u -= d. Slip of wheels reduces beta:
+`parts.slip`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ from typing import Any
 from masmc_ros.law.parts.slip import backed_off, SLIP_BACKOFF
 from masmc_ros.law.reaching.reaching import GAINS, Reaching, register
 from masmc_ros.law.tick import Tick
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Columns, Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import solve_definite
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus, moved, zero
-from masmc_ros.numerics.tuples import each, least, matrix_times
+from masmc_ros.numerics.tuples import elementwise, least, matrix_times
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot import mechanism
 import numpy as np
@@ -46,10 +47,8 @@ OBSERVER_GAIN = Parameter(
     read_only=False,
 )
 
-Numbers = tuple[float, ...]
-Columns = tuple[Numbers, ...]
 
-# About two steps an axis suffice; the bound only stops rounding from going in circles.
+# About two steps per axis suffice; the bound only prevents endless loops by rounding.
 _STEPS = 200
 _TOLERANCE = 1.0e-13
 _NO_SIDE = 2.0
@@ -68,18 +67,18 @@ def disturbance_estimate(
     """
     Return the next estimate in N.
 
-    `inertia` is H_x in kg by its columns, `predicted` the s+ of the previous tick in m/s,
-    not-a-number where there is none; `gain_per_period` is beta / T in 1/s.
+    `inertia` has the columns of H_x in kg. `predicted` is s+ of the previous tick in m/s, or NaN
+    without one. `gain_per_period` is beta / T in 1/s.
     """
-    impulse = matrix_times(inertia, each(minus, s, predicted))
-    following = each(_followed, disturbance, impulse, gain_per_period)
+    impulse = matrix_times(inertia, elementwise(minus, s, predicted))
+    following = elementwise(_followed, disturbance, impulse, gain_per_period)
     is_off = (gain_per_period == 0.0) | (predicted[0] != predicted[0])
     return disturbance if is_off else following
 
 
 @formula
 def _holds(force: float, box: float) -> float:
-    """Return 1 where the box of one axis, T K_s2, keeps it on the surface, else 0."""
+    """Return 1 if the box of one axis, T K_s2, keeps it on the surface, otherwise 0."""
     has_box = box > 0.0
     ratio = abs(force) / (box if has_box else 1.0)
     return 0.0 if (not has_box) | (ratio > 1.0 + _TOLERANCE) else 1.0
@@ -96,10 +95,10 @@ def solution(
 ) -> tuple[Numbers, Numbers]:
     """Return s+ in m/s and zeta."""
     force = matrix_times(inertia, s)
-    box = each(_times, k_s2, period)
-    # On the surface all boxes hold, and there is nothing to be solved.
-    if least(each(_holds, force, box)) > 0.0:
-        return each(zero, s), each(_within, force, box)
+    box = elementwise(_times, k_s2, period)
+    # If all axes stay on the surface, there is nothing to solve.
+    if least(elementwise(_holds, force, box)) > 0.0:
+        return elementwise(zero, s), elementwise(_within, force, box)
     return _solved(inertia, period, k_s1, k_s2, s)
 
 
@@ -107,7 +106,7 @@ def solution(
 def _solved(
     inertia: Columns, period: float, k_s1: Numbers, k_s2: Numbers, s: Numbers
 ) -> tuple[Numbers, Numbers]:
-    """Return the same from `implicit_reaching`."""
+    """Return s+ in m/s and zeta, computed by `implicit_reaching`."""
     n = len(s)
     following, zeta, work = np.empty(n), np.empty(n), np.empty((n, n + 1))
     matrix = np.empty((n, n))
@@ -115,7 +114,7 @@ def _solved(
         for i in range(n):
             matrix[i, j] = inertia[j][i]
     implicit_reaching(n, matrix, period, k_s1, k_s2, s, following, zeta, work)
-    return taken(following, s), taken(zeta, s)
+    return to_vector(following, s), to_vector(zeta, s)
 
 
 @formula
@@ -126,7 +125,7 @@ def _pushed(k_s1: float, following: float, k_s2: float, zeta: float, disturbance
 
 @formula
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    """Return the reaching force, and remember s+ and the disturbance estimate."""
+    """Return the reaching force, and store s+ and the disturbance estimate."""
     inertia = mechanism.task_inertia(tick.model, tick.posture, tick.nominal, tick.surface)
     k_s1, k_s2 = get(settings, 'k_s1', lane), get(settings, 'k_s2', lane)
     disturbance = disturbance_estimate(
@@ -139,7 +138,7 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     following, zeta = solution(inertia, tick.period, k_s1, k_s2, tick.surface)
     put(memory, 'disturbance', lane, disturbance)
     put(memory, 'predicted', lane, following)
-    return each(_pushed, k_s1, following, k_s2, zeta, disturbance)
+    return elementwise(_pushed, k_s1, following, k_s2, zeta, disturbance)
 
 
 @formula
@@ -147,16 +146,16 @@ def correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
     """
-    Add to s+ what limits of the torque change in it: T J H^-1 (torque - raw torque).
+    Add the effect of torque limits to s+: T J H^-1 (torque - raw torque).
 
-    The disturbance estimate then takes for a disturbance only what is one.
+    The disturbance estimate then does not follow the effect of the limits.
     """
     if torque != raw:
-        force = mechanism.forces(tick.model, each(minus, torque, raw))
+        force = mechanism.forces(tick.model, elementwise(minus, torque, raw))
         h = mechanism.inertia(tick.model, tick.posture, tick.nominal)
         a = mechanism.inertia_solve(tick.model, h, force)
         change = mechanism.task_velocity(tick.model, tick.posture, a)
-        predicted = each(moved, get(memory, 'predicted', lane), change, tick.period)
+        predicted = elementwise(moved, get(memory, 'predicted', lane), change, tick.period)
         put(memory, 'predicted', lane, predicted)
 
 
@@ -176,15 +175,14 @@ def implicit_reaching(
     Solve for s+ (`following`, n, m/s) and zeta (n).
 
     s+ minimises the strictly convex function s+' A s+ / 2 - (H_x s)' s+ + sum T K_s2 |s+|,
-    A = H_x + T K_s1. A primal active-set method finds it exactly: axes start on the surface;
-    the one whose box is exceeded most leaves it; with the sides known the rest is a linear
-    system, and an axis that would cross the surface on the way is put back on it. Every step
-    lessens the function, so that no set of sides comes twice. `work` is (n, n + 1).
+    A = H_x + T K_s1. A primal active-set method finds it exactly: axes start on the surface, and
+    the one that exceeds its box most leaves it. With known sides the problem is a linear system.
+    An axis that would cross the surface returns to it. Every step decreases the function, so no
+    set of sides occurs twice. `work` is (n, n + 1).
     """
     for i in range(n):
         following[i] = 0.0
-        # The side on which an axis ends; one without a switching gain has no surface to
-        # stay on and no side.
+        # Side on which an axis ends; an axis without a switching gain has no side.
         zeta[i] = 0.0 if period * k_s2[i] > 0.0 else _NO_SIDE
     for _ in range(_STEPS):
         _minimise_on_sides(n, inertia, period, k_s1, k_s2, s, zeta, work)
@@ -193,8 +191,8 @@ def implicit_reaching(
         leaving = _exceeded_most(n, inertia, period, k_s2, s, following, zeta)
         if leaving < 0:
             break
-        rest = _force(n, inertia, s, following, leaving)
-        zeta[leaving] = 1.0 if rest > 0.0 else -1.0
+        force = _force(n, inertia, s, following, leaving)
+        zeta[leaving] = 1.0 if force > 0.0 else -1.0
     for i in range(n):
         if zeta[i] == 0.0:
             zeta[i] = _within(_force(n, inertia, s, following, i), period * k_s2[i])
@@ -213,7 +211,7 @@ def _minimise_on_sides(
     side: Any,
     work: Any,
 ) -> None:
-    """Write into the last column of `work` the minimiser with these sides."""
+    """Write the minimiser with these sides into the last column of `work`."""
     for i in range(n):
         stays = side[i] == 0.0
         right = 0.0
@@ -223,14 +221,14 @@ def _minimise_on_sides(
         right -= period * k_s2[i] * side[i] if side[i] != _NO_SIDE else 0.0
         work[i, i] = 1.0 if stays else inertia[i, i] + period * k_s1[i]
         work[i, n] = 0.0 if stays else right
-    # A pivot is zero only where a singular task and no gain leave an axis without inertia: it
-    # stays.
+    # A pivot is zero only if an axis has neither inertia, in a singular task, nor gain. It does
+    # not move.
     solve_definite(n, work)
 
 
 @formula
 def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
-    """Move to the minimiser, or until the first axis meets the surface; return True then."""
+    """Move to the minimiser, or until an axis meets the surface; return True in that case."""
     part = 1.0
     meeting = -1
     for i in range(n):
@@ -252,7 +250,7 @@ def _move_on_sides(n: int, following: Any, side: Any, work: Any) -> bool:
 def _exceeded_most(
     n: int, inertia: Any, period: float, k_s2: Any, s: Any, following: Any, side: Any
 ) -> int:
-    """Return the axis on the surface that its box holds least; -1 where all are held."""
+    """Return the axis on the surface that exceeds its box most; -1 if none does."""
     worst = 1.0 + _TOLERANCE
     leaving = -1
     for i in range(n):
@@ -266,7 +264,7 @@ def _exceeded_most(
 
 @formula
 def _force(n: int, inertia: Any, s: Any, following: Any, i: int) -> float:
-    """Return what an axis on the surface needs to stay there: entry i of H_x (s - s+)."""
+    """Return the force that keeps axis i on the surface: entry i of H_x (s - s+)."""
     force = 0.0
     for j in range(n):
         force += inertia[i, j] * (s[j] - following[j])

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contract of a reaching term: u(s) in N, and what limits of the torque change in it."""
+"""Interface of a reaching term: u(s) in N, and its correction for torque limits."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from typing import Any
 
 from masmc_ros.law.declared import Declared, PerEntry
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.dispatch import by_tag, contract
+from masmc_ros.numerics.dispatch import by_tag, interface
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 K_S1 = PerEntry('k_s1', 'axes', 100.0, 'Gain K_s1 of the linear reaching term', 'N·s/m')
 
@@ -37,31 +36,31 @@ BOUNDARY_LAYER = Parameter(
     exclusive_minimum=True,
     read_only=False,
 )
-"""Additional settings of the smooth ones."""
+"""Additional settings of the smooth terms."""
 
 
 @formula
 def _nothing_to_correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Leave the memory as it is."""
+    """Do nothing; default of `Reaching.correct`."""
 
 
 @dataclass(frozen=True)
 class Reaching:
-    """A reaching term, by the name that `switching` gives it."""
+    """Reaching term; `switching` selects it by name."""
 
     name: str
     reach: Callable[..., Any]
     """(settings, tick, memory, lane) -> u, a tuple in N."""
     correct: Callable[..., Any] = _nothing_to_correct
-    """(settings, tick, memory, lane, raw, torque): the law asked for `raw`, `torque` is held."""
+    """(settings, tick, memory, lane, raw, torque): the law requested `raw`, `torque` is held."""
     parameters: tuple[Declared, ...] = GAINS
     memory: tuple[Field, ...] = ()
 
     @property
     def formulas(self) -> SimpleNamespace:
-        """Return the formulas by their names in the contract."""
+        """Return the formulas by the names of the functions of this interface."""
         return SimpleNamespace(reach=self.reach, correct=self.correct)
 
 
@@ -69,7 +68,7 @@ _KNOWN: dict[str, Reaching] = {}
 
 
 def register(term: Reaching) -> Reaching:
-    """Make a reaching term known to compiled code."""
+    """Make a reaching term available to compiled code, and return it."""
     _KNOWN[term.name] = term
     return term
 
@@ -79,7 +78,7 @@ def switchings() -> tuple[str, ...]:
     return tuple(_KNOWN)
 
 
-_of_term = contract(by_tag('switching', lambda name: _KNOWN[name].formulas))
+_of_term = interface(by_tag('switching', lambda name: _KNOWN[name].formulas))
 
 
 @_of_term
@@ -91,7 +90,7 @@ def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def correct(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Take note that `torque` is held where the law asked for `raw`."""
+    """Account for the held `torque`; the law requested `raw`."""
 
 
 @formula
@@ -103,7 +102,7 @@ def reaching_force(s: float, k_s1: float, k_s2: float, switched: float) -> float
 @formula
 def force_of(settings: Any, tick: Tick, lane: int, switched: Numbers) -> Numbers:
     """Return the reaching force of an explicit term from sw(s) on every axis."""
-    return each(
+    return elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'k_s1', lane),

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The smooth switching term sw(s) = s / (|s| + delta)."""
+"""Smooth switching term sw(s) = s / (|s| + delta)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, force_of, GAINS, Rea
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -24,7 +24,7 @@ def sigmoid(s: float, delta: float) -> float:
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
     """Return the reaching force."""
     delta = get(settings, 'boundary_layer', lane)
-    return force_of(settings, tick, lane, each(sigmoid, tick.surface, delta))
+    return force_of(settings, tick, lane, elementwise(sigmoid, tick.surface, delta))
 
 
 SIGMOID = register(Reaching('sigmoid', reach, parameters=(*GAINS, BOUNDARY_LAYER)))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's switching term, sw(s) = sgn s. Sampled, it chatters."""
+"""Switching term of the paper, sw(s) = sgn s, which chatters in discrete time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from masmc_ros.law.reaching.reaching import force_of, Reaching, register
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -22,7 +22,7 @@ def sign(s: float) -> float:
 @formula
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
     """Return the reaching force."""
-    return force_of(settings, tick, lane, each(sign, tick.surface))
+    return force_of(settings, tick, lane, elementwise(sign, tick.surface))
 
 
 SIGN = register(Reaching('sign', reach))

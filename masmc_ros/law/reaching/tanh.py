@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The smooth switching term sw(s) = tanh(s / delta)."""
+"""Smooth switching term sw(s) = tanh(s / delta)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from masmc_ros.law.tick import Tick
 from masmc_ros.numerics import portable_math
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -25,7 +25,7 @@ def smooth(s: float, delta: float) -> float:
 def reach(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
     """Return the reaching force."""
     delta = get(settings, 'boundary_layer', lane)
-    return force_of(settings, tick, lane, each(smooth, tick.surface, delta))
+    return force_of(settings, tick, lane, elementwise(smooth, tick.surface, delta))
 
 
 TANH = register(Reaching('tanh', reach, parameters=(*GAINS, BOUNDARY_LAYER)))

@@ -1,4 +1,4 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sliding modes: surfaces, and gains that reach them."""
+"""Sliding mode laws with various surfaces and gains."""

@@ -7,8 +7,8 @@ Sliding mode with an adaptive gain: the switching gain grows until it suffices.
     tau = Y theta_hat + J' u,    u = -K s - k sat(s / delta)
     k_i' = gamma (|s_i| - dead zone)+ - leak k_i,    0 <= k_i <= k_max
 
-per axis: with gamma |s_i| alone (reference [7] of the paper) k never stops growing where s is
-never exactly zero, hence dead zone, leak and bound.
+per axis. With gamma |s_i| alone (reference [7] of the paper), k grows indefinitely if s is never
+exactly zero; dead zone, leak and bound prevent this.
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.params.declaration import Parameter
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('adaptive_gain.k', 'axes', 100.0, 'Gain K of the linear term', 'N·s/m'),
@@ -55,12 +54,12 @@ MEMORY = (ESTIMATE, Field('adaptive_gain_switching', 'axes', 'k', 'N'))
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'adaptive_gain_k', lane),
         get(memory, 'adaptive_gain_switching', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
     return model_torque(tick, get(memory, 'estimate', lane), u)
 
@@ -77,17 +76,17 @@ def _following(
     period: float,
 ) -> float:
     """Return the k of one axis after a period."""
-    found = grown(k, s, share * gamma, dead_zone, leak, period)
-    return found if found < most else most
+    gain = grown(k, s, share * gamma, dead_zone, leak, period)
+    return gain if gain < most else most
 
 
 @formula
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Let the gains grow, or only leak while limits cut the torque: more would not help."""
+    """Adapt the gains; while the torque is limited they only leak."""
     share = 1.0 if torque == raw else 0.0
-    following = each(
+    following = elementwise(
         _following,
         get(memory, 'adaptive_gain_switching', lane),
         tick.surface,

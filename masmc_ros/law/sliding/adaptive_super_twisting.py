@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting whose gains follow what the disturbance asks for.
+Super-twisting whose gains adapt to the disturbance.
 
     alpha' = rate sgn(|s| - zone),  alpha >= least,    beta = 2 epsilon alpha
 
-are k_1 and k_2 of `super_twisting`, whose implicit step this one takes.
+are k_1 and k_2 of `super_twisting`, whose implicit step this law uses.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.sliding.super_twisting import following, integrated, surface_rate
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -74,12 +73,12 @@ def _beta(alpha: float, epsilon: float) -> float:
 @formula
 def _gains(settings: Any, memory: Any, lane: int) -> tuple[Numbers, Numbers]:
     """Return alpha and beta."""
-    alpha = each(
+    alpha = elementwise(
         plus,
         get(settings, 'adaptive_super_twisting_least', lane),
         get(memory, 'adaptive_super_twisting_growth', lane),
     )
-    return alpha, each(_beta, alpha, get(settings, 'adaptive_super_twisting_epsilon', lane))
+    return alpha, elementwise(_beta, alpha, get(settings, 'adaptive_super_twisting_epsilon', lane))
 
 
 @formula
@@ -87,8 +86,8 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     alpha, beta = _gains(settings, memory, lane)
     w = get(memory, 'adaptive_super_twisting_w', lane)
-    s_next = each(following, tick.surface, w, alpha, beta, tick.period)
-    nu = each(surface_rate, tick.surface, s_next, tick.period)
+    s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
+    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
@@ -96,7 +95,7 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 
 @formula
 def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> float:
-    """Return alpha beyond its least a period later."""
+    """Return alpha minus its minimum, a period later."""
     moved = growth + (period * rate if abs(s) > zone else -period * rate)
     return moved if moved > 0.0 else 0.0
 
@@ -105,14 +104,14 @@ def _grown(growth: float, s: float, rate: float, zone: float, period: float) -> 
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate and move the gains, unless limits cut the torque: both would wind up."""
+    """Integrate and adapt the gains, except while the torque is limited."""
     if torque == raw:
         alpha, beta = _gains(settings, memory, lane)
         w = get(memory, 'adaptive_super_twisting_w', lane)
-        s_next = each(following, tick.surface, w, alpha, beta, tick.period)
-        w = each(integrated, w, tick.surface, s_next, beta, tick.period)
+        s_next = elementwise(following, tick.surface, w, alpha, beta, tick.period)
+        w = elementwise(integrated, w, tick.surface, s_next, beta, tick.period)
         put(memory, 'adaptive_super_twisting_w', lane, w)
-        growth = each(
+        growth = elementwise(
             _grown,
             get(memory, 'adaptive_super_twisting_growth', lane),
             tick.surface,

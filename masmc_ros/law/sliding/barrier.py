@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Sliding mode with a barrier function for its gain: no bound of the disturbance is needed.
+Sliding mode with a barrier function as gain, without a known bound of the disturbance.
 
     sdot = nu,    nu = -K sgn s,    K = rho |s| / (eps - |s|)
 
-once |s| has come within eps / 2; before that K starts at K_0 and grows at the rate K' |s|. In
-implicit Euler, s+ being in the place of s on the right, |s+| < eps whatever s is.
+after |s| was below eps / 2. Before, K starts at K_0 and grows at the rate K' |s|. In implicit
+Euler, with s+ in place of s on the right, |s+| < eps for any s.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -73,10 +72,10 @@ def _surface_rate(
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     width = get(settings, 'barrier_width', lane)
-    nu = each(
+    nu = elementwise(
         _surface_rate,
         tick.surface,
-        each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
+        elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width),
         get(memory, 'barrier_growth', lane),
         get(settings, 'barrier_start', lane),
         width,
@@ -97,12 +96,12 @@ def _grown(growth: float, inside: float, s: float, rate: float, period: float) -
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Let the gain grow outside, unless limits cut the torque: it would wind up."""
+    """Increase the gain outside the barrier, except while the torque is limited."""
     width = get(settings, 'barrier_width', lane)
-    inside = each(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
+    inside = elementwise(_inside, get(memory, 'barrier_inside', lane), tick.surface, width)
     put(memory, 'barrier_inside', lane, inside)
     if torque == raw:
-        growth = each(
+        growth = elementwise(
             _grown,
             get(memory, 'barrier_growth', lane),
             inside,

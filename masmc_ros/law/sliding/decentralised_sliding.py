@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Decentralised sliding mode control: platform and arm each by their own dynamics alone.
+Decentralised sliding mode control: separate dynamics of platform and arm.
 
     rates' derivative wanted:  J^-1 (xddot_r - Q s - P sat(s / delta) - Jdot v)
     tau_g = H_gg (wanted)_g + (V v)_g with the joints of all other groups at rest
 
-for every group g of joints, so that s' = -Q s - P sgn s (Gao and Hung's reaching law) as far as
-groups do not act on each other: what P has to outweigh. Reference [6] of the paper.
+for every group g of joints. Without coupling of the groups this gives the reaching law of Gao and
+Hung, s' = -Q s - P sgn s; P must exceed the coupling. Reference [6] of the paper.
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ from masmc_ros.law.parts.surface import reference_acceleration, SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER, reaching_force
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import plus, zero
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 PARAMETERS = (
     PerEntry('decentralised_sliding.q', 'axes', 20.0, 'Rate Q of the reaching law', '1/s'),
@@ -44,7 +43,7 @@ PARAMETERS = (
 
 @formula
 def _where(value: float, other: float, group: int, chosen: int) -> float:
-    """Return the value of a joint of the chosen group, the other one elsewhere."""
+    """Return `value` for joints of the chosen group, `other` for all other joints."""
     return value if group == chosen else other
 
 
@@ -52,9 +51,9 @@ def _where(value: float, other: float, group: int, chosen: int) -> float:
 def _of_group(
     tick: Tick, theta: Numbers, group: Any, chosen: int, rates: Numbers, derivative: Numbers
 ) -> Numbers:
-    """Return the torques of the chosen group's motion, all other joints at rest."""
-    v = mechanism.motion(tick.model, each(_where, rates, 0.0, group, chosen))
-    a = mechanism.motion(tick.model, each(_where, derivative, 0.0, group, chosen))
+    """Return the torques for the motion of the chosen group, with all other joints at rest."""
+    v = mechanism.motion(tick.model, elementwise(_where, rates, 0.0, group, chosen))
+    a = mechanism.motion(tick.model, elementwise(_where, derivative, 0.0, group, chosen))
     y = mechanism.regressor(tick.model, tick.posture, v, v, a)
     return mechanism.joint_torques(tick.model, mechanism.regressor_times(tick.model, y, theta))
 
@@ -62,31 +61,31 @@ def _of_group(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    reaching = each(
+    reaching = elementwise(
         reaching_force,
         tick.surface,
         get(settings, 'decentralised_sliding_q', lane),
         get(settings, 'decentralised_sliding_p', lane),
-        each(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
+        elementwise(saturation, tick.surface, get(settings, 'boundary_layer', lane)),
     )
-    reference = each(
+    reference = elementwise(
         reference_acceleration,
         tick.desired_acceleration,
         tick.error_derivative,
         get(settings, 'sigma', lane),
     )
-    a = motion_acceleration(tick, each(plus, reference, reaching))
+    a = motion_acceleration(tick, elementwise(plus, reference, reaching))
     rates = mechanism.joint_rates(tick.model, tick.velocity)
     derivative = mechanism.joint_rates(tick.model, a)
     theta, group = get(memory, 'estimate', lane), get(settings, 'group', lane)
     last = group[0]
     for number in group:
         last = number if number > last else last
-    found = each(zero, rates)
+    torques = elementwise(zero, rates)
     for chosen in range(last + 1):
         alone = _of_group(tick, theta, group, chosen, rates, derivative)
-        found = each(_where, alone, found, group, chosen)
-    return found
+        torques = elementwise(_where, alone, torques, group, chosen)
+    return torques
 
 
 DECENTRALISED_SLIDING = register(
@@ -95,7 +94,7 @@ DECENTRALISED_SLIDING = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='a sliding mode controller for the platform and one for the arm, uncoupled',
         source='[6] of the paper; reaching law of Gao and Hung 1993',
         uses_switching=False,

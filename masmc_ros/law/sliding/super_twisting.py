@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Super-twisting at the level of accelerations, in implicit Euler: no chatter.
+Super-twisting of accelerations in implicit Euler, without chatter.
 
     sdot = nu,    nu = -k_1 sqrt|s| sgn s + w,    wdot = -k_2 sgn s
 
-with s+ = s + T nu in the place of s on the right. With b = s + T w, |b| <= T^2 k_2 gives s+ = 0;
+with s+ = s + T nu in place of s on the right. With b = s + T w, |b| <= T^2 k_2 gives s+ = 0;
 otherwise s+ has the sign of b, and |s+| + T k_1 sqrt|s+| + T^2 k_2 = |b|.
 """
 
@@ -23,12 +23,11 @@ from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.field import Field
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     SIGMA,
@@ -41,7 +40,7 @@ MEMORY = (ESTIMATE, Field('super_twisting_w', 'axes', 'w, integral part of nu', 
 
 @formula
 def following(s: float, w: float, k_1: float, k_2: float, period: float) -> float:
-    """Return s+ of one axis in m/s, of s and of w in m/s2."""
+    """Return s+ of one axis in m/s, for s in m/s and w in m/s²."""
     b = s + period * w
     beyond = abs(b) - period * period * k_2
     beyond = beyond if beyond > 0.0 else 0.0
@@ -58,13 +57,13 @@ def surface_rate(s: float, s_next: float, period: float) -> float:
 
 @formula
 def integrated(w: float, s: float, s_next: float, k_2: float, period: float) -> float:
-    """Return the next w in m/s2; on the surface it is all of nu."""
+    """Return the next w in m/s²; on the surface it equals nu."""
     return -s / period if s_next == 0.0 else w - period * k_2 * sign(s_next)
 
 
 @formula
 def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
-    return each(
+    return elementwise(
         following,
         tick.surface,
         get(memory, 'super_twisting_w', lane),
@@ -78,7 +77,7 @@ def _following(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
     s_next = _following(settings, tick, memory, lane)
-    nu = each(surface_rate, tick.surface, s_next, tick.period)
+    nu = elementwise(surface_rate, tick.surface, s_next, tick.period)
     return surface_torque(
         tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu
     )
@@ -88,9 +87,9 @@ def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
 def learn(
     settings: Any, tick: Tick, memory: Any, lane: int, raw: Numbers, torque: Numbers
 ) -> None:
-    """Integrate, unless limits cut the torque: then it would wind up."""
+    """Integrate, except while the torque is limited, to avoid wind-up."""
     if torque == raw:
-        w = each(
+        w = elementwise(
             integrated,
             get(memory, 'super_twisting_w', lane),
             tick.surface,

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Nonsingular fast terminal sliding mode: errors end, and do not only decay.
+Nonsingular fast terminal sliding mode: errors vanish in finite time.
 
     s_t = e + c_1 |e| e + c_2 |edot|^(3/2) sgn edot
     xddot_c = xddot_d - 2 / (3 c_2) sqrt|edot| sgn edot (1 + 2 c_1 |e|)
               - k_1 s_t - k_2 sqrt|s_t| sgn s_t
 
-The surface s_t is this law's own: what is logged as `surface` is s = edot + sigma e.
+The surface s_t is specific to this law; the logged `surface` is s = edot + sigma e.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ from masmc_ros.law.parts.inverse_dynamics import acceleration_torque
 from masmc_ros.law.parts.model import ESTIMATE
 from masmc_ros.law.reaching.sign import sign
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('terminal.c_1', 'axes', 1.0, 'Coefficient c_1 of the square of the error', '1/m'),
@@ -55,7 +54,7 @@ def _commanded(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    acceleration = each(
+    acceleration = elementwise(
         _commanded,
         tick.desired_acceleration,
         tick.error,
@@ -74,7 +73,7 @@ TERMINAL = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='nonsingular fast terminal sliding mode: errors end in finite time',
         source='Yang and Yang 2011; Feng, Yu and Man 2002',
         uses_switching=False,

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Variable structure control: switched feedback, its gains in proportion to the errors.
+Variable structure control: switched feedback with gains proportional to the errors.
 
     tau = Y theta_hat + J' u,    u_i = -(alpha_i |e_i| + beta_i |edot_i| + k_i) sat(s_i / delta)
 
 K.-K. D. Young, "Controller design for a manipulator using theory of variable structure systems",
-IEEE Transactions on Systems, Man, and Cybernetics 8, 1978; reference [9] of the paper. What the
-model leaves out grows with the errors, and so does what is switched; k is for the disturbance.
+IEEE Transactions on Systems, Man, and Cybernetics 8, 1978; reference [9] of the paper. Model
+errors grow with the task errors, and so does the switched term; k is for the disturbance.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ from masmc_ros.law.parts.surface import SIGMA
 from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.law.reaching.saturation import saturation
 from masmc_ros.law.tick import Tick
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get
-from masmc_ros.numerics.tuples import each
-
-Numbers = tuple[float, ...]
+from masmc_ros.numerics.tuples import elementwise
 
 PARAMETERS = (
     PerEntry('variable_structure.alpha', 'axes', 200.0, 'Gain alpha by |e|', 'N/m'),
@@ -49,7 +48,7 @@ def _switched(
 @formula
 def torque(settings: Any, tick: Tick, memory: Any, lane: int) -> Numbers:
     """Return the joints' torques in N m."""
-    u = each(
+    u = elementwise(
         _switched,
         tick.surface,
         tick.error,
@@ -68,7 +67,7 @@ VARIABLE_STRUCTURE = register(
         torque,
         PARAMETERS,
         (ESTIMATE,),
-        settle=project,
+        post_update=project,
         summary='switched feedback whose gains are in proportion to the errors',
         source='[9] of the paper; Young 1978',
         uses_switching=False,

@@ -30,12 +30,9 @@ from masmc_ros.messages.layout import (
 from masmc_ros.messages.names import JOINTS
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_layout, TelemetryCdr
+from masmc_ros.numerics.aliases import Array, Stamps
 import numpy as np
 from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-
 
 _STAMP_LIMITS = (END_OF_TIME / NANOSECONDS, NANOSECONDS)
 """Of the seconds and nanoseconds of a stamp."""
@@ -56,14 +53,14 @@ class Series:
     """
 
     stamps: Stamps
-    values: Floats
+    values: Array
 
     def __len__(self) -> int:
         """Return how many there are."""
         return len(self.stamps)
 
     @cached_property
-    def times(self) -> Floats:
+    def times(self) -> Array:
         """Return the stamps (n) in s."""
         return self.stamps / NANOSECONDS
 
@@ -106,7 +103,7 @@ class Topical:
     width: int
     layout: Callable[[bytes], Layout | None]
     bulk: Callable[[Messages], Bulk]
-    single: Callable[[Any, int], tuple[int, Floats]]
+    single: Callable[[Any, int], tuple[int, Array]]
 
 
 def message_decoder(topic: Topic) -> Callable[[bytes], Any]:
@@ -187,7 +184,7 @@ def _decode_singly(
     how: Topical,
     indices: list[int],
     stamps: Stamps,
-    values: Floats,
+    values: Array,
     usable: NDArray[np.bool_],
 ) -> InputError | None:
     """Read the messages at `indices` into the arrays; return the first refusal."""
@@ -233,7 +230,7 @@ def joint_states(
         numbers = np.hstack([states[field] for field in FIELDS])
         return Bulk(True, Series(stamps_of(states['stamp']), numbers))
 
-    def single(received: Any, _: int) -> tuple[int, Floats]:
+    def single(received: Any, _: int) -> tuple[int, Array]:
         message.load_message(received, joints, unknown_velocity=np.nan)
         return message.stamp_ns, np.hstack((message.position, message.velocity, message.effort))
 
@@ -251,7 +248,7 @@ def commands(kind: CommandKind) -> Topical:
         plain, stamps = _label_stamps(messages['characters'])
         return Bulk(plain, Series(stamps, messages['data']))
 
-    def single(received: Any, log_time: int) -> tuple[int, Floats]:
+    def single(received: Any, log_time: int) -> tuple[int, Array]:
         message.load_message(received)
         stamp = log_time if message.stamp_ns is None else message.stamp_ns
         return stamp, message.data.copy()
@@ -285,7 +282,7 @@ def telemetry(label: str, count: int) -> Topical:
         stamps = seconds * NANOSECONDS + nanoseconds
         return Bulk(usable[:, 0], Series(stamps, messages['data']))
 
-    def single(received: Any, _: int) -> tuple[int, Floats]:
+    def single(received: Any, _: int) -> tuple[int, Array]:
         message.load_message(received)
         return message.stamp_ns, message.values.copy()
 

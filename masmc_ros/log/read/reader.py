@@ -28,8 +28,8 @@ from masmc_ros.log.read.decode import (
 )
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
-from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference, Stamps
-from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
+from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
@@ -47,15 +47,13 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.telemetry import telemetry_count
 from masmc_ros.messages.text import text_of
 from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIST_STAMPED
+from masmc_ros.numerics.aliases import Array, Stamps
 from masmc_ros.numerics.field import ONE
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
 from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
-from masmc_ros.robot.registry import chosen, DEFAULT, load
+from masmc_ros.robot.registry import DEFAULT, load, mechanism_from
 from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 _REAL_TIME = 'realtime'
 """Pacing by the wall clock, in which states may come late."""
@@ -126,14 +124,14 @@ class Run:
     """
 
     path: Path
-    times: Floats
-    position: Floats
-    velocity: Floats
-    applied_effort: Floats
+    times: Array
+    position: Array
+    velocity: Array
+    applied_effort: Array
     torque: Series
     cmd_vel: Series
     arm_rates: Series
-    reference: Floats | None
+    reference: Array | None
     telemetry: dict[str, Series]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
@@ -245,7 +243,7 @@ def _run(path: Path, records: Records) -> Run:
     )
     references = _topic(records, namespace + REFERENCE_TOPIC, FLOAT_ARRAY)
     told = {}
-    for signal in TOLD:
+    for signal in PUBLISHED:
         count = signal.count(mechanism.sizes)
         each = series(telemetry_topic(signal.label), telemetry(signal.label, count))
         if each is not None:
@@ -314,7 +312,7 @@ def _robot(
     kinds = (values[MECHANISM] for values in told if isinstance(values.get(MECHANISM), str))
     trees = (values for values in told if isinstance(values.get(URDF), str) and values[URDF])
     tree = next(trees, None)
-    mechanism = load(next(kinds, DEFAULT.name)) if tree is None else chosen(tree)
+    mechanism = load(next(kinds, DEFAULT.name)) if tree is None else mechanism_from(tree)
     for values in told:
         names = values.get(JOINT_NAMES_PARAMETER)
         if names is not None:

@@ -11,11 +11,9 @@ from typing import NamedTuple
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import DERIVATIVES, TASK_AXES
 from masmc_ros.messages.reference_window import ReferenceWindow
+from masmc_ros.numerics.aliases import Array, Stamps
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-Stamps = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 _TOLERANCE = 1
 """Stamps that differ by this many ns are the same time, rounded in two ways."""
@@ -72,7 +70,7 @@ class _Stretch(NamedTuple):
     """Samples that hold: stamps (n) in ns, samples (n, 3, 4), period in ns."""
 
     stamps: Stamps
-    samples: Floats
+    samples: Array
     period: int
 
     def covers(self, stamp: int) -> bool:
@@ -114,7 +112,7 @@ def _lay(windows: Iterable[tuple[int, ReferenceWindow]]) -> list[_Stretch]:
 
 def sample_reference(
     windows: Iterable[tuple[int, ReferenceWindow]], stamps: Stamps, axes: int = TASK_AXES
-) -> Floats:
+) -> Array:
     """
     Return the reference at each of `stamps`.
 
@@ -167,7 +165,7 @@ def sample_reference(
     return reference.reshape(len(stamps), -1)
 
 
-def _between(first: Floats, second: Floats, period: Floats, part: Floats) -> Floats:
+def _between(first: Array, second: Array, period: Array, part: Array) -> Array:
     """Interpolate between samples (n, 3, axes), `period` (n) s apart, at `part` (n) of the way."""
     # The controller's own formula, on arrays. Imported when needed: logs of lock-step runs
     # are on the grid, and its compiler takes longer to import than such a log to read.

@@ -15,9 +15,9 @@ from masmc_ros.log.qos import Qos
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath
 from masmc_ros.log.write.provenance import write_origin, write_parameters
 from masmc_ros.log.write.writer import LogWriter
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.layout import Messages
@@ -68,7 +68,7 @@ _Rows = tuple[str, NDArray[np.int64], Messages | NDArray[np.uint8]]
 class _Block(NamedTuple):
     """Consecutive ticks: their signals, numbers (n), and stamps (n) in ns."""
 
-    stretch: Stretch
+    tick_block: TickBlock
     ticks: NDArray[np.int64]
     stamps: NDArray[np.int64]
 
@@ -110,7 +110,7 @@ class SimulationLog:
         if self._is_stamped:
             types[CMD_VEL_TOPIC] = TWIST_STAMPED
         rates = CMD_VEL_TOPIC, ARM_VELOCITY_TOPIC
-        of_torques = (telemetry_topic(signal.label) for signal in TOLD if signal.of_torques)
+        of_torques = (telemetry_topic(signal.label) for signal in PUBLISHED if signal.of_torques)
         torques = COMMAND_TOPIC, *of_torques
         for name in torques if simulation.controller.commands_rates else rates:
             del types[name]
@@ -150,14 +150,14 @@ class SimulationLog:
             write_parameters(self._writer, parameters, self._changes)
         self._writer.__exit__(*exception)
 
-    def write(self, stretch: Stretch) -> None:
+    def write(self, tick_block: TickBlock) -> None:
         """Write all messages of consecutive ticks."""
-        ticks = np.arange(stretch.first, stretch.first + len(stretch))
+        ticks = np.arange(tick_block.first, tick_block.first + len(tick_block))
         timing = self._simulation.timing
         stamps = np.array([timing.stamp(tick) for tick in ticks.tolist()], dtype=np.int64)
-        for change in stretch.changes:
+        for change in tick_block.changes:
             self._change(change)
-        block = _Block(stretch, ticks, stamps)
+        block = _Block(tick_block, ticks, stamps)
         # Messages of one time are written in this order.
         parts = (
             self._reference(block),
@@ -201,27 +201,28 @@ class SimulationLog:
         self._writer.write(channel, record.stamp, message)
 
     def _states(self, block: _Block) -> Iterator[_Rows]:
-        stretch = block.stretch
-        effort = np.zeros_like(stretch.position)
-        effort[:, len(self._mechanism.base):] = stretch.applied
+        tick_block = block.tick_block
+        effort = np.zeros_like(tick_block.position)
+        effort[:, len(self._mechanism.base):] = tick_block.applied
         yield STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
             stamp=block.stamps,
-            position=stretch.position,
-            velocity=stretch.velocity,
+            position=tick_block.position,
+            velocity=tick_block.velocity,
             effort=effort,
         )
 
     def _commands(self, block: _Block) -> Iterator[_Rows]:
-        stretch, stamps = block.stretch, block.stamps
+        tick_block, stamps = block.tick_block, block.stamps
         driven = self._joints[len(self._mechanism.base):]
         if not self._simulation.controller.commands_rates:
-            for group in EFFORT.named(driven).messages(stamps, stretch.torque, stretch.is_void):
+            efforts = EFFORT.named(driven)
+            for group in efforts.messages(stamps, tick_block.torque, tick_block.is_void):
                 yield COMMAND_TOPIC, stamps[group.indices], group.messages
             return
         rates = np.zeros((len(stamps), 6))
         own = len(self._mechanism.twist)
         for number, velocity in enumerate(self._mechanism.twist):
-            rates[:, velocity.place] = stretch.rates[:, number]
+            rates[:, velocity.place] = tick_block.rates[:, number]
         linear, angular = rates[:, :3], rates[:, 3:]
         if self._is_stamped:
             layout = twist_stamped_layout(self._command_prefix, self._mechanism.frames[0][1])
@@ -229,27 +230,27 @@ class SimulationLog:
         else:
             twists = twist_layout().messages(linear=linear, angular=angular)
         yield CMD_VEL_TOPIC, stamps, twists
-        for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, stretch.rates[:, own:]):
+        for group in ARM_VELOCITY.named(driven[own:]).messages(stamps, tick_block.rates[:, own:]):
             yield ARM_VELOCITY_TOPIC, stamps[group.indices], group.messages
 
     def _telemetry(self, block: _Block) -> Iterator[_Rows]:
         decimation = self._values['controller']['telemetry_decimation']
         if not decimation:
             return
-        chosen = (block.ticks % decimation == 0) & block.stretch.active
+        chosen = (block.ticks % decimation == 0) & block.tick_block.active
         stamps = block.stamps[chosen]
-        for signal in TOLD:
+        for signal in PUBLISHED:
             topic = telemetry_topic(signal.label)
             if topic in self._channels:
-                values = getattr(block.stretch, signal.name)[chosen]
+                values = getattr(block.tick_block, signal.name)[chosen]
                 yield topic, stamps, telemetry_messages(signal.label, stamps, values)
 
     def _motion(self, block: _Block) -> Iterator[_Rows]:
-        stretch = block.stretch
+        tick_block = block.tick_block
         chosen = self._decimated(block.ticks, self._values['plant']['odom_decimation'])
         stamps = block.stamps[chosen]
         pose, twist = self._mechanism.formulas.base_motion(
-            stretch.position[chosen], stretch.velocity[chosen]
+            tick_block.position[chosen], tick_block.velocity[chosen]
         )
         linear, angular = twist[:, :3], twist[:, 3:]
         layout = odometry_layout(self._prefix, self._mechanism.frames[0][1])
@@ -262,7 +263,7 @@ class SimulationLog:
         )
         yield 'base_twist', stamps, twist_layout().messages(linear=linear, angular=angular)
         if CONTACT_TOPIC in self._channels:
-            contact = telemetry_messages(CONTACT_LABEL, stamps, stretch.contact[chosen])
+            contact = telemetry_messages(CONTACT_LABEL, stamps, tick_block.contact[chosen])
             yield CONTACT_TOPIC, stamps, contact
 
     def _clock(self, block: _Block) -> Iterator[_Rows]:
@@ -276,14 +277,14 @@ class SimulationLog:
         if decimation:
             chosen = self._decimated(block.ticks, decimation)
             stamps, frames = block.stamps[chosen], self._mechanism.frames
-            transforms = self._robot.frame_transforms(block.stretch.position[chosen])
+            transforms = self._robot.frame_transforms(block.tick_block.position[chosen])
             messages = transforms_messages(stamps, transforms, self._prefix, frames)
             yield TRANSFORMS.name, stamps, messages
 
     def _path(self, block: _Block) -> Iterator[_Rows]:
         for row, tick in enumerate(block.ticks.tolist()):
             if self._actual.takes(tick):
-                raw = self._actual.add(tick, block.stretch.position[row])
+                raw = self._actual.add(tick, block.tick_block.position[row])
                 if raw is not None:
                     yield ACTUAL_PATH_TOPIC, block.stamps[row:row + 1], _one_row(raw)
 
@@ -297,7 +298,7 @@ class SimulationLog:
         length = max(2, round(self._values['trajectory']['window'] / period))
         edges = [*range(0, len(stamps), length), len(stamps)]
         for first, end in pairwise(edges):
-            samples = block.stretch.reference[first:end]
+            samples = block.tick_block.reference[first:end]
             raw = ReferenceWindow(int(stamps[first]), period, samples).to_bytes()
             yield REFERENCE_TOPIC, stamps[first:first + 1], _one_row(raw)
 

@@ -55,7 +55,7 @@ from masmc_ros.params.text import yaml_text
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.robot.names import driven_joint_names
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 from numpy.typing import NDArray
@@ -311,7 +311,7 @@ def _log(log: Any, level: str, text: str) -> None:
 
 def _check_law(values: Mapping[str, Any]) -> None:
     """Raise InputError for a law that cannot be loaded, or does not support the robot."""
-    registry.load_for(values['law'], chosen(values))
+    registry.load_for(values['law'], mechanism_from(values))
 
 
 def main(arguments: list[str] | None = None) -> int:

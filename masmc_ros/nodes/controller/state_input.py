@@ -16,15 +16,12 @@ from masmc_ros.messages.platform_motion import odometry_numbers
 from masmc_ros.nodes.middleware.messages import deserialized
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
 from masmc_ros.robot.names import driven_joint_names, joint_names
 from nav_msgs.msg import Odometry
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-
-Array = NDArray[np.float64]
 
 
 class StateInput:

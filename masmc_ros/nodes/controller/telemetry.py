@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from masmc_ros.loop.controller import Controller
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.names import telemetry_topic
 from masmc_ros.messages.telemetry import TelemetryCdr
 from rclpy.publisher import Publisher
@@ -17,15 +17,15 @@ from std_msgs.msg import Float64MultiArray
 
 
 class ControllerTelemetry:
-    """Publishes the signals of TOLD."""
+    """Publishes the signals of PUBLISHED."""
 
     def __init__(
         self, controller: Controller, decimation: int, advertise: Callable[[Any, str], Publisher]
     ) -> None:
         """Create the topics by `advertise`; none if the decimation is 0."""
         told = (
-            (signal.label, controller.now[signal.name].reshape(-1))
-            for signal in TOLD
+            (signal.label, controller.signals[signal.name].reshape(-1))
+            for signal in PUBLISHED
             if not (signal.of_torques and controller.commands_rates)
         )
         self._topics = [

@@ -45,7 +45,7 @@ from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.params.declaration import check_all
 from masmc_ros.robot.meshes import mesh_files
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.throttle import Throttle
 from rclpy.context import Context
@@ -182,7 +182,7 @@ class LiveNode(SuiteNode):
     def _on_parameters(self, name: str, raw: bytes) -> None:
         values = self._parameters.on_record(self.node.resolve_service_name(name), raw)
         if name == 'plant' and 'tf_decimation' in values:
-            known = declared(name, chosen(values))
+            known = declared(name, mechanism_from(values))
             told = {p.name: values[p.name] for p in known if p.name in values}
             checked = check_all(known, told, integers_for_doubles=True)
             # All that is there at its start; every state that is shown is to move the frames.

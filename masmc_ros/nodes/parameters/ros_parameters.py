@@ -16,7 +16,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.text import yaml_text
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.scenario.node_parameters import accepted, drop_foreign, foreign_text
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -187,7 +187,7 @@ class RosParameters:
         name = node.get_name()
         start = command_line.for_node(name, node.get_namespace())
         given = dict(start.values)
-        mechanism = chosen(given)
+        mechanism = mechanism_from(given)
         declarations = declare(mechanism)
         self._declarations = {p.name: p for p in declarations}
         for shared in accepted(name, mechanism) & given.keys():

@@ -16,9 +16,10 @@ from masmc_ros.messages.names import ARM_VELOCITY_TOPIC, CMD_VEL_TOPIC, COMMAND_
 from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_sources
 from masmc_ros.nodes.process.refusals import Refusals
-from masmc_ros.plant.commands import Array, CommandPart
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.plant.commands import CommandPart
 from masmc_ros.robot.names import driven_joint_names
-from masmc_ros.robot.registry import chosen
+from masmc_ros.robot.registry import mechanism_from
 from rclpy.node import Node
 
 OnCommand = Callable[[CommandPart, Array | None, int | None, float], None]
@@ -53,7 +54,10 @@ class CommandInput:
         joints = driven_joint_names(values)
         self.sources = (
             rate_sources(
-                joints, chosen(values).twist, values['frame_prefix'], is_stamped=self._is_stamped
+                joints,
+                mechanism_from(values).twist,
+                values['frame_prefix'],
+                is_stamped=self._is_stamped,
             )
             if self.interface == 'velocity'
             else torque_sources(joints)

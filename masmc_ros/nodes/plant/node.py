@@ -26,7 +26,8 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.diagnostics import Health, publish_health
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
-from masmc_ros.plant.commands import Array, CommandPart, Commands
+from masmc_ros.numerics.aliases import Array
+from masmc_ros.plant.commands import CommandPart, Commands
 from masmc_ros.plant.core import (
     Actions,
     AwaitCommand,

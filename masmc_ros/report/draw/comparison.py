@@ -10,6 +10,7 @@ from functools import partial
 import math
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.draw.style import line_styles, new_figure, PAGE, plain, time_axis
 from masmc_ros.report.measure.metrics import total_variation
 from masmc_ros.report.measure.tracking import Compared
@@ -18,9 +19,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 _PANELS = 100.0
 _LEGEND_ROW = 4.5
@@ -39,7 +37,7 @@ class _Panel(NamedTuple):
 
     title: str
     quantity: str
-    of: Callable[[Compared], tuple[Floats, Floats] | None]
+    of: Callable[[Compared], tuple[Array, Array] | None]
 
 
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
@@ -107,29 +105,29 @@ def _panels(compared: Sequence[Compared]) -> list[_Panel]:
     return panels
 
 
-def _distance(point: Point, each: Compared) -> tuple[Floats, Floats] | None:
+def _distance(point: Point, each: Compared) -> tuple[Array, Array] | None:
     if point not in each.run.mechanism.points:
         return None
     return each.tracked.times, each.tracked.error[:, point.axes] * _SMALL
 
 
-def _torques(group: Group, each: Compared) -> tuple[Floats, Floats] | None:
+def _torques(group: Group, each: Compared) -> tuple[Array, Array] | None:
     run = each.run
     if group not in run.mechanism.groups:
         return None
     return run.torque.times - run.times[0], run.torque.values[:, group.joints]
 
 
-def _base(places: tuple[int, ...], each: Compared) -> tuple[Floats, Floats]:
+def _base(places: tuple[int, ...], each: Compared) -> tuple[Array, Array]:
     run = each.run
     return run.cmd_vel.times - run.times[0], run.cmd_vel.values[:, list(places)]
 
 
-def _own_rates(each: Compared) -> tuple[Floats, Floats]:
+def _own_rates(each: Compared) -> tuple[Array, Array]:
     return each.run.arm_rates.times - each.run.times[0], each.run.arm_rates.values
 
 
-def _draw(axes: Axes, times: Floats, vectors: Floats, style: dict[str, Any]) -> None:
+def _draw(axes: Axes, times: Array, vectors: Array, style: dict[str, Any]) -> None:
     """Draw the Euclidean norm of vectors (n, m) over time."""
     axes.plot(times, np.linalg.norm(vectors, axis=1), linewidth=0.8, **style)
 

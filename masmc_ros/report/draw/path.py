@@ -24,9 +24,6 @@ from masmc_ros.robot.robot import Robot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 _COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
 _INSTANTS = 6

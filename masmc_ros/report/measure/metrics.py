@@ -11,6 +11,7 @@ import math
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import largest_slip, least_normal_force
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.settling import settling_time
 from masmc_ros.report.measure.tracking import Tracking, tracking
@@ -19,7 +20,6 @@ from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
 Window = tuple[float, float]
 
 
@@ -128,18 +128,18 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
     )
 
 
-def second_half(times: Floats) -> Window:
+def second_half(times: Array) -> Window:
     """Return the second half of the time (n) from 0 to the last of `times`, s."""
     end = float(times[-1])
     return end / 2, end
 
 
 def measure(
-    times: Floats,
-    error: Floats,
-    torque_times: Floats,
-    torque: Floats,
-    estimate: Floats | None,
+    times: Array,
+    error: Array,
+    torque_times: Array,
+    torque: Array,
+    estimate: Array | None,
     window: Window,
     changed: float = -math.inf,
     points: Sequence[Point] = DEFAULT.points,
@@ -191,20 +191,20 @@ def measure(
     )
 
 
-def rms_norm(vectors: Floats) -> float:
+def rms_norm(vectors: Array) -> float:
     """Return the root mean square of the Euclidean norms of (n, m) vectors, n > 0."""
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
-def largest_norm(vectors: Floats) -> float:
+def largest_norm(vectors: Array) -> float:
     """Return the largest Euclidean norm of (n, m) vectors, n > 0."""
     return float(np.sqrt(np.max(np.sum(vectors**2, axis=1))))
 
 
-def total_variation(samples: Floats) -> float:
+def total_variation(samples: Array) -> float:
     """Return the total variation of (n, m) samples, summed over the m columns."""
     return float(np.sum(np.abs(np.diff(samples, axis=0))))
 
 
-def _within(times: Floats, begin: float, end: float) -> NDArray[np.bool_]:
+def _within(times: Array, begin: float, end: float) -> NDArray[np.bool_]:
     return (begin <= times) & (times < end)

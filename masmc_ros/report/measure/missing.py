@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from masmc_ros.log.read.gaps import gaps_in
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import TOLD
+from masmc_ros.loop.signals import PUBLISHED
 from masmc_ros.messages.layout import NANOSECONDS
 from masmc_ros.messages.names import (
     ARM_VELOCITY_TOPIC,
@@ -36,7 +36,7 @@ def unread(run: Run) -> list[str]:
         REFERENCE_TOPIC: run.reference is not None,
         **{
             telemetry_topic(signal.label): signal.name in run.telemetry
-            for signal in TOLD
+            for signal in PUBLISHED
             if not signal.of_torques
         },
     }
@@ -88,6 +88,6 @@ def _sentences(run: Run, tracked: Tracking) -> Iterator[str]:
                 yield f'No {topic}.'
     elif not len(run.torque):
         yield f'No {COMMAND_TOPIC}: the torques are those that the robot says were applied.'
-    for signal in TOLD:
+    for signal in PUBLISHED:
         if signal.title and signal.name not in run.telemetry:
             yield f'No {telemetry_topic(signal.label)}.'

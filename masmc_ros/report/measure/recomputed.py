@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.stretch import Stretch
+from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.layout import NANOSECONDS
 import numpy as np
@@ -25,21 +25,21 @@ class Recomputed:
         self._same = {'states': 0, 'commands': 0}
         self._first: tuple[int, str] | None = None
 
-    def compare(self, stretch: Stretch, timing: Timing) -> None:
+    def compare(self, tick_block: TickBlock, timing: Timing) -> None:
         """Compare consecutive ticks; to be called for all of them in turn."""
-        first = stretch.first
+        first = tick_block.first
         stamps = np.array(
-            [timing.stamp(tick) for tick in range(first, first + len(stretch))], np.int64
+            [timing.stamp(tick) for tick in range(first, first + len(tick_block))], np.int64
         )
         run = self._run
-        computed = np.hstack([stretch.position, stretch.velocity, stretch.applied])
+        computed = np.hstack([tick_block.position, tick_block.velocity, tick_block.applied])
         self._compare('states', self._states, stamps, computed)
-        if stretch.commands_rates:
-            base, own = np.hsplit(stretch.rates, [len(run.mechanism.twist)])
+        if tick_block.commands_rates:
+            base, own = np.hsplit(tick_block.rates, [len(run.mechanism.twist)])
             self._compare('commands', run.cmd_vel, stamps, base)
             self._compare('commands', run.arm_rates, stamps, own)
         else:
-            self._compare('commands', run.torque, stamps, stretch.torque)
+            self._compare('commands', run.torque, stamps, tick_block.torque)
 
     def verdict(self, *, set_anew: bool) -> str:
         """Return one line on what was found; `set_anew` where other parameters were set."""

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.numerics.aliases import Array
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 BAND = 0.02
 """Band around zero, as part of the first error: the 2 % of a step response's settling time."""
@@ -29,12 +27,12 @@ LEAST_STAY = 0.25
 """The same as a part of the whole time, for changes shortly before the end."""
 
 
-def settling_band(errors: Floats) -> float:
+def settling_band(errors: Array) -> float:
     """Return the band in m of errors (n, m) in m, n > 0: BAND of the first, at least FLOOR."""
     return float(np.maximum(BAND * np.linalg.norm(errors[0]), FLOOR))
 
 
-def settling_time(times: Floats, errors: Floats, changed: float = -math.inf) -> float | None:
+def settling_time(times: Array, errors: Array, changed: float = -math.inf) -> float | None:
     """
     Return the time after which |e| stays in the band until the log ends.
 

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_robot
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,10 +32,10 @@ class Tracking:
 
     """
 
-    times: Floats
-    error: Floats
-    actual: Floats | None
-    desired: Floats | None
+    times: Array
+    error: Array
+    actual: Array | None
+    desired: Array | None
 
 
 class Compared(NamedTuple):
@@ -75,7 +73,7 @@ def tracking(run: Run) -> Tracking:
     return Tracking(times - run.times[0], error, actual, desired)
 
 
-def _at(wanted: Floats, times: Floats, values: Floats) -> Floats:
+def _at(wanted: Array, times: Array, values: Array) -> Array:
     """Interpolate linearly; NaN outside of the times and where there are none."""
     if not len(times):
         return np.full((len(wanted), values.shape[1]), np.nan)

@@ -11,7 +11,8 @@ from itertools import cycle, product
 from typing import NamedTuple
 
 from masmc_ros.log.read.reader import Run
-from masmc_ros.loop.signals import CONTACT, Signal, TOLD
+from masmc_ros.loop.signals import CONTACT, PUBLISHED, Signal
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, run_changes
 from masmc_ros.report.measure.tracking import Compared, Tracking
 from masmc_ros.report.page.samples import packed_path
@@ -26,10 +27,7 @@ from masmc_ros.report.page.time_plot import (
 )
 from masmc_ros.robot.declaration import Velocity
 import numpy as np
-from numpy.typing import NDArray
 import plotly.graph_objects as go
-
-Floats = NDArray[np.float64]
 
 _SMALL = 1.0e3
 """Errors are drawn in mm and mrad."""
@@ -102,7 +100,7 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
     plots = [Plot('path', 'Paths in the plane', _path(run, tracked), is_over_time=False)]
 
     def add(
-        name: str, title: str, quantity: str, names: Sequence[str], times: Floats, values: Floats
+        name: str, title: str, quantity: str, names: Sequence[str], times: Array, values: Array
     ) -> None:
         figure = time_plot(lines(names, times, values), quantity, span, changes)
         plots.append(Plot(name, title, figure))
@@ -130,7 +128,7 @@ def run_plots(each: Compared, span: tuple[float, float]) -> list[Plot]:
             title = f'Tracking error of {point.title}'
             quantity = f'error ({point.small_unit})'
             add(f'error_{point.symbol}', title, quantity, names, tracked.times, errors)
-    told = [signal for signal in TOLD if signal.title and signal.name in run.telemetry]
+    told = [signal for signal in PUBLISHED if signal.title and signal.name in run.telemetry]
     of_task = [signal for signal in told if signal.size == 'axes']
     add_told(of_task)
     if run.commands_rates:
@@ -229,5 +227,5 @@ def _path(run: Run, tracked: Tracking) -> go.Figure:
     return figure
 
 
-def _add_path(figure: go.Figure, name: str, points: Floats, colour: str, dash: str) -> None:
+def _add_path(figure: go.Figure, name: str, points: Array, colour: str, dash: str) -> None:
     figure.add_trace(scatter(name, packed_path(points), colour, dash))

@@ -9,10 +9,9 @@ import base64
 from typing import Any
 import zlib
 
+from masmc_ros.numerics.aliases import Array
 import numpy as np
 from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 MOST = 200_000
 """Samples of a line that the page holds; of longer lines it holds stretches."""
@@ -21,7 +20,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
 
 
-def packed_signal(times: Floats, values: Floats, most: int = MOST) -> dict[str, Any]:
+def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, Any]:
     """
     Return a signal: all its samples, or the least and the greatest value of every stretch.
 
@@ -48,7 +47,7 @@ def packed_signal(times: Floats, values: Floats, most: int = MOST) -> dict[str, 
     }
 
 
-def packed_path(points: Floats, most: int = MOST) -> dict[str, Any]:
+def packed_path(points: Array, most: int = MOST) -> dict[str, Any]:
     """
     Return points (n, 2) of a path; where there are more than `most`, the first of each so many.
 
@@ -64,7 +63,7 @@ def _size(count: int, most: int) -> int:
     return max(1, -(-count // most))
 
 
-def _packed(values: Floats) -> str:
+def _packed(values: Array) -> str:
     """Pack float32: of numbers that follow each other the bits differ little."""
     is_finite = np.isfinite(values)
     kept = np.where(is_finite, np.clip(values, -_LARGEST, _LARGEST), values)
@@ -72,7 +71,7 @@ def _packed(values: Floats) -> str:
     return _deflated(np.diff(bits, prepend=np.int32(0)).astype('<i4'))
 
 
-def _packed_times(times: Floats) -> str:
+def _packed_times(times: Array) -> str:
     """Pack times as whole nanoseconds: their differences are all alike."""
     return _deflated(np.diff(np.round(times * _NANOSECONDS), prepend=0.0).astype('<f8'))
 

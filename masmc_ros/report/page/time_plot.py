@@ -10,13 +10,10 @@ from html import escape
 from itertools import groupby
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import Change, change_texts
 from masmc_ros.report.page.samples import packed_signal
-import numpy as np
-from numpy.typing import NDArray
 import plotly.graph_objects as go
-
-Floats = NDArray[np.float64]
 
 COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
 """The page's names of Okabe and Ito's colours; it gives them a tone for light and for dark."""
@@ -38,13 +35,13 @@ class Line(NamedTuple):
     """A signal to draw; `name` is HTML as plotly takes it."""
 
     name: str
-    times: Floats
-    values: Floats
+    times: Array
+    values: Array
     colour: str
     dash: str = 'solid'
 
 
-def lines(names: Sequence[str], times: Floats, values: Floats) -> list[Line]:
+def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
     """
     Return the columns of values (n, m) as lines that differ, as far as that goes.
 

@@ -11,7 +11,7 @@ from masmc_ros.numerics.bits import bits_of
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import padded, sines, write_sines
 from masmc_ros.numerics.record import get, lane_count, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 
 
 @formula
@@ -32,10 +32,12 @@ def moment(time: float, step: int, halves: int, h: float) -> float:
 
 @formula
 def write_push(plant: Any, memory: Any, time: float) -> None:
-    """Write amplitude sin(frequency t + phase) in N m at a time in s as `push`, in all lanes."""
+    """Write amplitude sin(frequency t + phase) in N·m at t in s as `disturbance`, in all lanes."""
     for lane in range(lane_count(plant)):
-        angles = each(_angle, time, get(plant, 'frequency', lane), get(plant, 'phase', lane))
-        put(memory, 'push', lane, each(_torque, get(plant, 'amplitude', lane), sines(angles)))
+        frequency, phase = get(plant, 'frequency', lane), get(plant, 'phase', lane)
+        angles = elementwise(_angle, time, frequency, phase)
+        torque = elementwise(_torque, get(plant, 'amplitude', lane), sines(angles))
+        put(memory, 'disturbance', lane, torque)
 
 
 @formula
@@ -77,10 +79,10 @@ def write_waves(plant: Any, time: float, step: int, h: float, waves: Any) -> Non
 
 @formula
 def push_by_waves(plant: Any, memory: Any, halves: int, waves: Any) -> None:
-    """Write `push` of all lanes at halves of the step, of what `write_waves` has written."""
-    amplitude, push = plant['amplitude'], memory['push']
-    first = (halves + 2) % 3 * len(push)
-    for j in range(len(push)):
+    """Write `disturbance` of all lanes after half steps, from the values of `write_waves`."""
+    amplitude, disturbance = plant['amplitude'], memory['disturbance']
+    first = (halves + 2) % 3 * len(disturbance)
+    for j in range(len(disturbance)):
         wave = waves[first + j]
         for lane in range(lane_count(plant)):
-            push[j, lane] = amplitude[j, lane] * wave
+            disturbance[j, lane] = amplitude[j, lane] * wave

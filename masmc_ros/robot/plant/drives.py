@@ -9,15 +9,16 @@ bandwidth,
 
     torque = 2 w H_i (rate commanded - rate) + integral,   d integral / dt = w^2 H_i (...),
 
-with which the joint by itself has both poles at -w. The integral rests where it would push
-further into the motor's limit.
+with which the isolated joint has both poles at -w. The integral is constant if it would increase
+the torque beyond the motor limit.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.limits import clipped
 from masmc_ros.numerics.record import get
@@ -26,13 +27,11 @@ from masmc_ros.robot import mechanism
 import numpy as np
 from numpy.typing import NDArray
 
-Numbers = tuple[float, ...]
-
 
 @formula
-def felt_inertia(model: Any, like: Numbers, h: Any, joint: int) -> float:
+def felt_inertia(model: Any, template: Numbers, h: Any, joint: int) -> float:
     """Return entry (joint, joint) of the reduced inertia H of (10), kg m2."""
-    v = mechanism.motion(model, unit(like, joint))
+    v = mechanism.motion(model, unit(template, joint))
     return mechanism.joint_torques(model, mechanism.inertia_times(model, h, v))[joint]
 
 
@@ -46,12 +45,12 @@ def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     """
     record = plant[0]
     diagonal = np.empty(len(angles))
-    like = get(record, 'limit', lane)
+    template = get(record, 'limit', lane)
     model = mechanism.model_of(record, lane)
-    bend = mechanism.posture_of_joints(model, taken(angles, like))
+    bend = mechanism.posture_of_joints(model, to_vector(angles, template))
     h = mechanism.inertia(model, bend, get(record, 'theta', lane))
-    for joint in range(len(like)):
-        diagonal[joint] = felt_inertia(model, like, h, joint)
+    for joint in range(len(template)):
+        diagonal[joint] = felt_inertia(model, template, h, joint)
     return diagonal
 
 

@@ -2,27 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How the plant's state is measured: encoders, odometry, noisy rates, delay.
+Measurement of the plant's state: encoders, odometry, noisy rates and delay.
 
-The encoders quantise the joints' angles. The pose of the base is what a robot without
-other sensors has: odometry from the quantised angles, exact where they are. Rates carry
-noise; those of the base are the joints' through the kinematics, so that everything measured
-agrees with itself. At last all is delayed by whole ticks.
+The encoders quantise the joint angles. The measured base pose is odometry from the quantised
+angles, and exact without quantisation. Rates have noise; those of the base are computed from the
+joint rates, so all measurements are consistent. Finally all values are delayed by whole ticks.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.arrays import read_row, write_row
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_random import gaussian
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import each, head, joined, tabulate, tail
+from masmc_ros.numerics.tuples import elementwise, from_index, head, joined, tail
 from masmc_ros.robot import mechanism
-
-Numbers = tuple[float, ...]
 
 # Adding and subtracting 1.5 * 2**52 rounds a double below 2**51 to the nearest integer.
 _ROUND = 6755399441055744.0
@@ -38,9 +36,9 @@ def quantised(angle: float, resolution: float) -> float:
 
 
 @formula
-def _noise(of: tuple[Any, Any], joint: int) -> float:
+def _noise(seed_and_tick: tuple[Any, Any], joint: int) -> float:
     """Return a standard normal number of a seed, a tick and a joint."""
-    return gaussian(of[0], of[1], joint)
+    return gaussian(seed_and_tick[0], seed_and_tick[1], joint)
 
 
 @formula
@@ -51,32 +49,32 @@ def _noisy(rate: float, deviation: float, noise: float) -> float:
 
 @formula
 def measured(plant: Any, memory: Any, tick: int, lane: int) -> tuple[Numbers, Numbers]:
-    """Return positions and velocities as they are measured now, before the delay."""
+    """Return measured positions and velocities, before the delay."""
     model = mechanism.model_of(plant, lane)
     position, rates = get(memory, 'position', lane), get(memory, 'rates', lane)
     resolution, pose = get(plant, 'resolution', lane), get(memory, 'odometry', lane)
-    angles = each(quantised, tail(position, rates), resolution)
+    angles = elementwise(quantised, tail(position, rates), resolution)
     counts = mechanism.counts_turns(model, resolution)
     if (tick == 0) | (not counts):
         pose = head(position, pose)
     else:
-        turned = each(minus, angles, get(memory, 'counted', lane))
+        turned = elementwise(minus, angles, get(memory, 'counted', lane))
         pose = mechanism.dead_reckoned(model, pose, turned)
     put(memory, 'odometry', lane, pose)
     put(memory, 'counted', lane, angles)
-    noise = tabulate(_noise, rates, (get(plant, 'seed', lane), tick))
-    rates = each(_noisy, rates, get(plant, 'noise', lane), noise)
+    noise = from_index(_noise, rates, (get(plant, 'seed', lane), tick))
+    rates = elementwise(_noisy, rates, get(plant, 'noise', lane), noise)
     seen = joined(pose, angles)
     posture = mechanism.posture(model, seen)
     return seen, mechanism.position_rates(model, posture, rates)
 
 
 @formula
-def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: int) -> None:
+def measure(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any, lane: int) -> None:
     """
-    Write what is measured at a tick of the true state in `memory` into `now`.
+    Write the measurement of the true state in `memory` at a tick into `signals`.
 
-    `delayed` (most of all delays + 1, positions and velocities, lanes) holds the latest
+    `delayed` (maximum delay + 1, positions and velocities, lanes) contains the latest
     measurements, that of tick k in row k mod (delay + 1).
     """
     position, velocity = measured(plant, memory, tick, lane)
@@ -85,7 +83,7 @@ def measure(plant: Any, memory: Any, delayed: Any, tick: int, now: Any, lane: in
     n = len(position)
     write_row(delayed, tick % rows, 0, lane, position)
     write_row(delayed, tick % rows, n, lane, velocity)
-    # Until the first measurement has come through, it is what there is.
+    # The first measurement is used until the delay has passed.
     row = (tick - delay) % rows if tick > delay else 0
-    put(now, 'position', lane, read_row(delayed, row, 0, lane, position))
-    put(now, 'velocity', lane, read_row(delayed, row, n, lane, velocity))
+    put(signals, 'position', lane, read_row(delayed, row, 0, lane, position))
+    put(signals, 'velocity', lane, read_row(delayed, row, n, lane, velocity))

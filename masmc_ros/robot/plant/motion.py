@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import plus
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot import mechanism
 
-Numbers = tuple[float, ...]
 State = tuple[Numbers, Numbers]
 """Positions, and the joints' rates."""
 
@@ -52,8 +52,8 @@ def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) 
     """
     Take one of the four stages of a step of h seconds; after the last, `reached` is its end.
 
-    One stage for all lanes after the other, as short loops: a processor works on the next
-    lanes while it waits for results of these.
+    Each stage is a short loop over all lanes: a processor computes the next lanes while it waits
+    for results of these.
     """
     is_first, is_last = stage == 0, stage == 3
     weight = 1.0 if is_last else 2.0
@@ -64,15 +64,16 @@ def runge_kutta_stage(plant: Any, memory: Any, lane: int, stage: int, h: float) 
         get(plant, 'theta', lane),
         get(memory, 'reached', lane),
         get(memory, 'reached_rates', lane),
-        each(plus, get(memory, 'driven', lane), get(memory, 'push', lane)),
+        elementwise(plus, get(memory, 'driven', lane), get(memory, 'disturbance', lane)),
     )
-    slopes = each(_summed, get(memory, 'slopes', lane), slope, weight, is_first)
-    accelerations = each(
+    slopes = elementwise(_summed, get(memory, 'slopes', lane), slope, weight, is_first)
+    accelerations = elementwise(
         _summed, get(memory, 'accelerations', lane), acceleration, weight, is_first
     )
     put(memory, 'slopes', lane, slopes)
     put(memory, 'accelerations', lane, accelerations)
-    along = each(_chosen, slope, slopes, is_last)
-    put(memory, 'reached', lane, each(_moved, get(memory, 'position', lane), part, along))
-    along = each(_chosen, acceleration, accelerations, is_last)
-    put(memory, 'reached_rates', lane, each(_moved, get(memory, 'rates', lane), part, along))
+    along = elementwise(_chosen, slope, slopes, is_last)
+    put(memory, 'reached', lane, elementwise(_moved, get(memory, 'position', lane), part, along))
+    along = elementwise(_chosen, acceleration, accelerations, is_last)
+    reached_rates = elementwise(_moved, get(memory, 'rates', lane), part, along)
+    put(memory, 'reached_rates', lane, reached_rates)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One tick of the plant, in all lanes: from a command to the next state, true and measured."""
+"""One tick of the plant in all lanes, from a command to the next true and measured state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from masmc_ros.numerics.limits import limited
 from masmc_ros.numerics.record import get, lane_count, put
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import column, each
+from masmc_ros.numerics.tuples import column, elementwise
 from masmc_ros.robot import mechanism
 from masmc_ros.robot.plant.disturbance import (
     moment,
@@ -26,8 +26,6 @@ from masmc_ros.robot.plant.disturbance import (
 from masmc_ros.robot.plant.drives import drive
 from masmc_ros.robot.plant.measurement import measure
 from masmc_ros.robot.plant.motion import runge_kutta_stage
-
-Numbers = tuple[float, ...]
 
 SETTINGS = (
     Field('geometry', 'lengths', 'Lengths of the robot', 'm'),
@@ -48,7 +46,7 @@ SETTINGS = (
     Field('bandwidth', 'joints', "Of the drives' velocity loops", 'rad/s'),
     Field('inertia', 'joints', 'For which they are tuned', 'kg·m²'),
 )
-"""The robot, what disturbs it, and how its state is measured."""
+"""Settings of the plant: robot, disturbances and measurement."""
 
 MEMORY = (
     Field('position', 'positions', 'True positions', 'm, rad'),
@@ -58,9 +56,9 @@ MEMORY = (
     Field('reached_rates', 'joints', 'Rates of the joints there', 'rad/s'),
     Field('slopes', 'positions', 'Sum of the derivatives of the positions so far'),
     Field('accelerations', 'joints', 'Sum of those of the rates', 'rad/s²'),
-    Field('push', 'joints', 'Disturbance torque at the time reached', 'N·m'),
+    Field('disturbance', 'joints', 'Disturbance torque at the time reached', 'N·m'),
     Field('driven', 'joints', 'Torque of the drives in the last interval', 'N·m'),
-    Field('wound', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
+    Field('drive_integral', 'joints', "Integrals of the drives' velocity loops", 'N·m'),
     Field('odometry', 'base', "The base's pose by counting", 'm, rad'),
     Field('counted', 'joints', 'Angles counted so far', 'rad'),
 )
@@ -73,46 +71,47 @@ def _share(total: float, value: float, steps: float) -> float:
 
 
 @formula
-def _hold_rates(plant: Any, memory: Any, now: Any, lane: int, h: float, steps: int) -> None:
+def _hold_rates(plant: Any, memory: Any, signals: Any, lane: int, h: float, steps: int) -> None:
     """Let the drives follow the commanded rates for one step of h seconds."""
     model = mechanism.model_of(plant, lane)
-    commanded = mechanism.commanded_joint_rates(model, get(now, 'rates', lane))
-    missing = each(minus, commanded, get(memory, 'rates', lane))
-    found = each(
+    commanded = mechanism.commanded_joint_rates(model, get(signals, 'rates', lane))
+    missing = elementwise(minus, commanded, get(memory, 'rates', lane))
+    driven = elementwise(
         drive,
         missing,
-        get(memory, 'wound', lane),
+        get(memory, 'drive_integral', lane),
         get(plant, 'inertia', lane),
         get(plant, 'bandwidth', lane),
         get(plant, 'limit', lane),
         h,
     )
-    torque = column(found, 0)
+    torque = column(driven, 0)
     put(memory, 'driven', lane, torque)
-    put(memory, 'wound', lane, column(found, 1))
-    put(now, 'applied', lane, each(_share, get(now, 'applied', lane), torque, steps))
+    put(memory, 'drive_integral', lane, column(driven, 1))
+    applied = elementwise(_share, get(signals, 'applied', lane), torque, steps)
+    put(signals, 'applied', lane, applied)
 
 
 @formula
-def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
+def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """
-    Use the command in `now` for one period, none if `holds`.
+    Use the command in `signals` for one period, none if `holds`.
 
     Writes `driven` and `applied`, of torques within the motors' limits; with rates both are what
     the drives then make of them, step by step.
     """
     lanes = lane_count(plant)
-    # What is the same in all lanes is decided outside of the loops, which else stay scalar.
+    # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
     if (plant['takes_rates'][0] != 0) | holds:
         for lane in range(lanes):
-            nothing = each(zero, get(now, 'torque', lane))
-            put(now, 'applied', lane, nothing)
+            nothing = elementwise(zero, get(signals, 'torque', lane))
+            put(signals, 'applied', lane, nothing)
             if holds:
-                put(now, 'rates', lane, nothing)
+                put(signals, 'rates', lane, nothing)
     else:
         for lane in range(lanes):
-            asked = get(now, 'torque', lane)
-            held = each(
+            asked = get(signals, 'torque', lane)
+            held = elementwise(
                 limited,
                 asked,
                 get(memory, 'driven', lane),
@@ -120,40 +119,40 @@ def take_command(plant: Any, memory: Any, now: Any, holds: bool) -> None:
                 get(plant, 'rate_limit', lane),
                 plant['period'][0],
             )
-            put(now, 'applied', lane, held)
+            put(signals, 'applied', lane, held)
             put(memory, 'driven', lane, held)
-            put(memory, 'wound', lane, each(zero, asked))
+            put(memory, 'drive_integral', lane, elementwise(zero, asked))
 
 
 @formula
-def release(plant: Any, memory: Any, now: Any, holds: bool) -> None:
+def release(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """Clear the torque of drives that held without a command, if torques are commanded."""
     if holds & (plant['takes_rates'][0] == 0):
         for lane in range(lane_count(plant)):
-            nothing = each(zero, get(now, 'torque', lane))
-            put(now, 'applied', lane, nothing)
+            nothing = elementwise(zero, get(signals, 'torque', lane))
+            put(signals, 'applied', lane, nothing)
             put(memory, 'driven', lane, nothing)
 
 
 @formula
 def drive_step(
-    plant: Any, memory: Any, tick: int, step: int, now: Any, holds: bool
+    plant: Any, memory: Any, tick: int, step: int, signals: Any, holds: bool
 ) -> None:
-    """Write the joint forces over one step of an external integrator: `driven`, `push`."""
+    """Write the joint forces over one step of an external integrator: `driven`, `disturbance`."""
     steps, period = plant['steps'][0], plant['period'][0]
     h = period / steps
     if step == 0:
-        take_command(plant, memory, now, holds)
+        take_command(plant, memory, signals, holds)
     for lane in range(lane_count(plant)):
         if (plant['takes_rates'][0] != 0) | holds:
-            _hold_rates(plant, memory, now, lane, h, steps)
+            _hold_rates(plant, memory, signals, lane, h, steps)
     write_push(plant, memory, moment(tick * period, step, 1, h))
 
 
 @inlined
-def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
+def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> None:
     """
-    Advance the true state by one period with the command in `now`; none if `holds`.
+    Advance the true state by one period with the command in `signals`; none if `holds`.
 
     Writes the torque that it comes to as `applied`: within the motors' limits the command
     itself, or the mean torque of drives that follow velocities. Without a command, the
@@ -166,14 +165,14 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
     h = period / steps
     waves = scratch(waves_of_step(plant))
     shares = shares_waves(plant)
-    take_command(plant, memory, now, holds)
+    take_command(plant, memory, signals, holds)
     for lane in range(lanes):
         put(memory, 'reached', lane, get(memory, 'position', lane))
         put(memory, 'reached_rates', lane, get(memory, 'rates', lane))
     for step in range(steps):
         if takes_rates:
             for lane in range(lanes):
-                _hold_rates(plant, memory, now, lane, h, steps)
+                _hold_rates(plant, memory, signals, lane, h, steps)
         if shares:
             write_waves(plant, time, step, h, waves)
         for stage in range(4):
@@ -190,7 +189,7 @@ def advance(plant: Any, memory: Any, tick: int, now: Any, holds: bool) -> None:
             put(memory, 'position', lane, get(memory, 'reached', lane))
             put(memory, 'rates', lane, get(memory, 'reached_rates', lane))
     write_velocity(plant, memory)
-    release(plant, memory, now, holds)
+    release(plant, memory, signals, holds)
 
 
 @formula
@@ -204,14 +203,14 @@ def write_velocity(plant: Any, memory: Any) -> None:
 
 
 @formula
-def observe(plant: Any, memory: Any, delayed: Any, tick: int, now: Any) -> None:
-    """Write the true state, and what is known of it, into `now`."""
+def observe(plant: Any, memory: Any, delayed: Any, tick: int, signals: Any) -> None:
+    """Write the true state and its measurement into `signals`."""
     for lane in range(lane_count(plant)):
         position, velocity = get(memory, 'position', lane), get(memory, 'velocity', lane)
-        put(now, 'true_position', lane, position)
-        put(now, 'true_velocity', lane, velocity)
-        put(now, 'position', lane, position)
-        put(now, 'velocity', lane, velocity)
+        put(signals, 'true_position', lane, position)
+        put(signals, 'true_velocity', lane, velocity)
+        put(signals, 'position', lane, position)
+        put(signals, 'velocity', lane, velocity)
     for lane in range(lane_count(plant)):
         if get(plant, 'is_exact', lane) == 0:
-            measure(plant, memory, delayed, tick, now, lane)
+            measure(plant, memory, delayed, tick, signals, lane)

@@ -1,3 +1,3 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A tree of joints on a fixed, driving or sliding base: any robot of a URDF."""
+"""Trees of joints on a fixed, differential or omnidirectional base, from a URDF."""

@@ -4,9 +4,9 @@
 """
 Forward dynamics of a tree by articulated bodies, O(n) (Featherstone, RBDA 2008, chapter 7).
 
-A body with all that hangs on it, its joints free, answers a motion's acceleration a with a wrench
-I_A a + p_A: what is left of the inertia is that which the joint's own force does not give way to.
-Conventions are those of `dynamics`; in one frame for all bodies nothing is transformed on the way.
+A subtree with free joints responds to the acceleration a of its root with the wrench I_A a + p_A,
+where I_A is the articulated-body inertia. Conventions are those of `dynamics`; all bodies use one
+frame, so there are no transformations between bodies.
 An articulated inertia [A B; B' M] has 21 numbers: A and M, symmetric, by rows of their upper
 triangles, and B between them by rows. It takes (omega, v) to (moment, force).
 """
@@ -20,7 +20,7 @@ from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scalars import minus, plus
 from masmc_ros.numerics.scratch import scratch
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.dynamics import moments_about_base
 from masmc_ros.robot.tree.kinematics import crossed, Posture, power, write_velocity
 from masmc_ros.robot.tree.model import base_of, bodies_of, parent_of, rotors_begin, TreeModel
@@ -44,7 +44,7 @@ _WRENCH, _ENTRIES = 21, 27
 """Start of p_A in the row of a body, which has inertia and wrench."""
 
 _FORCE, _GIVES, _LEFT, _OWN = 3, 6, 7, 8
-"""Of a joint: wrench U = I_A s by moment and force, 1 / s' U, and what is left of its force."""
+"""Indices in the row of a joint: wrench U = I_A s, its force, 1 / s' U, and residual force."""
 
 
 @kernel
@@ -73,11 +73,11 @@ def write_accelerations(
     Parameters
     ----------
     model
-        the robot; the inertia of its rotors couples velocities of the base only.
+        Robot; the inertia of its rotors couples only velocities of the base.
     posture
-        of its bodies.
+        Positions of its bodies.
     theta
-        (10 B) moments of its bodies, one after the other.
+        Inertial parameters (10 B), body by body.
     velocity
         (n) nu.
     forces
@@ -85,40 +85,43 @@ def write_accelerations(
     gravity
         m/s^2, downwards.
     acceleration
-        (n) what is written.
+        Output, acceleration (n).
 
     """
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     motion, inertias, joints = scratch(bodies, 6), scratch(bodies, _ENTRIES), scratch(bodies, _OWN)
     for body in range(bodies):
         own = moments_about_base(posture, theta, body)
-        w, v = write_velocity(model, screws, velocity, motion, 0, body)
+        w, v = write_velocity(model, motion_subspaces, velocity, motion, 0, body)
         moment, force = momentum(own, w, v)
         write_part(inertias, body, 0, _inertia_of(own))
         write_part(inertias, body, _WRENCH, add(cross(w, moment), cross(v, force)))
         write_part(inertias, body, _WRENCH + 3, cross(w, force))
     for body in range(bodies - 1, 0, -1):
-        _give_way(model, screws, motion, velocity, forces, inertias, joints, body)
-    _move_base(model, screws, inertias, forces, gravity, motion, acceleration)
+        _propagate_inertia(
+            model, motion_subspaces, motion, velocity, forces, inertias, joints, body
+        )
+    _move_base(model, motion_subspaces, inertias, forces, gravity, motion, acceleration)
     for body in range(1, bodies):
         k, parent = base + body - 1, parent_of(model, body)
-        # What the joint's rate adds by itself stands in `motion` by now.
+        # `motion` contains the acceleration v x s qdot of the joint rate.
         alpha = add(read_part(motion, parent, 0, VECTOR), read_part(motion, body, 0, VECTOR))
         a = add(read_part(motion, parent, 3, VECTOR), read_part(motion, body, 3, VECTOR))
-        taken = inner(read_part(joints, body, 0, VECTOR), alpha)
-        taken += inner(read_part(joints, body, _FORCE, VECTOR), a)
-        found = (joints[body, _LEFT] - taken) * joints[body, _GIVES]
-        acceleration[k] = found
-        along, across = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
-        write_part(motion, body, 0, add(alpha, scale(along, found)))
-        write_part(motion, body, 3, add(a, scale(across, found)))
+        known = inner(read_part(joints, body, 0, VECTOR), alpha)
+        known += inner(read_part(joints, body, _FORCE, VECTOR), a)
+        joint_acceleration = (joints[body, _LEFT] - known) * joints[body, _GIVES]
+        acceleration[k] = joint_acceleration
+        along = read_part(motion_subspaces, k, 0, VECTOR)
+        across = read_part(motion_subspaces, k, 3, VECTOR)
+        write_part(motion, body, 0, add(alpha, scale(along, joint_acceleration)))
+        write_part(motion, body, 3, add(a, scale(across, joint_acceleration)))
 
 
 @formula
-def _inertia_of(of: Moments) -> Inertia:
+def _inertia_of(inertial_parameters: Moments) -> Inertia:
     """Return the inertia of a rigid body."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     return (
         yy + zz, -xy, -zx, zz + xx, -yz, xx + yy,
         0.0, -z, y, z, 0.0, -x, -y, x, 0.0,
@@ -162,9 +165,9 @@ def _outer(n: Vector, f: Vector, part: float) -> Inertia:
 
 
 @kernel
-def _give_way(
+def _propagate_inertia(
     model: TreeModel,
-    screws: Any,
+    motion_subspaces: Any,
     motion: Any,
     velocity: Any,
     forces: Any,
@@ -173,14 +176,14 @@ def _give_way(
     body: int,
 ) -> None:
     """
-    Add to its parent what a body with all that hangs on it does not give way to.
+    Propagate the articulated-body inertia of a subtree to its parent.
 
-    In `motion`, its joint's own part of the acceleration, v x s qdot, takes the velocity's place.
+    In `motion`, the acceleration v x s qdot of the joint rate replaces the velocity.
     """
     k, parent = base_of(model) + body - 1, parent_of(model, body)
-    rotor = rotors_begin(model) + k * (len(screws) + 1)
+    rotor = rotors_begin(model) + k * (len(motion_subspaces) + 1)
     to = read_part(inertias, body, 0, INERTIA)
-    w, v = read_part(screws, k, 0, VECTOR), read_part(screws, k, 3, VECTOR)
+    w, v = read_part(motion_subspaces, k, 0, VECTOR), read_part(motion_subspaces, k, 3, VECTOR)
     n, f = _answer(to, w, v)
     pivot = inner(w, n) + inner(v, f) + model.numbers[rotor, model.lane]
     p_n = read_part(inertias, body, _WRENCH, VECTOR)
@@ -200,8 +203,9 @@ def _give_way(
     gives = 1.0 / pivot
     joints[body, _GIVES], joints[body, _LEFT] = gives, left
     away = _outer(n, f, gives)
-    kept = each(minus, to, away)
-    write_part(inertias, parent, 0, each(plus, read_part(inertias, parent, 0, INERTIA), kept))
+    kept = elementwise(minus, to, away)
+    total = elementwise(plus, read_part(inertias, parent, 0, INERTIA), kept)
+    write_part(inertias, parent, 0, total)
     c_n, c_f = _answer(to, turned, moved)
     part = (left - (inner(n, turned) + inner(f, moved))) * gives
     moment = add(add(p_n, c_n), scale(n, part))
@@ -215,28 +219,29 @@ def _give_way(
 @formula
 def _move_base(
     model: TreeModel,
-    screws: Any,
+    motion_subspaces: Any,
     inertias: Any,
     forces: Any,
     gravity: float,
     motion: Any,
     acceleration: Any,
 ) -> None:
-    """Write the base's part of the acceleration, and its motion's in place of the velocity."""
-    base, size, rotors = base_of(model), len(screws), rotors_begin(model)
+    """Write the acceleration of the base, also in place of its velocity in `motion`."""
+    base, size, rotors = base_of(model), len(motion_subspaces), rotors_begin(model)
     to = read_part(inertias, 0, 0, INERTIA)
     matrix, x = scratch(base, base), scratch(base)
-    # What stands still on the ground is accelerated upwards, for all that moves with it.
+    # Gravity is an upward acceleration of the fixed ground.
     n, f = _answer(to, VECTOR, (0.0, 0.0, gravity))
     n = add(n, read_part(inertias, 0, _WRENCH, VECTOR))
     f = add(f, read_part(inertias, 0, _WRENCH + 3, VECTOR))
     for i in range(base):
-        x[i] = forces[i] - power(screws, i, n, f)
-        along, across = read_part(screws, i, 0, VECTOR), read_part(screws, i, 3, VECTOR)
+        x[i] = forces[i] - power(motion_subspaces, i, n, f)
+        along = read_part(motion_subspaces, i, 0, VECTOR)
+        across = read_part(motion_subspaces, i, 3, VECTOR)
         moment, force = _answer(to, along, across)
         for j in range(base):
             rotor = model.numbers[rotors + i * size + j, model.lane]
-            matrix[i, j] = power(screws, j, moment, force) + rotor
+            matrix[i, j] = power(motion_subspaces, j, moment, force) + rotor
     factor(matrix)
     solve(matrix, x)
     for i in range(6):
@@ -244,4 +249,4 @@ def _move_base(
     for k in range(base):
         acceleration[k] = x[k]
         for i in range(6):
-            motion[0, i] += screws[k, i] * x[k]
+            motion[0, i] += motion_subspaces[k, i] * x[k]

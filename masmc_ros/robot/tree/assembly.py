@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Robot of a URDF: moving bodies, controlled joints, and the base.
+Assembly of a robot from a URDF: moving bodies, controlled joints, and the base.
 
-Links that do not move against each other are one body: fixed joints are merged, and so are
-joints that are not controlled, which are held at an angle, and wheels, of which only the spin is
-kept, as armature on the base's rates.
+Links without relative motion are one body. This merges fixed joints, and joints that are not
+controlled, which are held at a constant position. It also merges wheels; their spin remains as
+armature on the base velocities.
 """
 
 from __future__ import annotations
@@ -56,18 +56,18 @@ BASES = {
 """Kinds of bases by name."""
 
 _ROUNDED = 1.0e-9
-"""Part of a body's second moments by which the least of them may be negative."""
+"""Tolerance for a negative smallest second moment, relative to the second moments."""
 
 
 @dataclass(frozen=True)
 class Frame:
     """
-    A link's frame on the body that it is a part of.
+    Frame of a link on its body.
 
     Attributes
     ----------
     body
-        number of the body, 0 for the base.
+        Number of the body, 0 for the base.
     rotation, offset
         of the frame in the body's; offset in m.
 
@@ -99,20 +99,20 @@ class TreeRobot:
     Attributes
     ----------
     tree
-        its bodies and joints.
-    moments
-        (B, 10) of its bodies: see `spatial`.
+        Bodies and joints.
+    inertial_parameters
+        Inertial parameters (B, 10) of its bodies, see `spatial`.
     joints
-        controlled joints, one for each body after the base.
+        Controlled joints, one for each body after the base.
     frames
-        of its links by name.
+        Frames of its links by name.
     wheels
-        those that drive the base; None where its rates are driven as they are.
+        Wheels that drive the base; None if its velocities are actuated directly.
 
     """
 
     tree: Tree
-    moments: NDArray[np.float64]
+    inertial_parameters: NDArray[np.float64]
     joints: tuple[Joint, ...]
     frames: Mapping[str, Frame]
     wheels: Wheels | None = None
@@ -131,7 +131,7 @@ class _Body:
     """Sums of a body while links are merged into it."""
 
     link: str
-    moments: Moments = MOMENTS
+    inertial_parameters: Moments = MOMENTS
 
 
 def tree_robot(
@@ -148,36 +148,36 @@ def tree_robot(
     armature: float = 0.0,
 ) -> TreeRobot:
     """
-    Make a robot of a description.
+    Return the robot of a description.
 
     Parameters
     ----------
     description
-        links and joints.
+        Links and joints.
     where
-        where it stands, for messages.
+        Source of the description, for messages.
     base
-        one of BASES.
+        Type of base, one of BASES.
     base_frame
-        name of the link whose frame is the base's, x ahead and z up; empty for the root.
+        Name of the link with the base frame, x forwards and z up; empty for the root.
     wheels
-        names of the joints of right and left wheel of a differential base, or of three or more
-        of an omnidirectional one, whose rates are driven as they are without.
+        Names of the joints of right and left wheel of a differential base, or of at least three
+        wheels of an omnidirectional one. Without wheels the base velocities are actuated directly.
     wheel_radius
-        in m; 0 for the height of the axles above the base's frame.
+        Radius in m; 0 selects the height of the axles above the base frame.
     roller_angles
-        in rad, of mecanum wheels: see `driving_wheels`.
+        Angles of mecanum rollers in rad, see `driving_wheels`.
     joints
-        names of those that are controlled; empty for all that can be.
+        Names of the controlled joints; empty for all movable joints.
     held
-        positions of joints that are not controlled, in rad or m, by name; 0 of others.
+        Positions of joints that are not controlled, in rad or m, by name; default 0.
     armature
-        inertia of every joint's rotor, seen from the joint, in kg m2 or kg.
+        Rotor inertia of every joint, at the joint, in kg·m² or kg.
 
     Raises
     ------
     InputError
-        where a name is unknown, or the robot cannot be.
+        If a name is unknown, or the robot is invalid.
 
     """
     if base not in BASES:
@@ -195,14 +195,14 @@ def tree_robot(
     controlled = _controlled(description, where, wheels, joints, held or {})
     bodies, order, frames, tree = _merged(description, controlled, held or {}, base_frame)
     _check_moments(bodies, description, where)
-    kind, found = BASES[base], None
+    kind, driving = BASES[base], None
     parents, rotations, offsets = tree
     rotor = np.zeros((kind + len(order), kind + len(order)))
     rotor[range(kind, len(rotor)), range(kind, len(rotor))] = armature
     if wheels:
         mounts = [_mount(description, where, frames, name) for name in wheels]
-        found = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
-        rotor[:kind, :kind] = found.inertia(armature)
+        driving = driving_wheels(kind, mounts, where, wheel_radius, roller_angles)
+        rotor[:kind, :kind] = driving.inertia(armature)
     axes = [VECTOR, *(joint.axis for joint in order)]
     kinds = [PRISMATIC if joint.kind == 'prismatic' else REVOLUTE for joint in order]
     return TreeRobot(
@@ -215,10 +215,10 @@ def tree_robot(
             np.array(offsets),
             rotor,
         ),
-        np.array([body.moments for body in bodies]),
+        np.array([body.inertial_parameters for body in bodies]),
         tuple(order),
         frames,
-        found,
+        driving,
     )
 
 
@@ -235,7 +235,7 @@ def _controlled(
     joints: Sequence[str],
     held: Mapping[str, float],
 ) -> set[str]:
-    """Return the names of the joints that are controlled."""
+    """Return the names of the controlled joints."""
     for name in joints:
         joint = description.joints[name]
         for is_wrong, what in (
@@ -292,15 +292,17 @@ def _merged(
             elif joint.kind != 'fixed':
                 rotation = product(rotation, turn(_vector(joint.axis), *sin_cos(angle)))
             frames[joint.child] = Frame(above.body, rotation, offset)
-        for each in below.get(joint.child, ()):
-            heapq.heappush(waiting, each)
+        for fixed_joint in below.get(joint.child, ()):
+            heapq.heappush(waiting, fixed_joint)
     if base_frame:
         _rebase(description, base_frame, frames, (parents, rotations, offsets))
     for name, frame in frames.items():
         own = _moments(description.links[name])
         moved = moments_in_parent(frame.rotation, frame.offset, own)
         body = bodies[frame.body]
-        body.moments = tuple(a + b for a, b in zip(body.moments, moved, strict=True))
+        body.inertial_parameters = tuple(
+            a + b for a, b in zip(body.inertial_parameters, moved, strict=True)
+        )
     return bodies, order, frames, (parents, rotations, offsets)
 
 
@@ -310,7 +312,7 @@ def _rebase(
     frames: dict[str, Frame],
     tree: tuple[list[int], list[Rotation], list[Vector]],
 ) -> None:
-    """Express what stands on the base in the frame of a link that is a part of it."""
+    """Express the base body in the frame of one of its links."""
     if base_frame not in description.links:
         known = suggestion(base_frame, tuple(description.links))
         raise InputError(f"robot.base_frame: no link '{base_frame}'; {known}")
@@ -333,7 +335,7 @@ def _rebase(
 
 
 def joint_pose(joint: Joint, at: float) -> tuple[Rotation, Vector]:
-    """Return a joint's child in its parent's frame, the joint being at a position in rad or m."""
+    """Return the pose of a joint's child in its parent's frame, at a position in rad or m."""
     rotation, offset = _rotation(joint.origin), _vector(joint.origin.offset)
     if joint.kind == 'prismatic':
         return rotation, add(offset, rotate(rotation, scale(_vector(joint.axis), at)))
@@ -353,35 +355,35 @@ def _rotation(pose: Pose) -> Rotation:
     about_z = turn((0.0, 0.0, 1.0), *sin_cos(yaw))
     about_y = turn((0.0, 1.0, 0.0), *sin_cos(pitch))
     about_x = turn((1.0, 0.0, 0.0), *sin_cos(roll))
-    found: Rotation = product(product(about_z, about_y), about_x)
-    return found
+    rotation: Rotation = product(product(about_z, about_y), about_x)
+    return rotation
 
 
 def _moments(link: Link) -> Moments:
-    """Return a link's moments about the origin of its frame."""
+    """Return the inertial parameters of a link about the origin of its frame."""
     xx, xy, xz, yy, yz, zz = link.inertia
     half = (xx + yy + zz) / 2.0
     own = (link.mass, 0.0, 0.0, 0.0, half - xx, half - yy, half - zz, -xy, -yz, -xz)
-    found: Moments = moments_in_parent(
+    inertial_parameters: Moments = moments_in_parent(
         _rotation(link.centre), _vector(link.centre.offset), own
     )
-    return found
+    return inertial_parameters
 
 
-def pseudo_inertia(moments: Sequence[float]) -> NDArray[np.float64]:
-    """Return the matrix P (4 x 4) of moments (10)."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+def pseudo_inertia(inertial_parameters: Sequence[float]) -> NDArray[np.float64]:
+    """Return the pseudo-inertia P (4 x 4) of inertial parameters (10)."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     return np.array([[xx, xy, zx, x], [xy, yy, yz, y], [zx, yz, zz, z], [x, y, z, mass]])
 
 
 def _check_moments(bodies: Sequence[_Body], description: Description, where: str) -> None:
     """Raise InputError for bodies that cannot exist, with the name of the link."""
     for body in bodies[1:]:
-        if not any(body.moments):
+        if not any(body.inertial_parameters):
             continue
-        least = _least(body.moments)
-        # Flat bodies can exist, and decimals are rounded.
-        xx, yy, zz = body.moments[4:7]
+        least = _least(body.inertial_parameters)
+        # Flat bodies are valid, and decimals are rounded.
+        xx, yy, zz = body.inertial_parameters[4:7]
         if not least >= -_ROUNDED * (xx + yy + zz):
             link = description.links[body.link]
             raise InputError(
@@ -391,12 +393,12 @@ def _check_moments(bodies: Sequence[_Body], description: Description, where: str
             )
 
 
-def _least(moments: Moments) -> float:
-    """Return the least eigenvalue of the second moments about the centre of mass, in kg m2."""
-    mass = moments[0]
+def _least(inertial_parameters: Moments) -> float:
+    """Return the smallest eigenvalue of the second moments about the centre of mass, in kg·m²."""
+    mass = inertial_parameters[0]
     if mass <= 0.0:
         return -np.inf
-    p = pseudo_inertia(moments)
+    p = pseudo_inertia(inertial_parameters)
     central = p[:3, :3] - np.outer(p[:3, 3], p[:3, 3]) / mass
     return float(np.linalg.eigvalsh(central)[0])
 
@@ -404,7 +406,7 @@ def _least(moments: Moments) -> float:
 def _mount(
     description: Description, where: str, frames: Mapping[str, Frame], name: str
 ) -> Mount:
-    """Return how a wheel is fixed to the base."""
+    """Return the mounting of a wheel on the base."""
     joint = description.joints[name]
     frame, axis = frames[joint.child], _vector(joint.axis)
     for is_wrong, what in (
@@ -414,13 +416,14 @@ def _mount(
     ):
         if is_wrong:
             raise InputError(f"{where}, line {joint.line}: joint '{name}' {what}: it is no wheel")
-    moments = _moments(description.links[joint.child])
-    return Mount(joint, frame.offset, rotate(frame.rotation, axis), _about(axis, moments))
+    inertial_parameters = _moments(description.links[joint.child])
+    inertia = _about(axis, inertial_parameters)
+    return Mount(joint, frame.offset, rotate(frame.rotation, axis), inertia)
 
 
-def _about(axis: Vector, moments: Moments) -> float:
+def _about(axis: Vector, inertial_parameters: Moments) -> float:
     """Return the moment of inertia about an axis through a link's origin, in kg m2."""
-    xx, yy, zz, xy, yz, zx = moments[4:]
+    xx, yy, zz, xy, yz, zx = inertial_parameters[4:]
     along = (
         xx * axis[0] + xy * axis[1] + zx * axis[2],
         xy * axis[0] + yy * axis[1] + yz * axis[2],

@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Which moments bodies can have: pseudo-inertias that are positive definite.
+Physical consistency of inertial parameters: positive definite pseudo-inertias.
 
-For adaptation that takes each number for itself; `natural_adaptation` needs none of it.
+It is for adaptation with independent parameters; `natural_adaptation` preserves consistency.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
-from masmc_ros.numerics.tuples import tabulate
-from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import PER_BODY
 import numpy as np
@@ -21,7 +21,7 @@ import numpy as np
 
 @formula
 def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
-    """Return an entry of a body's pseudo-inertia, whose moments begin at `at`."""
+    """Return an entry of a body's pseudo-inertia, whose parameters start at `at`."""
     if i == 3 and j == 3:
         return theta[at]
     if i == 3 or j == 3:
@@ -34,8 +34,8 @@ def _pseudo(theta: Any, at: int, i: int, j: int) -> float:
 
 @kernel
 def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
-    """Return the first pivot that is not positive, x of that body's pseudo-inertia, the body."""
-    pivot, found = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Return the first pivot that is not positive, with x of that pseudo-inertia and the body."""
+    pivot, motion = 1.0, (0.0, 0.0, 0.0, 0.0, 0.0)
     lower, x = np.zeros((4, 4)), np.zeros(4)
     for body in range(bodies_of(model)):
         at = PER_BODY * body
@@ -44,7 +44,7 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
             total += abs(theta[at + i])
         if total == 0.0:
             continue
-        # From the mass on: rows and columns 3, 0, 1, 2.
+        # The order is mass first: rows and columns 3, 0, 1, 2.
         for column in range(4):
             for row in range(column, 4):
                 entry = _pseudo(theta, at, (row + 3) % 4, (column + 3) % 4)
@@ -59,13 +59,13 @@ def weakest_motion(model: TreeModel, theta: Numbers) -> tuple[float, Numbers]:
                     for k in range(i + 1, column + 1):
                         x[i] -= lower[k, i] * x[k]
                 return pivot, (x[1], x[2], x[3], x[0], float(body))
-            found = (0.0, 0.0, 0.0, 1.0, float(body))
-    return pivot, found
+            motion = (0.0, 0.0, 0.0, 1.0, float(body))
+    return pivot, motion
 
 
 @formula
 def _normal(x: Numbers, i: int) -> float:
-    """Return the derivative of x' P x by a moment."""
+    """Return the derivative of x' P x with respect to a parameter."""
     if i // PER_BODY != int(x[4]):
         return 0.0
     k = i % PER_BODY
@@ -79,6 +79,6 @@ def _normal(x: Numbers, i: int) -> float:
 
 
 @formula
-def consistency_normal(model: TreeModel, x: Numbers, like: Numbers) -> Numbers:
+def consistency_normal(model: TreeModel, x: Numbers, template: Numbers) -> Numbers:
     """Return the vector n with n' theta = x' P x."""
-    return tabulate(_normal, like, x)
+    return from_index(_normal, template, x)

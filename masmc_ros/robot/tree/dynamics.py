@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Dynamics of a tree of bodies on a base, with + - x and / only besides sines and cosines.
+Dynamics of a tree of bodies on a base, with only + - x and /, sines and cosines.
 
 Motions, wrenches and velocities as in `kinematics.py`: in the base's frame, about its origin.
 `inverse_dynamics` is the form of Slotine and Li (Echeandia and Wensing, arXiv 2010.01033): H a_r +
-C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the bodies' moments.
+C(nu) nu_r + g with Hdot - 2 C skew-symmetric, linear in the inertial parameters.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def write_motions(
     """
     Write velocities, reference velocities and reference accelerations of bodies (B, MOTION).
 
-    Of nu, nu_r and a_r; gravity in m/s^2, downwards.
+    The arguments are nu, nu_r, a_r, and gravity downwards in m/s².
     """
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     velocities(model, posture, velocity, motion, 0)
     velocities(model, posture, reference, motion, _REFERENCE)
@@ -85,8 +85,8 @@ def write_motions(
     write_part(motion, 0, _ACCELERATION + 3, add(moved, add(a, (0.0, 0.0, gravity))))
     for body in range(1, bodies):
         k = base + body - 1
-        along = read_part(screws, k, 0, VECTOR)
-        across = read_part(screws, k, 3, VECTOR)
+        along = read_part(motion_subspaces, k, 0, VECTOR)
+        across = read_part(motion_subspaces, k, 3, VECTOR)
         turned, moved = crossed(
             read_part(motion, body, 0, VECTOR),
             read_part(motion, body, 3, VECTOR),
@@ -117,7 +117,7 @@ def _reference_field(motion: Any, body: int) -> tuple[Rotation, Vector]:
 
 @formula
 def moments_about_base(posture: Posture, theta: Any, body: int) -> Moments:
-    """Return the moments of a body about the base's origin."""
+    """Return the inertial parameters of a body about the base's origin."""
     own: Moments = read_along(theta, PER_BODY * body, MOMENTS)
     if body == 0:
         return own
@@ -132,7 +132,7 @@ def write_forces(
     model: TreeModel, posture: Posture, theta: Any, motion: Any, acceleration: Any, forces: Any
 ) -> None:
     """Write H a_r + C(nu) nu_r + g (n) of the motions that `write_motions` writes."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     size, rotors = base + bodies - 1, rotors_begin(model)
     wrenches = scratch(bodies, 6)
@@ -144,13 +144,13 @@ def write_forces(
     for body in range(bodies - 1, 0, -1):
         moment = read_part(wrenches, body, 0, VECTOR)
         force = read_part(wrenches, body, 3, VECTOR)
-        forces[base + body - 1] = power(screws, base + body - 1, moment, force)
+        forces[base + body - 1] = power(motion_subspaces, base + body - 1, moment, force)
         parent = parent_of(model, body)
         for i in range(6):
             wrenches[parent, i] += wrenches[body, i]
     moment, force = read_part(wrenches, 0, 0, VECTOR), read_part(wrenches, 0, 3, VECTOR)
     for k in range(base):
-        forces[k] = power(screws, k, moment, force)
+        forces[k] = power(motion_subspaces, k, moment, force)
     for row in range(size):
         total = forces[row]
         for other in range(size):
@@ -178,7 +178,7 @@ def inverse_dynamics(
     posture
         of its bodies.
     theta
-        (10 B) moments of its bodies, one after the other.
+        Inertial parameters (10 B), body by body.
     velocity
         (n) nu.
     reference
@@ -206,10 +206,10 @@ def moment_gradients(
     error: Any,
 ) -> Any:
     """
-    Return Y' sigma (10 B): what adaptation of the moments follows.
+    Return Y' sigma (10 B), the gradient for the adaptation of inertial parameters.
 
-    sigma' (H a_r + C nu_r + g) is the sum of moments times gradients, but for rotors and wheels;
-    the matrix Y is never formed. `error` (n) is sigma; the others as for `inverse_dynamics`.
+    sigma' (H a_r + C nu_r + g) is the sum of parameters times gradients, without rotors and
+    wheels. The matrix Y is never formed. `error` (n) is sigma; see also `inverse_dynamics`.
     """
     bodies = bodies_of(model)
     motion, gradients = scratch(bodies, MOTION), np.empty(PER_BODY * bodies)
@@ -244,47 +244,47 @@ def write_gradients(
 @kernel
 def write_inertia(model: TreeModel, posture: Posture, theta: Any, matrix: Any) -> None:
     """Write H (n, n), as `inertia` returns it."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     bodies, base = bodies_of(model), base_of(model)
     size, rotors = base + bodies - 1, rotors_begin(model)
-    # Of the bodies, and then of composite ones: each with all that hangs on it.
-    moments = scratch(bodies, PER_BODY)
+    # Parameters of the bodies, then of composite bodies: each with its subtree.
+    inertial_parameters = scratch(bodies, PER_BODY)
     for body in range(bodies):
-        write_part(moments, body, 0, moments_about_base(posture, theta, body))
+        write_part(inertial_parameters, body, 0, moments_about_base(posture, theta, body))
     for row in range(size):
         for column in range(size):
             matrix[row, column] = model.numbers[rotors + row * size + column, model.lane]
     for row in range(size - 1, -1, -1):
         body = max(row - base + 1, 0)
         moment, force = momentum(
-            read_part(moments, body, 0, MOMENTS),
-            read_part(screws, row, 0, VECTOR),
-            read_part(screws, row, 3, VECTOR),
+            read_part(inertial_parameters, body, 0, MOMENTS),
+            read_part(motion_subspaces, row, 0, VECTOR),
+            read_part(motion_subspaces, row, 3, VECTOR),
         )
-        matrix[row, row] += power(screws, row, moment, force)
+        matrix[row, row] += power(motion_subspaces, row, moment, force)
         at = body
         if body > 0:
             at = parent_of(model, body)
             for i in range(PER_BODY):
-                moments[at, i] += moments[body, i]
+                inertial_parameters[at, i] += inertial_parameters[body, i]
         while at > 0:
             column = base + at - 1
-            matrix[column, row] += power(screws, column, moment, force)
+            matrix[column, row] += power(motion_subspaces, column, moment, force)
             matrix[row, column] = matrix[column, row]
             at = parent_of(model, at)
         for column in range(min(row, base)):
-            matrix[column, row] += power(screws, column, moment, force)
+            matrix[column, row] += power(motion_subspaces, column, moment, force)
             matrix[row, column] = matrix[column, row]
 
 
 @kernel
 def inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
     """
-    Return H (n, n), of moments (10 B): composite bodies, O(n depth).
+    Return H (n, n) for inertial parameters (10 B), by composite bodies in O(n depth).
 
-    With the constant inertia of rotors and wheels.
+    It includes the constant inertia of rotors and wheels.
     """
-    size = len(posture.screws)
+    size = len(posture.motion_subspaces)
     matrix = np.empty((size, size))
     write_inertia(model, posture, theta, matrix)
     return matrix

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The contract of mechanisms for a tree of bodies, its task poses of frames and positions of joints.
+Interface of mechanisms for a tree of bodies with tasks of frame poses and joint positions.
 
 Positions are x, y and yaw of the base in the world (where it stands, if it is fixed), then the
 positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
-Task and redundancy are in files of their own, as is what bodies can be.
+Task, redundancy and physical consistency are in separate files.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import array_of, taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.numerics.scalars import minus, zero
 from masmc_ros.numerics.scratch import copy_into, scratch
-from masmc_ros.numerics.tuples import each, joined
+from masmc_ros.numerics.tuples import elementwise, joined
 from masmc_ros.robot.gradient_step import gradient_step
-from masmc_ros.robot.mechanism import Numbers
 from masmc_ros.robot.tree import dynamics
 from masmc_ros.robot.tree.articulated import write_accelerations
 from masmc_ros.robot.tree.consistency import consistency_normal, weakest_motion
@@ -71,7 +71,7 @@ POSE = 3
 
 ADAPTATIONS = ('natural', 'gradient')
 NATURAL = 0
-"""Places of what `adaptation` chooses among."""
+"""Indices of the choices of `adaptation`."""
 
 
 class Regressor(NamedTuple):
@@ -86,7 +86,7 @@ class Regressor(NamedTuple):
 
 @cache
 def model_of_axes(count: int) -> Any:
-    """Return `model_of` for a task of so many axes, which compiled code knows as it is made."""
+    """Return `model_of` for a task of `count` axes, which is a constant of the compiled code."""
     as_many = (0.0,) * count
 
     @formula
@@ -99,14 +99,14 @@ def model_of_axes(count: int) -> Any:
 
 @kernel
 def posture(model: TreeModel, position: Numbers) -> Posture:
-    """Return where the bodies are."""
+    """Return the positions of the bodies."""
     at = array_of(position)
     return place(model, at[0], at[1], at[2], at, POSE + base_of(model))
 
 
 @kernel
 def posture_of_joints(model: TreeModel, angles: Numbers) -> Posture:
-    """Return the same with the base at the origin."""
+    """Return the positions of the bodies with the base at the origin."""
     return place(model, 0.0, 0.0, 0.0, array_of(angles), base_of(model))
 
 
@@ -115,7 +115,7 @@ def motion(model: TreeModel, rates: Numbers) -> Numbers:
     """Return nu from the rates of wheels and joints."""
     values = array_of(rates)
     into_base(model, values, False)
-    return taken(values, rates)
+    return to_vector(values, rates)
 
 
 @kernel
@@ -123,7 +123,7 @@ def joint_rates(model: TreeModel, motion: Numbers) -> Numbers:
     """Return the rates of wheels and joints."""
     values = array_of(motion)
     into_wheels(model, values, False)
-    return taken(values, motion)
+    return to_vector(values, motion)
 
 
 @kernel
@@ -131,7 +131,7 @@ def joint_torques(model: TreeModel, forces: Numbers) -> Numbers:
     """Return the torques of wheels and joints."""
     values = array_of(forces)
     into_wheels(model, values, True)
-    return taken(values, forces)
+    return to_vector(values, forces)
 
 
 @kernel
@@ -139,7 +139,7 @@ def forces(model: TreeModel, torques: Numbers) -> Numbers:
     """Return the forces conjugate to nu."""
     values = array_of(torques)
     into_base(model, values, True)
-    return taken(values, torques)
+    return to_vector(values, torques)
 
 
 @kernel
@@ -162,7 +162,7 @@ def motion_error(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return nu - nu_r."""
-    return each(minus, motion, reference)
+    return elementwise(minus, motion, reference)
 
 
 @formula
@@ -173,7 +173,7 @@ def regressor(
     reference: Numbers,
     acceleration: Numbers,
 ) -> Regressor:
-    """Return what Y is made of."""
+    """Return the factors of Y."""
     motions = _motions(model, posture, motion, reference, acceleration)
     return Regressor(posture, motions, reference, acceleration)
 
@@ -186,11 +186,11 @@ def _motions(
     reference: Numbers,
     acceleration: Numbers,
 ) -> Any:
-    """Return the motions of the bodies, which both products with Y are made of."""
-    found = np.empty((bodies_of(model), dynamics.MOTION))
+    """Return the motions of the bodies for products with Y."""
+    motions = np.empty((bodies_of(model), dynamics.MOTION))
     nu, nu_r, a_r = array_of(motion), array_of(reference), array_of(acceleration)
-    dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, found)
-    return found
+    dynamics.write_motions(model, posture, nu, nu_r, a_r, GRAVITY, motions)
+    return motions
 
 
 @kernel
@@ -198,26 +198,26 @@ def regressor_times(model: TreeModel, y: Regressor, theta: Numbers) -> Numbers:
     """
     Return H a_r + C nu_r + g and friction.
 
-    The inertia of rotors and wheels, which is no parameter, is in it.
+    It includes the inertia of rotors and wheels, which is no parameter.
     """
     parameters, reference = array_of(theta), array_of(y.reference)
-    found = scratch(len(reference))
+    forces = scratch(len(reference))
     acceleration = array_of(y.acceleration)
-    dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, found)
-    add_friction(model, parameters, reference, 1.0, found)
-    return taken(found, y.reference)
+    dynamics.write_forces(model, y.posture, parameters, y.motions, acceleration, forces)
+    add_friction(model, parameters, reference, 1.0, forces)
+    return to_vector(forces, y.reference)
 
 
 @kernel
 def regressor_transpose_times(
-    model: TreeModel, y: Regressor, motion: Numbers, like: Numbers
+    model: TreeModel, y: Regressor, motion: Numbers, template: Numbers
 ) -> Numbers:
     """Return Y' v."""
     reference, along = array_of(y.reference), array_of(motion)
-    found = scratch(len(like))
-    dynamics.write_gradients(model, y.posture, y.motions, along, found)
-    write_friction_gradient(model, reference, along, found)
-    return taken(found, like)
+    gradient = scratch(len(template))
+    dynamics.write_gradients(model, y.posture, y.motions, along, gradient)
+    write_friction_gradient(model, reference, along, gradient)
+    return to_vector(gradient, template)
 
 
 @formula
@@ -225,14 +225,14 @@ def theta_step(
     model: TreeModel, settings: Any, lane: int, theta: Numbers, gradient: Numbers, period: float
 ) -> Numbers:
     """
-    Return the moments after a step of natural adaptation, or of each number for itself.
+    Return the parameters after a step of natural adaptation, or of independent adaptation.
 
     The gain of a body is the entry of `gamma` for its mass; with projection, neither mass nor
     size of a body grows beyond `projection.upper` times the nominal one.
     """
     gamma = get(settings, 'gamma', lane)
     if get(settings, 'adaptation', lane) != NATURAL:
-        return each(gradient_step, theta, gradient, gamma, period)
+        return elementwise(gradient_step, theta, gradient, gamma, period)
     is_free = get(settings, 'projection_lower', lane) == 0.0
     upper = 1.0e300 if is_free else get(settings, 'projection_upper', lane)
     nominal = get(settings, 'nominal', lane)
@@ -240,7 +240,7 @@ def theta_step(
 
 
 @formula
-def keeps_bodies(model: TreeModel, settings: Any, lane: int) -> bool:
+def preserves_consistency(model: TreeModel, settings: Any, lane: int) -> bool:
     """Return True if the adaptation is natural."""
     return get(settings, 'adaptation', lane) == NATURAL
 
@@ -261,7 +261,7 @@ def inertia_times(model: TreeModel, inertia: Any, acceleration: Numbers) -> Numb
         for j in range(len(values)):
             total += inertia[i, j] * values[j]
         out[i] = total
-    return taken(out, acceleration)
+    return to_vector(out, acceleration)
 
 
 @kernel
@@ -271,13 +271,13 @@ def inertia_solve(model: TreeModel, inertia: Any, forces: Numbers) -> Numbers:
     copy_into(factors, inertia)
     factor(factors)
     solve(factors, x)
-    return taken(x, forces)
+    return to_vector(x, forces)
 
 
 @formula
 def coriolis(model: TreeModel, posture: Posture, theta: Numbers, motion: Numbers) -> Numbers:
     """Return C nu + g and friction."""
-    still = each(zero, motion)
+    still = elementwise(zero, motion)
     return regressor_times(model, regressor(model, posture, motion, motion, still), theta)
 
 
@@ -290,10 +290,10 @@ def joint_accelerations(
     into_base(model, nu, False)
     into_base(model, f, True)
     add_friction(model, parameters, nu, -1.0, f)
-    found = scratch(len(nu))
-    write_accelerations(model, posture, parameters, nu, f, GRAVITY, found)
-    into_wheels(model, found, False)
-    return taken(found, rates)
+    accelerations = scratch(len(nu))
+    write_accelerations(model, posture, parameters, nu, f, GRAVITY, accelerations)
+    into_wheels(model, accelerations, False)
+    return to_vector(accelerations, rates)
 
 
 @formula
@@ -310,7 +310,7 @@ def commanded_joint_rates(model: TreeModel, command: Numbers) -> Numbers:
 
 @kernel
 def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
-    """Return the base's pose after wheels have turned, exact for the mean of both headings."""
+    """Return the base pose after a rotation of wheels; exact for the mean of both headings."""
     values = array_of(turned)
     into_base(model, values, False)
     w, v = base_motion(base_of(model), values)
@@ -321,7 +321,7 @@ def dead_reckoned(model: TreeModel, pose: Numbers, turned: Numbers) -> Numbers:
 @kernel
 def counts_turns(model: TreeModel, resolution: Numbers) -> bool:
     """Return True if the wheels' encoders have a finite resolution."""
-    found, values = False, array_of(resolution)
+    is_finite, values = False, array_of(resolution)
     for i in range(base_of(model)):
-        found = found or values[i] > 0.0
-    return found
+        is_finite = is_finite or values[i] > 0.0
+    return is_finite

@@ -1,13 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transforms of the link frames of a URDF: one for each of its joints, and the base's."""
+"""Transforms of the link frames of a URDF: one for each joint, and one for the base."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.tree.spatial import inner, Rotation, Vector
@@ -15,7 +16,6 @@ from masmc_ros.robot.tree.task.rotation_vector import vector_of
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
 _UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -25,7 +25,7 @@ STANDS, TURNS, SLIDES, BASE = 0, 1, 2, 3
 
 
 class Frames(NamedTuple):
-    """Every frame in its parent where its joint is at zero, and how it moves from there."""
+    """Poses of frames in their parents with joints at zero, and their motion."""
 
     origin: Array
     """(F, 7) translation in m, quaternion x, y, z, w."""
@@ -34,7 +34,7 @@ class Frames(NamedTuple):
     motion: NDArray[np.int64]
     """(F) one of STANDS, TURNS, SLIDES, BASE."""
     place: NDArray[np.int64]
-    """(F) which position moves it."""
+    """(F) index of the position that moves it."""
 
 
 def pose(rotation: Rotation, offset: Sequence[float]) -> Array:
@@ -60,8 +60,8 @@ def _combined(a: Quaternion, b: Quaternion) -> Quaternion:
 @formula
 def _turned(q: Quaternion, v: Vector) -> Vector:
     """Return a vector turned by a quaternion."""
-    found = _combined(_combined(q, (v[0], v[1], v[2], 0.0)), (-q[0], -q[1], -q[2], q[3]))
-    return found[0], found[1], found[2]
+    rotated = _combined(_combined(q, (v[0], v[1], v[2], 0.0)), (-q[0], -q[1], -q[2], q[3]))
+    return rotated[0], rotated[1], rotated[2]
 
 
 @kernel
@@ -72,7 +72,7 @@ def transforms(frames: Frames, position: Any) -> Array:
     Parameters
     ----------
     frames
-        F of them.
+        Frames, F in number.
     position
         (n, positions): x, y and yaw of the base, then wheels and joints.
 
@@ -106,24 +106,24 @@ def transforms(frames: Frames, position: Any) -> Array:
     return out
 
 
-def world_of(pairs: Sequence[tuple[str, str]], of: Array) -> list[tuple[Array, Array]]:
+def world_of(pairs: Sequence[tuple[str, str]], transforms: Array) -> list[tuple[Array, Array]]:
     """
     Return rotation (3, 3) and origin (3) in the world of every child.
 
     Parameters
     ----------
     pairs
-        parent and child of the frames, parents first.
-    of
+        Parent and child of the frames, parents first.
+    transforms
         (F, 7) of one position, as `transforms` returns them.
 
     """
     known = {pairs[0][0]: (np.eye(3), np.zeros(3))}
-    found = []
-    for (parent, child), row in zip(pairs, of, strict=True):
+    poses = []
+    for (parent, child), row in zip(pairs, transforms, strict=True):
         r, p = known[parent]
         quaternion = tuple(row[3:].tolist())
         own = np.array([_turned(quaternion, unit) for unit in _UNITS]).T
         known[child] = r @ own, p + r @ row[:3]
-        found.append(known[child])
-    return found
+        poses.append(known[child])
+    return poses

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Friction of joints; its coefficients are adapted like the bodies' moments.
+Joint friction, with coefficients that are adapted like inertial parameters.
 
     tau_f = F_v qdot + F_c sigma(qdot),   sigma(x) = x / sqrt(x^2 + creep^2)
 
-theta has F_v of all joints and then F_c after the moments of the bodies, or neither. In what a law
-computes qdot is the joints' part of the reference motion: as tau_f grows with qdot, what the real
-rates differ by takes energy from sigma and never gives it any, and noise of rates is not fed back.
+After the inertial parameters, theta contains F_v and then F_c of all joints, or neither. Laws use
+qdot of the reference motion. Since tau_f increases with qdot, the difference to the real rates
+only removes energy from sigma, and noise of the rates is not fed back.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from masmc_ros.robot.tree.spatial import PER_BODY
 from masmc_ros.robot.tree.wheels import into_base, into_wheels
 
 CREEP = 0.02
-"""Rate in rad/s or m/s at which seven tenths of Coulomb's friction are there."""
+"""Rate in rad/s or m/s with 70 % of the Coulomb friction."""
 
 
 @formula
 def _sliding(rate: float) -> float:
-    """Return Coulomb's friction as a part of all of it."""
+    """Return the share of the Coulomb friction at a rate."""
     return rate / math.sqrt(rate * rate + CREEP * CREEP)
 
 
@@ -36,7 +36,7 @@ def _sliding(rate: float) -> float:
 def add_friction(
     model: TreeModel, theta: Any, motion: Any, sign: float, forces: Any
 ) -> None:
-    """Add to forces, or take from them, what joints that move as nu (n) says meet with."""
+    """Add the friction at velocities nu (n) to forces, or subtract it."""
     first, count = PER_BODY * bodies_of(model), len(motion)
     if len(theta) == first:
         return
@@ -53,7 +53,7 @@ def add_friction(
 
 @kernel
 def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradient: Any) -> None:
-    """Write what belongs to friction of Y' v, v being a motion (n), into a gradient of theta."""
+    """Write the friction entries of Y' v for a motion v (n) into a gradient of theta."""
     first, count = PER_BODY * bodies_of(model), len(motion)
     if len(gradient) == first:
         return
@@ -71,7 +71,7 @@ def write_friction_gradient(model: TreeModel, reference: Any, motion: Any, gradi
 def adapt_friction(
     model: TreeModel, theta: Any, gradient: Any, gamma: Any, period: float
 ) -> None:
-    """Move the coefficients in theta on by a step down the gradient, none below zero."""
+    """Advance the coefficients in theta by a step down the gradient, with a minimum of zero."""
     for j in range(PER_BODY * bodies_of(model), len(theta)):
         moved = theta[j] - period / gamma[j] * gradient[j]
         theta[j] = moved if moved > 0.0 else 0.0

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Where the bodies of a tree on a base are, and how they and points of them move.
+Kinematics of a tree on a base: positions and motions of bodies and their points.
 
 Velocities nu are the base's rates in its own frame (none; u, omega; or u, v, omega), then the
 joints' rates in the tree's order; forces are conjugate to them. Everything is expressed in the
-base's frame, about its origin: motions as angular velocity and velocity of what is at that origin,
-wrenches as moment about it and force. Nothing has to be transformed from body to body then, and
-the base, whose motion subspace is constant in its own frame, needs no constraint forces where it
-cannot slip sideways.
+base's frame, about its origin: motions as angular velocity and velocity at that origin, wrenches
+as moment about it and force. This needs no transformations between bodies. The motion subspace of
+the base is constant in its own frame, so a base that cannot move sideways needs no constraint
+forces.
 
 Body 0 is the base, every body comes after its parent. SI units, radians; z of the base is up.
 """
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from masmc_ros.numerics.arrays import parted, read_part, write_part
+from masmc_ros.numerics.arrays import read_part, split_buffer, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import padded, sin_cos, write_sines_and_cosines
 from masmc_ros.numerics.scratch import clear, scratch
@@ -57,15 +57,15 @@ _POSITION = 12
 
 class Posture(NamedTuple):
     """
-    Where bodies are in the base's frame, and the base in the world's.
+    Positions of the bodies in the base's frame, and of the base in the world.
 
-    Loops take its arrays out first: to take one is to count a reference, which costs time.
+    Loops read its arrays in advance, because each access counts a reference, which takes time.
     """
 
     frames: Any
     """(B, 13) rotation, row by row, origin in m, and position of the joint in rad or m."""
-    screws: Any
-    """(n, 6) motion per velocity: angular velocity, velocity of what is at the base's origin."""
+    motion_subspaces: Any
+    """(n, 6) motion per velocity: angular velocity, and velocity at the base's origin."""
     sine: float
     """Of the base's yaw."""
     cosine: float
@@ -85,7 +85,7 @@ def place(
     model: TreeModel, x: float, y: float, yaw: float, position: Any, first: int
 ) -> Posture:
     """
-    Place all bodies.
+    Return the positions of all bodies.
 
     Parameters
     ----------
@@ -94,23 +94,24 @@ def place(
     x, y, yaw
         pose of the base in the world, in m and rad.
     position
-        vector that has the joints' positions from `first` on.
+        Vector with the joint positions from index `first`.
     first
-        place of the first of them.
+        Index of the first joint position.
 
     """
     bodies, base = bodies_of(model), base_of(model)
     size, wide = base + bodies - 1, _POSITION + 1
-    frames, screws = parted(np.empty(bodies * wide + size * 6), bodies, wide, size, 6)
+    buffer = np.empty(bodies * wide + size * 6)
+    frames, motion_subspaces = split_buffer(buffer, bodies, wide, size, 6)
     write_part(frames, 0, 0, ROTATION)
     write_part(frames, 0, ORIGIN, VECTOR)
     for k in range(base):
-        write_part(screws, k, 0, VECTOR)
-        write_part(screws, k, 3, VECTOR)
+        write_part(motion_subspaces, k, 0, VECTOR)
+        write_part(motion_subspaces, k, 3, VECTOR)
     if base != FIXED:
-        screws[0, 3], screws[base - 1, 2] = 1.0, 1.0
+        motion_subspaces[0, 3], motion_subspaces[base - 1, 2] = 1.0, 1.0
         if base == OMNIDIRECTIONAL:
-            screws[1, 4] = 1.0
+            motion_subspaces[1, 4] = 1.0
     sines, cosines = scratch(padded(bodies - 1)), scratch(padded(bodies - 1))
     for body in range(1, bodies):
         turns, _, _ = joint_of(model, body)
@@ -122,21 +123,21 @@ def place(
         above = read_part(frames, parent, 0, ROTATION)
         origin = add(read_part(frames, parent, ORIGIN, VECTOR), rotate(above, offset))
         along = rotate(above, axis)
-        screw = base + body - 1
+        motion_subspace = base + body - 1
         s, c = sines[body - 1], cosines[body - 1]
         if turns:
-            write_part(screws, screw, 0, along)
-            write_part(screws, screw, 3, cross(origin, along))
+            write_part(motion_subspaces, motion_subspace, 0, along)
+            write_part(motion_subspaces, motion_subspace, 3, cross(origin, along))
         else:
             origin = add(origin, scale(along, value))
-            write_part(screws, screw, 0, VECTOR)
-            write_part(screws, screw, 3, along)
+            write_part(motion_subspaces, motion_subspace, 0, VECTOR)
+            write_part(motion_subspaces, motion_subspace, 3, along)
         own = product(above, rotation_of_joint(model, body, s, c))
         write_part(frames, body, 0, own)
         write_part(frames, body, ORIGIN, origin)
         frames[body, _POSITION] = value
     s, c = sin_cos(yaw)
-    return Posture(frames, screws, s, c, x, y)
+    return Posture(frames, motion_subspaces, s, c, x, y)
 
 
 @formula
@@ -157,7 +158,7 @@ def crossed(w: Vector, v: Vector, sw: Vector, sv: Vector) -> tuple[Vector, Vecto
 
 @formula
 def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the sum of the motion in a row and of another."""
+    """Return the sum of the motion in a row and another motion."""
     return (
         add(read_part(motion, body, first, VECTOR), w),
         add(read_part(motion, body, first + 3, VECTOR), v),
@@ -166,16 +167,16 @@ def sum_of(motion: Any, body: int, first: int, w: Vector, v: Vector) -> tuple[Ve
 
 @formula
 def write_velocity(
-    model: TreeModel, screws: Any, rates: Any, motion: Any, first: int, body: int
+    model: TreeModel, motion_subspaces: Any, rates: Any, motion: Any, first: int, body: int
 ) -> tuple[Vector, Vector]:
-    """Write the motion of a body as `velocities` does, its parent's being there, and return it."""
+    """Write and return the motion of a body, after that of its parent; see `velocities`."""
     base = base_of(model)
     if body == 0:
         w, v = base_motion(base, rates)
     else:
         k = base + body - 1
-        sw = scale(read_part(screws, k, 0, VECTOR), rates[k])
-        sv = scale(read_part(screws, k, 3, VECTOR), rates[k])
+        sw = scale(read_part(motion_subspaces, k, 0, VECTOR), rates[k])
+        sv = scale(read_part(motion_subspaces, k, 3, VECTOR), rates[k])
         w, v = sum_of(motion, parent_of(model, body), first, sw, sv)
     write_part(motion, body, first, w)
     write_part(motion, body, first + 3, v)
@@ -185,16 +186,16 @@ def write_velocity(
 @kernel
 def velocities(model: TreeModel, posture: Posture, rates: Any, motion: Any, first: int) -> None:
     """Write the motions of all bodies at rates (n) into [:, first to first + 6] of `motion`."""
-    screws = posture.screws
+    motion_subspaces = posture.motion_subspaces
     for body in range(bodies_of(model)):
-        write_velocity(model, screws, rates, motion, first, body)
+        write_velocity(model, motion_subspaces, rates, motion, first, body)
 
 
 @formula
-def power(screws: Any, k: int, moment: Vector, force: Vector) -> float:
+def power(motion_subspaces: Any, k: int, moment: Vector, force: Vector) -> float:
     """Return the power of a wrench per velocity k."""
-    return inner(read_part(screws, k, 0, VECTOR), moment) + inner(
-        read_part(screws, k, 3, VECTOR), force
+    return inner(read_part(motion_subspaces, k, 0, VECTOR), moment) + inner(
+        read_part(motion_subspaces, k, 3, VECTOR), force
     )
 
 
@@ -206,14 +207,14 @@ def to_world(posture: Posture) -> Rotation:
 
 @formula
 def _tip(posture: Posture, body: int, point: Vector) -> Vector:
-    """Return where a body's point is in the base's frame."""
+    """Return the position of a body's point in the base's frame."""
     r = read_part(posture.frames, body, 0, ROTATION)
     return add(read_part(posture.frames, body, ORIGIN, VECTOR), rotate(r, point))
 
 
 @formula
 def towards_base(model: TreeModel, base: int, k: int) -> int:
-    """Return the next velocity on the way from velocity k to the world; -1 for none."""
+    """Return the next velocity on the way from velocity k to the world; -1 at its end."""
     if k < base:
         return k - 1
     at = parent_of(model, k - base + 1)
@@ -224,7 +225,7 @@ def towards_base(model: TreeModel, base: int, k: int) -> int:
 def point_velocity(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> tuple[Vector, Vector]:
-    """Return a point's velocity and its body's angular velocity, arguments as below."""
+    """Return a point's velocity and its body's angular velocity in the world."""
     moved = scratch(bodies_of(model), 6)
     velocities(model, posture, velocity, moved, 0)
     w, world = read_part(moved, body, 0, VECTOR), to_world(posture)
@@ -253,7 +254,7 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
         its columns (n, 6): per velocity, that of the point and the body's angular velocity.
 
     """
-    columns = np.empty((len(posture.screws), 6))
+    columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian(model, posture, body, point, columns)
     return columns
 
@@ -262,14 +263,14 @@ def point_jacobian(model: TreeModel, posture: Posture, body: int, point: Vector)
 def write_jacobian(
     model: TreeModel, posture: Posture, body: int, point: Vector, columns: Any
 ) -> None:
-    """Write what `point_jacobian` returns."""
-    screws = posture.screws
+    """Write the result of `point_jacobian`."""
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
     tip, k = _tip(posture, body, point), base + body - 1
     while k >= 0:
-        w = read_part(screws, k, 0, VECTOR)
-        v = add(read_part(screws, k, 3, VECTOR), cross(w, tip))
+        w = read_part(motion_subspaces, k, 0, VECTOR)
+        v = add(read_part(motion_subspaces, k, 3, VECTOR), cross(w, tip))
         write_part(columns, k, 0, rotate(world, v))
         write_part(columns, k, 3, rotate(world, w))
         k = towards_base(model, base, k)
@@ -279,8 +280,8 @@ def write_jacobian(
 def point_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector
 ) -> Any:
-    """Return the derivative by time of `point_jacobian` at velocities nu (n)."""
-    columns = np.empty((len(posture.screws), 6))
+    """Return the time derivative of `point_jacobian` at velocities nu (n)."""
+    columns = np.empty((len(posture.motion_subspaces), 6))
     write_jacobian_rate(model, posture, velocity, body, point, columns)
     return columns
 
@@ -289,8 +290,8 @@ def point_jacobian_rate(
 def write_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, body: int, point: Vector, columns: Any
 ) -> None:
-    """Write what `point_jacobian_rate` returns."""
-    screws = posture.screws
+    """Write the result of `point_jacobian_rate`."""
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     clear(columns)
     moved = scratch(bodies_of(model), 6)
@@ -300,14 +301,14 @@ def write_jacobian_rate(
     speed = add(v, cross(w, tip))
     while k >= 0:
         at = max(k - base + 1, 0)
-        screw = read_part(screws, k, 0, VECTOR)
+        motion_subspace = read_part(motion_subspaces, k, 0, VECTOR)
         turned, carried = crossed(
             read_part(moved, at, 0, VECTOR),
             read_part(moved, at, 3, VECTOR),
-            screw,
-            read_part(screws, k, 3, VECTOR),
+            motion_subspace,
+            read_part(motion_subspaces, k, 3, VECTOR),
         )
-        change = add(add(carried, cross(turned, tip)), cross(screw, speed))
+        change = add(add(carried, cross(turned, tip)), cross(motion_subspace, speed))
         write_part(columns, k, 0, rotate(world, change))
         write_part(columns, k, 3, rotate(world, turned))
         k = towards_base(model, base, k)
@@ -321,14 +322,14 @@ def add_point_forces(
     point: Vector,
     force: Vector,
     moment: Vector,
-    found: Any,
+    generalised: Any,
 ) -> None:
-    """Add to forces (n) those that do the work of force and moment on a point, in the world."""
-    screws = posture.screws
+    """Add the generalised forces of a force and moment on a point, in the world, to forces (n)."""
+    motion_subspaces = posture.motion_subspaces
     base, world = base_of(model), to_world(posture)
     f = rotate_back(world, force)
     about = add(rotate_back(world, moment), cross(_tip(posture, body, point), f))
     k = base + body - 1
     while k >= 0:
-        found[k] += power(screws, k, about, f)
+        generalised[k] += power(motion_subspaces, k, about, f)
         k = towards_base(model, base, k)

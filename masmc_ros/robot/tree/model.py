@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What a tree's formulas need that does not change while it moves, as one vector of numbers.
+Constant model of a tree, as one vector of numbers.
 
-Records keep it as a mechanism's lengths, where formulas read it: a compiler takes long for each
-array that is handed on.
+Records store it as the lengths of a mechanism, because the compiler takes long for each separate
+array.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from masmc_ros.numerics.arrays import read_down
 from masmc_ros.numerics.compiled import formula
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 from masmc_ros.robot.tree.spatial import ROTATION, Rotation, VECTOR, Vector
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ REVOLUTE, PRISMATIC = 0, 1
 """Kinds of joints; a continuous one is revolute without limits."""
 
 FIXED, DIFFERENTIAL, OMNIDIRECTIONAL = 0, 2, 3
-"""Kinds of bases, which are the numbers of their rates."""
+"""Types of bases; each value is the number of base velocities."""
 
 
 class Tree(NamedTuple):
@@ -33,7 +33,7 @@ class Tree(NamedTuple):
     base: int
     """Kind of the base."""
     parent: NDArray[np.int64]
-    """(B) number of the body that each hangs on; that of the base is not read."""
+    """(B) number of the parent body; that of the base is not read."""
     kind: NDArray[np.int64]
     """(B) kind of each body's joint."""
     axis: NDArray[np.float64]
@@ -47,10 +47,10 @@ class Tree(NamedTuple):
 
 
 class TreeModel(NamedTuple):
-    """A tree, how its wheels drive it, and its task."""
+    """Tree, its wheels, and its task."""
 
     numbers: Any
-    """(numbers, lanes): what `packed` returns, for each robot side by side."""
+    """(numbers, lanes) results of `packed` for each lane."""
     lane: int
     """Index of the parallel run."""
     axes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
@@ -58,7 +58,7 @@ class TreeModel(NamedTuple):
 
 
 DAMPED_TIME = 0.5
-"""One over the speed in rad/s or m/s above which a robot with speed limits is damped."""
+"""Inverse of the speed in rad/s or m/s above which a robot with speed limits is damped."""
 
 _AXES = 8
 _BODY = 35
@@ -93,27 +93,27 @@ def packed(
     axes : sequence
         of the task: places among the coordinates of `task.py`.
     mobility
-        (n) how much each velocity moves for the task: inverse weights.
+        Share (n) of each velocity in the task: inverse weights.
     posture
-        (n) what the joints' positions tend to where the task leaves them free, in rad or m.
+        Preferred positions (n) in the null space of the task, in rad or m.
     limits
-        (n) lower and upper ends of the joints' positions, in rad or m, and before them the margins
-        in which they move less and less for the task: 0 where nothing limits them.
+        Lower and upper ends (n) of the joint positions in rad or m, and the margins before them in
+        which the motion for the task fades to zero; a margin of 0 disables the ends.
     posture_gain
-        how fast they do, in 1/s.
+        Rate of the motion to the preferred positions, in 1/s.
     damping
-        rate kappa in 1/s at which velocities that the task does not see go to their reference.
+        Rate kappa in 1/s of velocities in the null space towards their reference.
     least_pivot
-        of J W^-1 J', below which the task is singular and its inverse damped.
+        Pivot of J W^-1 J' below which the task is singular and its inverse damped.
     speed_limits
-        (n) largest speeds of wheels and joints in rad/s or m/s that v_r may have; infinite for
-        those without a limit, None for none at all.
+        Largest speeds (n) of wheels and joints in v_r, in rad/s or m/s; infinite without a limit,
+        None if there are no limits.
     drift_rate
-        how fast the estimate of drift follows it, in 1/s; 0 disables it.
+        Rate of the drift estimate in 1/s; 0 disables it.
 
     Returns
     -------
-        one vector.
+        Vector of all numbers.
 
     """
     wheels = np.asarray(wheel_rates, dtype=np.float64).reshape(tree.base, tree.base)
@@ -142,7 +142,7 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
     axis = np.zeros_like(tree.axis)
     around, across = np.zeros_like(rotation), np.zeros_like(rotation)
     for i in range(3):
-        # Entry by entry, which is the same on every machine.
+        # Separate operations on entries are bitwise identical on every machine.
         x, y, z = tree.axis.T
         row = rotation[:, i]
         axis[:, i] = row[:, 0] * x + row[:, 1] * y + row[:, 2] * z
@@ -160,39 +160,39 @@ def _turned(tree: Tree) -> tuple[NDArray[np.float64], ...]:
 
 
 @formula
-def axes_of(numbers: Any, lane: int, like: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the places of the task's axes, a tuple of their number."""
-    found: tuple[float, ...] = read_down(numbers, _AXES, lane, like)
-    return found
+def axes_of(numbers: Any, lane: int, template: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the indices of the task axes, as a tuple as long as `template`."""
+    axes: tuple[float, ...] = read_down(numbers, _AXES, lane, template)
+    return axes
 
 
 @formula
 def axis_of(model: TreeModel, i: int) -> int:
-    """Return the place of one of the task's axes, in loops, which tuples are slow in."""
+    """Return the index of one task axis; for loops, in which tuples are slow."""
     return int(model.numbers[_AXES + i, model.lane])
 
 
 @formula
 def bodies_of(model: TreeModel) -> int:
-    """Return the number of bodies, the base among them."""
+    """Return the number of bodies, including the base."""
     return int(model.numbers[0, model.lane])
 
 
 @formula
 def base_of(model: TreeModel) -> int:
-    """Return the kind of the base, which is the number of its rates."""
+    """Return the type of the base, which is the number of its velocities."""
     return int(model.numbers[1, model.lane])
 
 
 @formula
 def frames_of(model: TreeModel) -> int:
-    """Return the number of frames that have a task."""
+    """Return the number of frames in the task."""
     return int(model.numbers[2, model.lane])
 
 
 @formula
 def posture_gain_of(model: TreeModel) -> float:
-    """Return how fast joints tend to their posture, in 1/s."""
+    """Return the rate of joints to their preferred positions, in 1/s."""
     return model.numbers[3, model.lane]
 
 
@@ -210,13 +210,13 @@ def least_pivot_of(model: TreeModel) -> float:
 
 @formula
 def drift_rate_of(model: TreeModel) -> float:
-    """Return how fast the estimate of drift follows it, in 1/s; 0 without one."""
+    """Return the rate of the drift estimate in 1/s; 0 without one."""
     return model.numbers[6, model.lane]
 
 
 @formula
 def damped_time_of(model: TreeModel) -> float:
-    """Return one over the speed above which the task is damped; 0 without speed limits."""
+    """Return the inverse of the speed above which the task is damped; 0 without limits."""
     return model.numbers[7, model.lane]
 
 
@@ -227,7 +227,7 @@ def _body_begins(model: TreeModel, body: int) -> int:
 
 @formula
 def parent_of(model: TreeModel, body: int) -> int:
-    """Return the number of the body that a body hangs on."""
+    """Return the number of the parent of a body."""
     return int(model.numbers[_body_begins(model, body), model.lane])
 
 
@@ -249,7 +249,7 @@ def rotation_of_joint(model: TreeModel, body: int, sine: float, cosine: float) -
     around: Rotation = read_down(numbers, first, lane, ROTATION)
     along: Rotation = read_down(numbers, first + 9, lane, ROTATION)
     across: Rotation = read_down(numbers, first + 18, lane, ROTATION)
-    return each(_turned_entry, around, along, across, sine, cosine)
+    return elementwise(_turned_entry, around, along, across, sine, cosine)
 
 
 @formula
@@ -275,14 +275,14 @@ def mobility_begins(model: TreeModel) -> int:
 
 @formula
 def rest_of(model: TreeModel, k: int) -> float:
-    """Return the position to which a joint tends, in rad or m."""
+    """Return the preferred position of a joint, in rad or m."""
     first, size, _ = _after_bodies(model)
     return model.numbers[first + size + k, model.lane]
 
 
 @formula
 def wheel_rates_begin(model: TreeModel) -> int:
-    """Return where the rates (m, m) of wheels from those of the base begin in the numbers."""
+    """Return the start of the map (m, m) from base velocities to wheel rates."""
     first, size, _ = _after_bodies(model)
     return first + 2 * size
 
@@ -312,7 +312,7 @@ def inverse_speeds_begin(model: TreeModel) -> int:
 
 @formula
 def frame_of(model: TreeModel, frame: int) -> tuple[int, Rotation, Vector]:
-    """Return the body of a frame that has a task, and where the frame is on it."""
+    """Return the body of a task frame, and the pose of the frame on it."""
     first, size, base = _after_bodies(model)
     numbers, lane = model.numbers, model.lane
     at = first + 2 * (size + base * base) + size * size + 4 * size + _FRAME * frame

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Natural adaptation of a body's moments: masses stay positive, inertias those of bodies.
+Natural adaptation of inertial parameters, which preserves physical consistency.
 
 Pdot = -P L P / gamma, of the pseudo-inertia P and the gradient L (`spatial.power_gradient`) as a
 symmetric matrix, has the Bregman divergence of -log det as its Lyapunov function and one gain
@@ -10,7 +10,7 @@ for bodies of all sizes (Lee, Kwon and Park 2018). Sampled, with P = C C' and X 
 
     P+ = C (1 + X + X^2 / 2)^-1 C'
 
-is of second order in T, and positive definite whatever X is. Matrices are in the order 1, x, y, z.
+is of second order in T, and positive definite for any X. Matrices are in the order 1, x, y, z.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_down, taken, write_down
+from masmc_ros.numerics.arrays import array_of, read_down, to_vector, write_down
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.portable_math import AT_ONCE
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import dot, each, matrix_times
+from masmc_ros.numerics.tuples import dot, elementwise, matrix_times
 from masmc_ros.robot.tree.friction import adapt_friction
 from masmc_ros.robot.tree.model import bodies_of, TreeModel
 from masmc_ros.robot.tree.spatial import MOMENTS, Moments, PER_BODY
@@ -34,11 +34,11 @@ _LONGEST = 1.0
 """Norm of X above which a step is shortened: the series follows exp(X) up to there."""
 
 _LEAST = 1.0e-13
-"""Part of a diagonal entry above which a pivot is more than what rounding makes."""
+"""Part of a diagonal entry above which a pivot exceeds rounding errors."""
 
 
 _GRADIENT, _NOMINAL, _STEP = PER_BODY, 2 * PER_BODY, 3 * PER_BODY
-"""Rows next to the moments of bodies: their gradients, nominal moments, and steps."""
+"""First rows of gradients, nominal parameters and steps, after the parameters of bodies."""
 
 
 @kernel
@@ -52,13 +52,13 @@ def adapted(
     upper: float,
 ) -> Any:
     """
-    Return the moments of all bodies after a step of natural adaptation, and their friction.
+    Return the parameters of all bodies and of friction after a step of natural adaptation.
 
-    Vectors have ten numbers a body; the gain of one is the entry of `gamma` for its mass. None
-    grows beyond `upper` times the nominal mass and size.
+    Vectors have ten numbers per body; its gain is the entry of `gamma` for its mass. Mass and size
+    are limited to `upper` times their nominal values.
     """
     before, gains = array_of(theta), array_of(gamma)
-    rest, gradients = array_of(nominal), array_of(gradient)
+    nominal_values, gradients = array_of(nominal), array_of(gradient)
     bodies = bodies_of(model)
     out, columns = scratch(len(before)), scratch(_STEP + 1, AT_ONCE)
     copy_into(out, before)
@@ -70,9 +70,9 @@ def adapted(
             for i in range(PER_BODY):
                 columns[i, k] = before[at + i]
                 columns[_GRADIENT + i, k] = gradients[at + i]
-                columns[_NOMINAL + i, k] = rest[at + i]
+                columns[_NOMINAL + i, k] = nominal_values[at + i]
             columns[_STEP, k] = period / gains[at]
-        # All of them: a processor computes all at once in the time of one.
+        # The loop always computes all columns, because a vector takes the time of one number.
         for k in range(AT_ONCE):
             moved = natural_step(
                 read_down(columns, 0, k, MOMENTS),
@@ -85,35 +85,35 @@ def adapted(
             for i in range(PER_BODY):
                 out[PER_BODY * (first + k) + i] = columns[i, k]
     adapt_friction(model, out, gradients, gains, period)
-    return taken(out, theta)
+    return to_vector(out, theta)
 
 
 @formula
-def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
+def natural_step(inertial_parameters: Moments, gradient: Moments, step: float) -> Moments:
     """
-    Return a body's moments after one step of natural adaptation.
+    Return the inertial parameters of a body after one step of natural adaptation.
 
     Parameters
     ----------
-    moments
-        of the body, in kg, kg m and kg m2: see `spatial`.
+    inertial_parameters
+        Parameters of the body in kg, kg·m and kg·m², see `spatial`.
     gradient
-        derivative by them of the power that adaptation takes away: `power_gradient`.
+        Derivative of the power by these parameters, see `power_gradient`.
     step
-        sampling period over gain, T / gamma, >= 0.
+        Sampling period over gain, T / gamma, >= 0.
 
     Returns
     -------
-        moments with a positive definite pseudo-inertia. What is none within rounding, such as
-        that of a frame without mass, stays as it is, as it does where a gradient is no number.
+        Parameters with a positive definite pseudo-inertia. They are unmodified if they are not
+        definite within rounding, such as those of a frame without mass, or if a gradient is NaN.
 
     """
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = moments
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     (b, c, d), pivots, is_body = _factor(
         (mass, 0.0, 0.0, 0.0), (x, xx, 0.0, 0.0), (y, xy, yy, 0.0), (z, zx, yz, zz)
     )
     # Columns of C = L sqrt(D), and its rows.
-    roots = each(_root, pivots)
+    roots = elementwise(_root, pivots)
     p, q, r, s = (
         (roots[0], b[0] * roots[0], c[0] * roots[0], d[0] * roots[0]),
         (0.0, roots[1], c[1] * roots[1], d[1] * roots[1]),
@@ -162,14 +162,14 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         _solved(series, rows[2]),
         _solved(series, rows[3]),
     )
-    by_weight = each(_inverse, weights)
+    by_weight = elementwise(_inverse, weights)
     e, f, g, h = (
-        each(_times, p, by_weight),
-        each(_times, q, by_weight),
-        each(_times, r, by_weight),
-        each(_times, s, by_weight),
+        elementwise(_times, p, by_weight),
+        elementwise(_times, q, by_weight),
+        elementwise(_times, r, by_weight),
+        elementwise(_times, s, by_weight),
     )
-    found = (
+    after_step = (
         dot(p, e),
         dot(p, f),
         dot(p, g),
@@ -182,28 +182,28 @@ def natural_step(moments: Moments, gradient: Moments, step: float) -> Moments:
         dot(s, f),
     )
     _, _, is_still_body = _factor(
-        (found[0], 0.0, 0.0, 0.0),
-        (found[1], found[4], 0.0, 0.0),
-        (found[2], found[7], found[5], 0.0),
-        (found[3], found[9], found[8], found[6]),
+        (after_step[0], 0.0, 0.0, 0.0),
+        (after_step[1], after_step[4], 0.0, 0.0),
+        (after_step[2], after_step[7], after_step[5], 0.0),
+        (after_step[3], after_step[9], after_step[8], after_step[6]),
     )
-    return found if is_body & is_right & is_still_body else moments
+    return after_step if is_body & is_right & is_still_body else inertial_parameters
 
 
 @formula
-def bounded(moments: Moments, nominal: Moments, upper: float) -> Moments:
+def bounded(inertial_parameters: Moments, nominal: Moments, upper: float) -> Moments:
     """
-    Return a body's moments scaled down to where its mass and size are bounded.
+    Return the inertial parameters of a body, scaled down to bounds of mass and size.
 
-    A multiple of a body is one. Neither its mass nor the sum of its second moments is more than
-    `upper` times the nominal one.
+    Scaling preserves consistency. The bounds of the mass and of the sum of the second moments are
+    `upper` times the nominal values.
     """
     most = upper * nominal[0]
-    part = most / moments[0] if moments[0] > most else 1.0
-    size = moments[4] + moments[5] + moments[6]
+    part = most / inertial_parameters[0] if inertial_parameters[0] > most else 1.0
+    size = inertial_parameters[4] + inertial_parameters[5] + inertial_parameters[6]
     most = upper * (nominal[4] + nominal[5] + nominal[6])
     part = min(part, most / size) if size > most else part
-    return each(_times, moments, part)
+    return elementwise(_times, inertial_parameters, part)
 
 
 @formula
@@ -212,9 +212,9 @@ def _times(value: float, part: float) -> float:
 
 
 @formula
-def _gradient_rows(of: Moments) -> Rows:
-    """Return the symmetric matrix L with tr(L P) = the sum of gradients times moments."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+def _gradient_rows(gradient: Moments) -> Rows:
+    """Return the symmetric matrix L with tr(L P) = the sum of gradients times parameters."""
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = gradient
     return (
         (mass, x / 2.0, y / 2.0, z / 2.0),
         (x / 2.0, xx, xy / 2.0, zx / 2.0),
@@ -238,7 +238,7 @@ def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, 
     """
     Return L and D of a matrix L D L' in rows up to the diagonal, and True if D is positive.
 
-    Of L, the rows below the first, whose entry on the diagonal is 1.
+    Returned are the rows of L below the first; its diagonal entries are 1.
     """
     a0, a_is_right = _pivot(a[0], a[0])
     by = 1.0 / a0
@@ -256,9 +256,9 @@ def _factor(a: Row, b: Row, c: Row, d: Row) -> tuple[tuple[Row, Row, Row], Row, 
 
 
 @formula
-def _pivot(left: float, of: float) -> tuple[float, bool]:
-    """Return what is left of a diagonal entry, 1 in place of what is no pivot, and if it is."""
-    is_right = (left > _LEAST * of) & (left < math.inf)
+def _pivot(left: float, entry: float) -> tuple[float, bool]:
+    """Return the pivot, or 1 if it is not positive, and True if it is positive."""
+    is_right = (left > _LEAST * entry) & (left < math.inf)
     return left if is_right else 1.0, is_right
 
 

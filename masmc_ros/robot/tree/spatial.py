@@ -8,7 +8,7 @@ A rotation R takes components in the child's frame to those in the parent's. The
 of a body holds its moments of mass about the origin of its frame, in SI units: mass, first
 moments x, y, z, and second moments xx, yy, zz, xy, yz, zx (integrals of x x dm, not moments of
 inertia, which are sums of two of them). As the 4 x 4 matrix P = [[Sigma, h], [h', m]] it is
-positive definite for whatever can exist (Wensing, Kim and Slotine, 2018).
+positive definite for every physical body (Wensing, Kim and Slotine, 2018).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Rotation = tuple[float, float, float, float, float, float, float, float, float]
 Moments = tuple[float, float, float, float, float, float, float, float, float, float]
 
 VECTOR: Vector = (0.0, 0.0, 0.0)
-"""A zero vector; as an argument it says how many entries are meant."""
+"""Zero vector; as an argument it defines the number of entries."""
 
 ROTATION: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 """No rotation."""
@@ -29,7 +29,7 @@ MOMENTS: Moments = (0.0,) * 10
 """No mass."""
 
 PER_BODY = len(MOMENTS)
-"""Numbers that a body has in theta."""
+"""Numbers per body in theta."""
 
 
 @formula
@@ -121,9 +121,9 @@ def turn(axis: Vector, sine: float, cosine: float) -> Rotation:
 
 
 @formula
-def moments_in_parent(r: Rotation, p: Vector, of: Moments) -> Moments:
+def moments_in_parent(r: Rotation, p: Vector, inertial_parameters: Moments) -> Moments:
     """Return the moments about the parent's origin of a body at p, turned by R: T P T'."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     h = rotate(r, (x, y, z))
     second = product(product(r, (xx, xy, zx, xy, yy, yz, zx, yz, zz)), transpose(r))
     return (
@@ -168,9 +168,9 @@ def velocity_map(spin: Vector, other: Vector, turn_rate: Vector) -> Rotation:
 
 
 @formula
-def wrench(a: Rotation, c: Vector, of: Moments) -> tuple[Vector, Vector]:
+def wrench(a: Rotation, c: Vector, inertial_parameters: Moments) -> tuple[Vector, Vector]:
     """Return moment about the origin and force that give a body's points A x + c: [A c] P."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     h = (x, y, z)
     n = product(a, (xx, xy, zx, xy, yy, yz, zx, yz, zz))
     moment = (
@@ -182,9 +182,11 @@ def wrench(a: Rotation, c: Vector, of: Moments) -> tuple[Vector, Vector]:
 
 
 @formula
-def momentum(of: Moments, turn_rate: Vector, speed: Vector) -> tuple[Vector, Vector]:
+def momentum(
+    inertial_parameters: Moments, turn_rate: Vector, speed: Vector
+) -> tuple[Vector, Vector]:
     """Return a body's angular momentum about the origin and its momentum, of a velocity."""
-    mass, x, y, z, xx, yy, zz, xy, yz, zx = of
+    mass, x, y, z, xx, yy, zz, xy, yz, zx = inertial_parameters
     w, h = turn_rate, (x, y, z)
     spin = (
         (yy + zz) * w[0] - xy * w[1] - zx * w[2],

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Any robot that a URDF describes as a mechanism: its parameters, names, frames and drawing."""
+"""Mechanism of a robot described by a URDF: parameters, names, frames and drawing."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from masmc_ros.errors import InputError, suggestion
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.numerics.tuples import LONGEST
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.robot.declaration import (
@@ -44,18 +45,15 @@ from masmc_ros.robot.tree.frames import (
 )
 from masmc_ros.robot.tree.model import packed
 from masmc_ros.robot.tree.spatial import rotate, scale, transpose
-from masmc_ros.robot.tree.task.outputs import Robot, Task, task_of
+from masmc_ros.robot.tree.task.outputs import Task, task_of, TaskRobot
 from masmc_ros.robot.urdf import Description, read_urdf, read_urdf_file
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 NAME = 'tree'
-"""As `robot.mechanism` has it."""
+"""Name of the mechanism."""
 
 SPEED_SHARE = 0.9
-"""Share of a joint's speed limit that v_r may have; the rest is for what v differs from it by."""
+"""Share of a joint's speed limit available to v_r; the rest is for the difference v - v_r."""
 
 FRICTIONLESS = 'none'
 """Of the choices of robot.friction."""
@@ -182,7 +180,7 @@ _FRICTION = (('viscous', 'N·m·s', 'N·s/m'), ('coulomb', 'N·m', 'N'))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TreeMechanism(Mechanism):
-    """A mechanism of a URDF."""
+    """Mechanism of a URDF."""
 
     robot: TreeRobot
     model: Array
@@ -193,7 +191,7 @@ class TreeMechanism(Mechanism):
     friction: Array
     """Coefficients of all joints, viscous ones first; none without friction."""
     tips: tuple[str, ...]
-    """Links that have the task; the robot's tip where joints have it."""
+    """Links of the task; the tip of the robot for tasks of joints."""
     held: Mapping[str, float]
     """Positions of the held joints by name."""
     made_of: Mapping[str, Any]
@@ -201,7 +199,7 @@ class TreeMechanism(Mechanism):
 
     @property
     def choice(self) -> dict[str, Any]:
-        """Values of parameters by which it is chosen, also in another process."""
+        """Return the parameter values that select it, also in another process."""
         return dict(self.made_of)
 
     @property
@@ -209,10 +207,10 @@ class TreeMechanism(Mechanism):
         """
         Return the limits of the joints: those of the URDF, speeds also by `robot.speed_limits`.
 
-        Infinite where neither gives one. A speed of 0 in a URDF means that none is known.
+        They are infinite without a limit. A speed of 0 in a URDF is an unknown limit.
         """
         limits = self.robot.limits
-        # A base without wheels is driven as it is, by joints that are none of the URDF's.
+        # The coordinates of a base without wheels are actuated and are no joints of the URDF.
         free = len(self.joints) - len(limits.lower)
         return {
             'lower': np.concatenate([np.full(free, -np.inf), limits.lower]),
@@ -222,13 +220,13 @@ class TreeMechanism(Mechanism):
 
     @cached_property
     def tag(self) -> str:
-        """Return what keeps machine code apart, which depends on numbers of components alone."""
+        """Return the tag of the compiled code, which depends only on numbers of components."""
         sizes = (len(self.twist), len(self.joints), len(self.theta), len(self.axes))
         return ' '.join(map(str, (self.name, *sizes)))
 
     @cached_property
     def formulas(self) -> Any:
-        """Return the formulas of all trees, and what needs names and the URDF of this one."""
+        """Return the formulas of all trees, and the functions for names and URDF of this one."""
         own = {
             name: getattr(self, f'_{name}')
             for name in (
@@ -240,8 +238,8 @@ class TreeMechanism(Mechanism):
         return SimpleNamespace(**{**vars(kernels), **own, **of_size})
 
     def _constants(self, values: Mapping[str, Any]) -> tuple[Array, Array]:
-        """Return the model as one vector; the bodies' moments, then coefficients of friction."""
-        return self.model, np.concatenate([self.robot.moments.ravel(), self.friction])
+        """Return the model as one vector, and theta: inertial parameters, then friction."""
+        return self.model, np.concatenate([self.robot.inertial_parameters.ravel(), self.friction])
 
     def _start(
         self, values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
@@ -278,7 +276,7 @@ class TreeMechanism(Mechanism):
         for i, (parent, child) in enumerate(self.frames[1:], 1):
             joint = below.get(child)
             if joint is None or joint.parent != parent:
-                # The base hangs on what stands above it in the file.
+                # The base is the child of the links above it in the file.
                 rotation, offset = joint_pose(below[parent], 0.0)
                 back = transpose(rotation)
                 origin[i] = pose(back, scale(rotate(back, offset), -1.0))
@@ -290,17 +288,17 @@ class TreeMechanism(Mechanism):
         return Frames(origin, axis, motion, place)
 
     def _frame_origins(self, lengths: Array) -> Array:
-        """Return where the frames are in their parents with all positions zero."""
+        """Return the positions of the frames in their parents with all joints at zero."""
         return self._frames.origin[:, :3]
 
     def _frame_transforms(self, origins: Array, position: Array) -> Array:
-        found: Array = transforms(self._frames, position)
-        return found
+        frame_poses: Array = transforms(self._frames, position)
+        return frame_poses
 
     def _description(
         self, values: Mapping[str, Any], driven: Sequence[str], frame_prefix: str
     ) -> str:
-        """Return the URDF as it was given, with other names where others are asked for."""
+        """Return the URDF, with renamed joints and frames if requested."""
         own = [joint.name for joint in self.joints]
         names = {old: new for old, new in zip(own, driven, strict=True) if old != new}
         if not frame_prefix and not names:
@@ -317,9 +315,9 @@ class TreeMechanism(Mechanism):
 
     def _outline(self, lengths: Array, position: Array) -> Outline:
         """Return the base and the bodies on the way to each tip, seen from above."""
-        of = self._frame_transforms(self._frames.origin, position[None])[0]
+        poses = self._frame_transforms(self._frames.origin, position[None])[0]
         children = (child for _, child in self.frames)
-        places = dict(zip(children, world_of(self.frames, of), strict=True))
+        places = dict(zip(children, world_of(self.frames, poses), strict=True))
         r, origin = places[self.frames[0][1]]
         above = {child: parent for parent, child in self.frames}
         moving = {self.frames[i][1] for i in np.flatnonzero(self._frames.motion)}
@@ -338,14 +336,14 @@ class TreeMechanism(Mechanism):
 
 
 def _as_many(values: Sequence[float], count: int, name: str) -> Array:
-    """Return an entry for each joint of as many, or of one for all."""
+    """Return one value per joint, from as many values or from one for all."""
     if len(values) not in (1, count):
         raise InputError(f'{name}: {len(values)} numbers; expected 1 or {count}, one a joint')
     return np.broadcast_to(np.asarray(values, dtype=np.float64), (count,))
 
 
 def described(urdf: str) -> tuple[str, Description, str]:
-    """Return text, description and name of a URDF that is given as a path or as a text."""
+    """Return text, description and name of a URDF, from a path or a text."""
     if urdf.lstrip().startswith('<'):
         return urdf, read_urdf(urdf, 'robot_description'), 'robot_description'
     path = resource_path(urdf)
@@ -355,9 +353,9 @@ def described(urdf: str) -> tuple[str, Description, str]:
 
 def tree_mechanism(values: Mapping[str, Any]) -> TreeMechanism:
     """
-    Return the mechanism of checked or given values of URDF and PARAMETERS.
+    Return the mechanism of values of URDF and PARAMETERS, checked or not.
 
-    Raises InputError for what is no robot.
+    Raises InputError if they do not describe a robot.
     """
     own = tuple(p.check(values.get(p.name, p.default)) for p in _DESCRIBING)
     return _made(values[URDF], own)
@@ -408,7 +406,7 @@ def _made(urdf: str, own: tuple[Any, ...]) -> TreeMechanism:
     )
     task = task_of(
         values['robot.task'],
-        Robot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
+        TaskRobot(tuple(robot.frames), arm, tip, root, goes_sideways=base != 'differential'),
     )
     bodies = [root, *(j.child for j in robot.joints)]
     limited = _speed_limits(robot, (*drives, *arm), values[SPEED_LIMITS.name])
@@ -480,7 +478,7 @@ def _rest(robot: TreeRobot, values: Mapping[str, Any]) -> Array:
 def _speed_limits(
     robot: TreeRobot, joints: Sequence[Coordinate], settings: Sequence[str]
 ) -> Array:
-    """Return the speed limits of the joints, of the URDF where the parameter has none."""
+    """Return the speed limits of the joints: of the parameter, otherwise of the URDF."""
     own = robot.limits.speed
     speeds = np.full(len(joints), np.inf)
     speeds[len(joints) - len(own):] = np.where(own > 0.0, own, np.inf)
@@ -490,9 +488,9 @@ def _speed_limits(
 def _model(
     robot: TreeRobot, task: Task, values: Mapping[str, Any], speed_limits: Array
 ) -> Array:
-    """Return what the formulas need, as one vector."""
+    """Return the model as one vector."""
     base = robot.tree.base
-    # A joint that is slow by its limit, such as a lift, leaves the task to faster ones.
+    # Joints with a low speed limit, such as a lift, contribute less to the task.
     mobility = np.minimum(1.0, speed_limits**2)
     mobility[:base] = values['robot.base_mobility']
     frames = [robot.frames[link] for link in task.frames]
@@ -517,31 +515,31 @@ def _friction(robot: TreeRobot, values: Mapping[str, Any], joints: int) -> Array
     kind = values['robot.friction']
     if kind == FRICTIONLESS:
         return np.zeros(0)
-    found = np.zeros((2, joints))
+    coefficients = np.zeros((2, joints))
     if kind == 'urdf':
         own = (*(robot.wheels.joints if robot.wheels else ()), *robot.joints)
-        found[0, joints - len(own):] = [joint.damping for joint in own]
-        found[1, joints - len(own):] = [joint.friction for joint in own]
+        coefficients[0, joints - len(own):] = [joint.damping for joint in own]
+        coefficients[1, joints - len(own):] = [joint.friction for joint in own]
     else:
-        for row, (name, _, _) in zip(found, _FRICTION, strict=True):
+        for row, (name, _, _) in zip(coefficients, _FRICTION, strict=True):
             row[:] = _as_many(values[f'robot.{name}_friction'], joints, f'robot.{name}_friction')
-    return found.ravel()
+    return coefficients.ravel()
 
 
 def _limits(robot: TreeRobot, margin: float) -> tuple[Array, Array, Array]:
     """Return lower and upper ends of all velocities' positions, and the margins before them."""
     base, joints = robot.tree.base, len(robot.joints)
-    found = np.zeros((3, base + joints))
+    limits = np.zeros((3, base + joints))
     ends = [end[-joints:] for end in (robot.limits.lower, robot.limits.upper)]
-    found[:2, base:] = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
-    found[2] = margin * (found[1] - found[0])
-    return found[0], found[1], found[2]
+    limits[:2, base:] = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
+    limits[2] = margin * (limits[1] - limits[0])
+    return limits[0], limits[1], limits[2]
 
 
 def _pairs(description: Description, base: str) -> tuple[tuple[str, str], ...]:
     """Return parent and child of every transform, parents first."""
     pairs = [(joint.parent, joint.child) for joint in description.joints.values()]
-    # Links above the base hang on it: it is the base that moves in the world.
+    # Links above the base are its children, because the base moves in the world.
     above = {child: parent for parent, child in pairs}
     link, turned = base, set()
     while link in above:

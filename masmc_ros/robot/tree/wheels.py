@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Wheels that drive a base: the linear map between their rates and the base's.
+Wheels that drive a base: linear map between wheel rates and base velocities.
 
 At the ground a wheel's rim moves against the base's frame by -r rate f, with f the rolling
-direction. What touches the ground there does not slip along a: f itself for a plain wheel and
-for one whose rollers are perpendicular to the axle, the axis of the roller on the ground for a
-mecanum wheel. So the rate is v . a / (r f . a), of the velocity v of the wheel's centre (Muir
-and Neuman 1987; Campion, Bastin and d'Andrea-Novel 1996).
+direction. The contact does not slip along a. For a plain wheel, and for rollers perpendicular to
+the axle, a is f; for a mecanum wheel it is the axis of the roller on the ground. The rate is
+v . a / (r f . a), with the velocity v of the wheel's centre (Muir and Neuman 1987; Campion,
+Bastin and d'Andrea-Novel 1996).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TOLERANCE = 1.0e-3
-"""Sine of an angle, or distance in m, by which wheels may be off."""
+"""Tolerance of wheels: sine of an angle, or distance in m."""
 
 _WAYS = ('ahead', 'sideways', 'around')
 
@@ -45,11 +45,11 @@ class Mount(NamedTuple):
     """Mounting of a wheel in the frame of the base."""
 
     joint: Joint
-    """About which it turns."""
+    """Joint of the wheel."""
     centre: Vector
     """In m."""
     axle: Vector
-    """Unit vector; about it a positive rate turns."""
+    """Unit vector of positive rotation."""
     spin: float
     """Moment of inertia about the axle, in kg m2."""
 
@@ -61,18 +61,18 @@ class Wheels:
 
     With nu the base's rates, u and omega or u, v and omega, in m/s and rad/s: rates of the
     wheels = `matrix` nu, nu = `inverse` rates; forces on nu = `matrix`' torques, and `inverse`'
-    forces are the least torques that give them.
+    forces are the torques of minimum norm for them.
 
     Attributes
     ----------
     joints
-        about which they turn: right and left, or in the order in which they were named.
+        Joints of the wheels: right and left, or in the order of their names.
     radius
         in m.
     matrix
         (N, rates) in rad/m and 1.
     inverse
-        (rates, N), that of least squares where wheels are more than rates.
+        (rates, N), by least squares if there are more wheels than rates.
     spin
         (N) moments of inertia about the axles, in kg m2.
 
@@ -109,16 +109,16 @@ def driving_wheels(
     roller_angles: Sequence[float] = (),
 ) -> Wheels:
     """
-    Make wheels of how they are mounted.
+    Return the wheels of these mountings.
 
     Parameters
     ----------
     base
         DIFFERENTIAL, which needs a right and a left wheel, or OMNIDIRECTIONAL.
     mounts
-        of the wheels.
+        Mountings of the wheels.
     where
-        where they stand, for messages.
+        Source of the description, for messages.
     radius
         in m; 0 for the height of the axles above the base's frame.
     roller_angles
@@ -128,7 +128,7 @@ def driving_wheels(
     Raises
     ------
     InputError
-        where the wheels cannot drive such a base.
+        If the wheels cannot drive such a base.
 
     """
     names = [mount.joint.name for mount in mounts]
@@ -202,7 +202,7 @@ def _row(mount: Mount, slope: float, radius: float) -> tuple[float, float, float
 
 
 def _squares(matrix: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return G' diag(weights) G, symmetric to the bit, and the same on every machine."""
+    """Return G' diag(weights) G, exactly symmetric and bitwise identical on every machine."""
     products = matrix[:, :, None] * matrix[:, None, :]
     return np.asarray((products * weights[:, None, None]).sum(axis=0))
 
@@ -215,20 +215,20 @@ def _inverse(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
     factor(factored)
     largest = squares.diagonal().max()
     for rate in range(rates):
-        # What is left of its column when the others' part is taken away, over all of it; and
-        # nothing turns a base whose wheels stand in one place.
+        # Relative part of its column that is independent of the others; wheels in one place
+        # cannot turn a base.
         own = squares[rate, rate]
         if not (factored[rate, rate] > _TOLERANCE**2 * own > _TOLERANCE**4 * largest):
             raise InputError(
                 f'{what} cannot drive the base {_WAYS[rate]} by itself; expected axles, places or'
                 ' robot.roller_angles that differ more'
             )
-    found = np.empty((rates, wheels))
+    inverse = np.empty((rates, wheels))
     for wheel in range(wheels):
         row = matrix[wheel].copy()
         solve(factored, row)
-        found[:, wheel] = row
-    return found
+        inverse[:, wheel] = row
+    return inverse
 
 
 @formula

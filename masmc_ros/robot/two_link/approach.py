@@ -169,11 +169,11 @@ def regular_posture(
     that its joint velocities (4) stretch or fold within a quarter of a second.
     """
     singular = round(float(angles[3]) / math.pi) * math.pi
-    now = float(angles[3]) - singular
-    side = math.copysign(1.0, now)
-    soon = side * (now + _AHEAD * float(rates[3]))
-    if side * now >= _STRETCHED and _STRETCHED <= soon <= math.pi - _STRETCHED:
+    angle = float(angles[3]) - singular
+    side = math.copysign(1.0, angle)
+    soon = side * (angle + _AHEAD * float(rates[3]))
+    if side * angle >= _STRETCHED and _STRETCHED <= soon <= math.pi - _STRETCHED:
         return None
     bent = angles.copy()
-    bent[3] = singular + side * max(_BENT, side * now)
+    bent[3] = singular + side * max(_BENT, side * angle)
     return bent

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Which base parameters a robot can have at all.
+Physical consistency of base parameters.
 
 With l = arm_base and L_1 = link_1, let
 
@@ -38,7 +38,7 @@ def weakest_motion(
     """
     Return the first pivot of Q = L D L' that is not positive, and x with x' Q x = pivot.
 
-    Where all are positive, the last one and its x.
+    If all are positive, it is the last one with its x.
     """
     l, link = geometry.arm_base, geometry.link_1  # noqa: E741 - the paper's symbol
     first = theta.mass

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lengths and base parameters made of physical parameters, and what follows from them."""
+"""Lengths and base parameters from physical parameters, and reach of the arm."""
 
 from __future__ import annotations
 

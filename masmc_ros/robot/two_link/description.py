@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot as URDF: what it looks like, what it weighs, how its parts move.
+URDF of the robot: shapes, masses and joints.
 
 Frames and joints are those of `frames` and of joint_states. Masses, centres of mass and
 inertias about the vertical are the parameters'. What a planar model does not know is filled
@@ -71,7 +71,7 @@ def description(values: Mapping[str, Any], driven: Sequence[str], frame_prefix: 
         as `constants`.
 
     """
-    p = {each.name.removeprefix('robot.'): values[each.name] for each in ROBOT}
+    p = {parameter.name.removeprefix('robot.'): values[parameter.name] for parameter in ROBOT}
     geometry, _ = constants(p)
     root = Xml.Element('robot', name='mobile_manipulator')
     for name, colour in _COLOURS.items():
@@ -104,7 +104,7 @@ def _inertias(p: Mapping[str, float], geometry: Geometry) -> dict[str, _Inertia]
         p['wheel_mass'], (0.0, 0.0, 0.0), (wheel_yaw, p['wheel_spin_inertia'], wheel_yaw)
     )
     platform = p['platform_inertia']
-    found = {
+    inertias = {
         'base_link': _Inertia(
             p['platform_mass'],
             (p['com_offset'], 0.0, 0.5 * PLATFORM_TOP * radius),
@@ -117,8 +117,8 @@ def _inertias(p: Mapping[str, float], geometry: Geometry) -> dict[str, _Inertia]
         mass, inertia = p[f'{link}_mass'], p[f'{link}_inertia']
         along = min(mass * thickness * thickness / 6.0, inertia)
         centre = (p[f'{link}_com'], 0.0, 0.0)
-        found[link] = _Inertia(mass, centre, (along, inertia, inertia))
-    return {link: inertia for link, inertia in found.items() if inertia.mass > 0.0}
+        inertias[link] = _Inertia(mass, centre, (along, inertia, inertia))
+    return {link: inertia for link, inertia in inertias.items() if inertia.mass > 0.0}
 
 
 def _shapes(geometry: Geometry, com_offset: float) -> dict[str, list[_Shape]]:

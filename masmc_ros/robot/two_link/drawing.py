@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.declaration import Outline, Shape
 from masmc_ros.robot.two_link.geometry import Geometry
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 _WHEEL_WIDTH = 0.35
 """Width relative to a wheel's radius; no parameter has it."""
 
 
-def outline(lengths: Floats, position: Floats) -> Outline:
+def outline(lengths: Array, position: Array) -> Outline:
     """Return the drawing of lengths (5) at one position (7) in the order of joint_states."""
     geometry = Geometry(*lengths)
     x, y, yaw = (float(value) for value in position[:3])
@@ -34,7 +32,7 @@ def outline(lengths: Floats, position: Floats) -> Outline:
     return Outline((x, y), shapes, below=b + 2.0 * r, text=2.0 * r)
 
 
-def arm_points(geometry: Geometry, position: Floats) -> Floats:
+def arm_points(geometry: Geometry, position: Array) -> Array:
     """Return (3, 2) world positions in m of the arm's base, its elbow and its end."""
     x, y, yaw, _, _, arm_1, arm_2 = (float(value) for value in position)
     lengths = (geometry.arm_base, geometry.link_1, geometry.link_2)
@@ -43,19 +41,19 @@ def arm_points(geometry: Geometry, position: Floats) -> Floats:
         (length * math.cos(heading), length * math.sin(heading))
         for length, heading in zip(lengths, headings, strict=True)
     ]
-    points: Floats = np.array([x, y]) + np.cumsum(steps, axis=0)
+    points: Array = np.array([x, y]) + np.cumsum(steps, axis=0)
     return points
 
 
-def _rectangle(left: float, half_length: float, half_width: float) -> Floats:
+def _rectangle(left: float, half_length: float, half_width: float) -> Array:
     """Return the corners (4, 2) of a rectangle, `left` of the axle's middle by so many m."""
     signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
-    corners: Floats = np.array([0.0, left]) + signs * (half_length, half_width)
+    corners: Array = np.array([0.0, left]) + signs * (half_length, half_width)
     return corners
 
 
-def _place(points: Floats, x: float, y: float, yaw: float) -> Floats:
+def _place(points: Array, x: float, y: float, yaw: float) -> Array:
     """Move points (n, 2) from the platform's frame into the world."""
     c, s = math.cos(yaw), math.sin(yaw)
-    placed: Floats = points @ np.array([[c, s], [-s, c]]) + (x, y)
+    placed: Array = points @ np.array([[c, s], [-s, c]]) + (x, y)
     return placed

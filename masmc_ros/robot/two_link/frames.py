@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Where the robot's frames are: the transforms that move it on the screen.
+Transforms of the robot's frames.
 
 The model is planar and knows no heights. They are chosen here, so that the wheels stand on
 the plane z = 0 of `odom` and the arm's links lie on the platform, one above the other:

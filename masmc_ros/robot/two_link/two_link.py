@@ -16,7 +16,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import get
 from masmc_ros.robot.forward_dynamics import joint_accelerations
-from masmc_ros.robot.gradient_step import keeps_bodies, theta_step
+from masmc_ros.robot.gradient_step import preserves_consistency, theta_step
 from masmc_ros.robot.square_task import (
     motion_error,
     reference_motion,
@@ -47,10 +47,10 @@ __all__ = [
     'frame_origins',
     'frame_transforms',
     'joint_accelerations',
-    'keeps_bodies',
     'motion_error',
     'out_of_reach',
     'outline',
+    'preserves_consistency',
     'reference_motion',
     'regular_posture',
     'start',
@@ -143,13 +143,13 @@ def task_drift(model: Geometry, posture: Posture, motion: Quad, reference: Quad)
 
 
 @formula
-def motion_from_task(model: Geometry, posture: Posture, rates: Quad, like: Quad) -> Quad:
+def motion_from_task(model: Geometry, posture: Posture, rates: Quad, template: Quad) -> Quad:
     """Return J^-1 xdot."""
     return kinematics.quasi_from_task(model, posture, rates[0], rates[1], rates[2], rates[3])
 
 
 @formula
-def forces_from_task(model: Geometry, posture: Posture, force: Quad, like: Quad) -> Quad:
+def forces_from_task(model: Geometry, posture: Posture, force: Quad, template: Quad) -> Quad:
     """Return J' F."""
     return kinematics.quasi_force_from_task(
         model, posture, force[0], force[1], force[2], force[3]
@@ -186,7 +186,7 @@ def regressor_times(model: Geometry, y: Regressor, theta: Theta) -> Quad:
 
 @formula
 def regressor_transpose_times(
-    model: Geometry, y: Regressor, motion: Quad, like: Theta
+    model: Geometry, y: Regressor, motion: Quad, template: Theta
 ) -> Theta:
     """Return Y' v."""
     return dynamics.regressor_transpose_times(y, motion[0], motion[1], motion[2], motion[3])
@@ -226,7 +226,7 @@ def weakest_motion(model: Geometry, theta: Theta) -> tuple[float, Quad]:
 
 
 @formula
-def consistency_normal(model: Geometry, x: Quad, like: Theta) -> Theta:
+def consistency_normal(model: Geometry, x: Quad, template: Theta) -> Theta:
     """Return the vector n with n' theta = x' Q(theta) x."""
     return consistency.normal(model, x[0], x[1], x[2], x[3])
 

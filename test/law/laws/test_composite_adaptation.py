@@ -81,8 +81,8 @@ def test_composite_adaptation_after_pause_ignores_prediction() -> None:
     reference, _ = at_random(0, 'rasmc')
     for known in (controller, reference):
         tick(known, at)
-    controller.rest()
-    reference.rest()
+    controller.output_not_applied()
+    reference.output_not_applied()
     for known in (controller, reference):
         tick(known, at)
     assert (controller.estimate == reference.estimate).all()

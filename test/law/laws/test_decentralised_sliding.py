@@ -54,8 +54,8 @@ def test_decentralised_sliding_reaches_surface_in_time() -> None:
         )
     )
     simulation.controller.settings['group'] = 0
-    stretch = next(simulation.run(block=10**6))
-    s = np.abs(np.array(stretch.surface))
+    tick_block = next(simulation.run(block=10**6))
+    s = np.abs(np.array(tick_block.surface))
     reaching = np.log((q * s[0] + p) / (q * delta + p)) / q
     reached = (s > delta).sum(axis=0) * 0.0005
     assert reaching.max() > 0.1

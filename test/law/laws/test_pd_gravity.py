@@ -58,7 +58,7 @@ def test_pd_gravity_lift_torque_supports_its_load(tmp_path: Path) -> None:
     settings = (f'controller.law={LAW}', 'controller.model_scale=0.5', *no_gains)
     simulation = Simulation(load_scenario(str(scenario), settings))
     plant, controller = simulation.plant, simulation.controller
-    controller.tick(plant.position, plant.velocity, np.zeros(controller.now['reference'].size))
+    controller.tick(plant.position, plant.velocity, np.zeros(controller.signals['reference'].size))
     assert controller.raw_torque[3] == pytest.approx(0.5 * 5.1 * 9.81, rel=1e-9)
     assert controller.raw_torque[:3] == pytest.approx(0.0, abs=1e-9)
 

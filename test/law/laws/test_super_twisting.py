@@ -17,7 +17,7 @@ from masmc_ros.law.sliding.super_twisting import MEMORY, PARAMETERS
 from masmc_ros.law.tick import Tick
 from masmc_ros.numerics.compiled import formula
 from masmc_ros.numerics.record import get, put
-from masmc_ros.numerics.tuples import each
+from masmc_ros.numerics.tuples import elementwise
 import numpy as np
 import pytest
 from robots import Array
@@ -99,9 +99,10 @@ def _integrated(w: float, s: float, k_2: float, period: float) -> float:
 @formula
 def _torque(settings: Any, tick: Tick, memory: Any, lane: int) -> tuple[float, ...]:
     w = get(memory, 'super_twisting_w', lane)
-    nu = each(_explicit, tick.surface, w, get(settings, 'super_twisting_k_1', lane))
+    nu = elementwise(_explicit, tick.surface, w, get(settings, 'super_twisting_k_1', lane))
     k_2 = get(settings, 'super_twisting_k_2', lane)
-    put(memory, 'super_twisting_w', lane, each(_integrated, w, tick.surface, k_2, tick.period))
+    w_next = elementwise(_integrated, w, tick.surface, k_2, tick.period)
+    put(memory, 'super_twisting_w', lane, w_next)
     return surface_torque(tick, get(memory, 'estimate', lane), get(settings, 'sigma', lane), nu)
 
 

@@ -40,7 +40,7 @@ def test_time_delay_after_pause_restarts_with_model() -> None:
     controller, at = at_random(0, LAW)
     first = tick(controller, at)
     assert (tick(controller, at) != first).any()
-    controller.rest()
+    controller.output_not_applied()
     assert (tick(controller, at) == first).all()
 
 

@@ -3,31 +3,31 @@
 
 
 """
-Drift of a tree: estimated accelerations in the directions that its task does not see.
+Drift of a tree: estimated accelerations in the null space of its task.
 
-Without them and disturbances, sigma = nu - nu_r decays with the rate kappa of `damping`. What it
-does instead from tick to tick is measured, and the estimate follows it,
+Without drift and disturbances, sigma = nu - nu_r decays with the rate kappa of `damping`. The
+estimate follows the measured deviation from this decay,
 
     drift <- N (drift + L / T (sigma - (1 - kappa T) sigma_before)),   N = 1 - W^-1 J' A^-1 J,
 
 with A = J W^-1 J' + lambda^2 of `redundancy`. L is that of a Kalman filter of a constant: 1/2 at
-first, then 1/3, 1/4, ..., down to what follows changes at `drift_rate`. So a model that is wrong
-from the start costs a few ticks, and noise of the velocities is averaged afterwards.
+first, then 1/3, 1/4, ..., down to the gain for `drift_rate`. The estimate therefore compensates an
+initial model error within a few ticks, and averages velocity noise afterwards.
 
-While a law still reaches for the surface, its own forces accelerate the robot, and nothing is
-estimated. Nor is anything while a torque stays at the same limit for more than LONGEST_LIMITED,
-which would wind the estimate up. Noise alone drives torques from one limit to the other.
+The estimate is constant while the law approaches the surface, because its forces accelerate the
+robot. To avoid wind-up, it is also constant while a torque is at the same limit for more than
+LONGEST_LIMITED. Noise alone drives torques from one limit to the other.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from masmc_ros.numerics.aliases import Numbers
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.scalars import minus
-from masmc_ros.numerics.tuples import dot, each, least
-from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.numerics.tuples import dot, elementwise, least
 from masmc_ros.robot.tree.kinematics import Posture
 from masmc_ros.robot.tree.model import damping_of, drift_rate_of, TreeModel
 from masmc_ros.robot.tree.task.redundancy import motion_from_task
@@ -46,14 +46,14 @@ def reachable_surface(
     model: TreeModel, posture: Posture, motion: Numbers, reference: Numbers, surface: Numbers
 ) -> Numbers:
     """Return J (nu - nu_r)."""
-    found: Numbers = task_velocity(model, posture, each(minus, motion, reference))
-    return found
+    reachable: Numbers = task_velocity(model, posture, elementwise(minus, motion, reference))
+    return reachable
 
 
 @formula
 def compensated(model: TreeModel, acceleration: Numbers, drift: Numbers) -> Numbers:
-    """Return a_r less the estimated drift."""
-    return each(minus, acceleration, drift)
+    """Return a_r minus the estimated drift."""
+    return elementwise(minus, acceleration, drift)
 
 
 @formula
@@ -68,7 +68,7 @@ def _decayed(error: float, share: float) -> float:
 
 @formula
 def _limited(time: float, missing: float, period: float) -> float:
-    """Return how long a torque is at the same limit, positive at its upper one."""
+    """Return the time of a torque at the same limit in s, positive at the upper one."""
     upper = (time if time > 0.0 else 0.0) + period
     lower = (time if time < 0.0 else 0.0) - period
     return upper if missing > 0.0 else (lower if missing < 0.0 else 0.0)
@@ -81,9 +81,9 @@ def _ahead(time: float, longest: float) -> float:
 
 @kernel
 def _unseen(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
-    """Return N nu, the part of velocities that the task does not see."""
+    """Return N nu, the velocities in the null space of the task."""
     seen = task_velocity(model, posture, motion)
-    return each(minus, motion, motion_from_task(model, posture, seen, motion))
+    return elementwise(minus, motion, motion_from_task(model, posture, seen, motion))
 
 
 @formula
@@ -98,20 +98,21 @@ def follow_drift(
     surface: Numbers,
     missing: Numbers,
 ) -> None:
-    """Update the estimated drift in the memory; drives that follow rates have none."""
+    """Update the estimated drift in the memory; it is zero with commanded rates."""
     rate = drift_rate_of(model)
     if (rate > 0.0) & (get(settings, 'takes_rates', lane) == 0):
         period, gain = get(settings, 'period', lane), get(memory, 'drift_gain', lane)
-        error, predicted = each(minus, motion, reference), get(memory, 'drift_predicted', lane)
+        error = elementwise(minus, motion, reference)
+        predicted = get(memory, 'drift_predicted', lane)
         is_reached = dot(surface, surface) <= REACHED * REACHED
         if is_reached & (predicted[0] == predicted[0]):
             drift = get(memory, 'drift', lane)
-            drift = each(_corrected, drift, error, predicted, gain / period)
+            drift = elementwise(_corrected, drift, error, predicted, gain / period)
             put(memory, 'drift', lane, _unseen(model, posture, drift))
             slowest = rate * period / (1.0 + rate * period)
             put(memory, 'drift_gain', lane, max(slowest, gain / (1.0 + gain)))
-        limited = each(_limited, get(memory, 'drift_limited', lane), missing, period)
+        limited = elementwise(_limited, get(memory, 'drift_limited', lane), missing, period)
         put(memory, 'drift_limited', lane, limited)
-        persists = least(each(_ahead, limited, LONGEST_LIMITED)) < 0.0
+        persists = least(elementwise(_ahead, limited, LONGEST_LIMITED)) < 0.0
         share = np.nan if persists else 1.0 - damping_of(model) * period
-        put(memory, 'drift_predicted', lane, each(_decayed, error, share))
+        put(memory, 'drift_predicted', lane, elementwise(_decayed, error, share))

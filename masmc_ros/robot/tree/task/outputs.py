@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What a tree's task is made of: outputs, each of a frame or of joints, and the axes that they have.
+Outputs of the task of a tree, each of a frame or of joints, and their axes.
 
-This is the one place that knows them: coordinates, names, units and what reports show follow.
+Only this module defines outputs; coordinates, names, units and reports are derived from it.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ OUTPUTS = {
     'base': (0, 1, 5),
     'heading': (5,),
 }
-"""Kinds of outputs of frames: which of x, y, z and the rotation about them each has."""
+"""Types of outputs of frames, with their entries of x, y, z and the rotations."""
 
 JOINTS = 'joints'
-"""The kind of output of joints."""
+"""Type of output of joints."""
 
 _OF_BASE = ('base', 'heading')
-"""Kinds that are the base's where they name no frame."""
+"""Types that refer to the base unless they name a frame."""
 
 _AXES = (('x', 'm'), ('y', 'm'), ('z', 'm'), ('rx', 'rad'), ('ry', 'rad'), ('rz', 'rad'))
 """Coordinates of a frame."""
 
 
-class Robot(NamedTuple):
+class TaskRobot(NamedTuple):
     """Available frames and joints of outputs."""
 
     links: Collection[str]
     joints: Sequence[Coordinate]
-    """Those that are controlled, without wheels."""
+    """Controlled joints, without wheels."""
     tip: str
-    """Link of the outputs that name none."""
+    """Default link of outputs."""
     base: str
-    """Link that those of the base are of."""
+    """Link of outputs of the base."""
     goes_sideways: bool
-    """Whether its base can, or stands."""
+    """True if the base can move sideways, or is fixed."""
 
 
 class Task(NamedTuple):
@@ -58,76 +58,77 @@ class Task(NamedTuple):
     frames: tuple[str, ...]
     """Links, each once."""
     places: tuple[int, ...]
-    """Of the axes among the coordinates of `task.py`."""
+    """Indices of the axes among the coordinates of `task.py`."""
     axes: tuple[Quantity, ...]
     points: tuple[Point, ...]
     """Groups of axes that reports evaluate together."""
 
     def rest(self, posture: Sequence[float]) -> tuple[float, ...]:
-        """Return for each axis the position in a posture of its joint; 0 for one of a frame."""
+        """Return the joint position of each axis in a posture; 0 for axes of frames."""
         first = len(_AXES) * len(self.frames)
         return tuple(posture[at - first] if at >= first else 0.0 for at in self.places)
 
 
 class _Output(NamedTuple):
-    """One of them; of joints the link is empty."""
+    """Output; for joints the link is empty."""
 
     kind: str
     link: str
     axes: tuple[int, ...]
-    """Among the coordinates of the frame, or among the joints."""
+    """Indices among the coordinates of the frame, or among the joints."""
 
 
-def task_of(texts: Sequence[str], robot: Robot) -> Task:
-    """Return what outputs come to, each a kind, and what it is of; InputError for what is none."""
-    outputs = [_output(text, robot) for text in texts]
-    frames = tuple(dict.fromkeys(each.link for each in outputs if each.link))
+def task_of(texts: Sequence[str], task_robot: TaskRobot) -> Task:
+    """Return the task of outputs, each a type and its target; may raise InputError."""
+    outputs = [_output(text, task_robot) for text in texts]
+    frames = tuple(dict.fromkeys(output.link for output in outputs if output.link))
     places: list[int] = []
     axes: list[Quantity] = []
-    for text, each in zip(texts, outputs, strict=True):
-        first = len(_AXES) * (frames.index(each.link) if each.link else len(frames))
-        end = each.link if len(frames) > 1 else 'tip'
-        for axis in each.axes:
+    for text, output in zip(texts, outputs, strict=True):
+        first = len(_AXES) * (frames.index(output.link) if output.link else len(frames))
+        end = output.link if len(frames) > 1 else 'tip'
+        for axis in output.axes:
             if first + axis in places:
                 raise InputError(
                     f"robot.task: '{text}' has an axis that one before it has; expected each once"
                 )
             places.append(first + axis)
-            if each.link:
+            if output.link:
                 name, unit = _AXES[axis]
                 axes.append(Quantity(f'{name}_{end}', unit))
             else:
-                joint = robot.joints[axis]
+                joint = task_robot.joints[axis]
                 axes.append(Quantity(joint.name, joint.unit))
     if not 0 < len(axes) <= LONGEST:
         raise InputError(f'robot.task: {len(axes)} axes; expected 1 to {LONGEST}')
     return Task(frames, tuple(places), tuple(axes), _points(outputs, axes))
 
 
-def _output(text: str, robot: Robot) -> _Output:
-    kind, _, of = text.strip().partition(' ')
-    of = of.strip()
+def _output(text: str, task_robot: TaskRobot) -> _Output:
+    kind, _, target = text.strip().partition(' ')
+    target = target.strip()
     if kind == JOINTS:
-        names = [joint.name for joint in robot.joints]
-        unknown = [name for name in of.split() if name not in names]
+        names = [joint.name for joint in task_robot.joints]
+        unknown = [name for name in target.split() if name not in names]
         if unknown:
             raise InputError(
                 f"robot.task: no joint '{unknown[0]}' is controlled; "
                 f'{suggestion(unknown[0], tuple(names))}'
             )
-        return _Output(kind, '', tuple(names.index(name) for name in of.split() or names))
+        return _Output(kind, '', tuple(names.index(name) for name in target.split() or names))
     if kind not in OUTPUTS:
         kinds = (*OUTPUTS, JOINTS)
         raise InputError(f"robot.task: no output '{kind}'; {suggestion(kind, kinds)}")
-    if kind == 'base' and not robot.goes_sideways:
+    if kind == 'base' and not task_robot.goes_sideways:
         raise InputError(
             'robot.task = base: expected robot.base omnidirectional or fixed; of two wheels take '
             'heading, and planar of a frame ahead of their axle, as none of their motions is '
             'sideways'
         )
-    link = of or (robot.base if kind in _OF_BASE else robot.tip)
-    if link not in robot.links:
-        raise InputError(f"robot.task: no link '{link}'; {suggestion(link, tuple(robot.links))}")
+    link = target or (task_robot.base if kind in _OF_BASE else task_robot.tip)
+    if link not in task_robot.links:
+        known = suggestion(link, tuple(task_robot.links))
+        raise InputError(f"robot.task: no link '{link}'; {known}")
     return _Output(kind, link, OUTPUTS[kind])
 
 
@@ -142,16 +143,16 @@ class _Part(NamedTuple):
 
 
 def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point, ...]:
-    """Return x and y of each output that has them, rotations alone, and joints of one unit."""
+    """Return the points of reports: x and y of outputs, rotations, and joints of one unit."""
     parts, at = [], 0
-    for each in outputs:
-        end = at + len(each.axes)
-        if not each.link:
+    for output in outputs:
+        end = at + len(output.axes)
+        if not output.link:
             parts += _of_joints(axes, at, end)
-        elif each.axes[:2] == OUTPUTS['planar']:
-            parts.append(_Part(each.link, at, 2, 'm', is_place=True))
+        elif output.axes[:2] == OUTPUTS['planar']:
+            parts.append(_Part(output.link, at, 2, 'm', is_place=True))
         else:
-            parts.append(_Part(f'{each.kind} of {each.link}', at, len(each.axes), 'rad'))
+            parts.append(_Part(f'{output.kind} of {output.link}', at, len(output.axes), 'rad'))
         at = end
     if len(parts) == 1:
         (only,) = parts
@@ -165,12 +166,12 @@ def _points(outputs: Sequence[_Output], axes: Sequence[Quantity]) -> tuple[Point
 def _of_joints(axes: Sequence[Quantity], first: int, end: int) -> list[_Part]:
     """Return neighbours of the same unit."""
     changes = [i for i in range(first + 1, end) if axes[i].unit != axes[i - 1].unit]
-    found = []
+    numbers = []
     for begin, stop in zip((first, *changes), (*changes, end), strict=True):
         name = f'{axes[begin].name} to {axes[stop - 1].name}'
         name = axes[begin].name if stop == begin + 1 else name if changes else JOINTS
-        found.append(_Part(name, begin, stop - begin, axes[begin].unit))
-    return found
+        numbers.append(_Part(name, begin, stop - begin, axes[begin].unit))
+    return numbers
 
 
 def _point(symbol: str, part: _Part) -> Point:

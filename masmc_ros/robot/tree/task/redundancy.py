@@ -4,31 +4,31 @@
 """
 Motion and forces of a robot that has more velocities than its task.
 
-It chooses the velocities that cost least: with what else it would like to do, z, and mobilities
-W^-1, which go to zero in a margin before a joint's ends,
+The velocities minimise a weighted norm, with secondary velocities z and mobilities W^-1, which go
+to zero in a margin before a joint's ends,
 
     nu_r = z + W^-1 J' y,   (J W^-1 J' + lambda^2) y = xdot_r - J z,
 
-lambda being 0 where the task is not singular. If a joint would be faster than its speed limit
-allows, all of nu_r is divided by the same rho. a_r is the exact derivative for a constant lambda,
-less kappa sigma: H kappa sigma damps what the task does not see with the robot's own inertia,
-which is stable for any kappa, where gains that know no inertia are not.
+where lambda is 0 unless the task is singular. If a joint would exceed its speed limit, nu_r is
+divided by a common factor rho. a_r is the exact derivative for a constant lambda, minus kappa
+sigma: H kappa sigma damps the null space with the inertia of the robot, which is stable for any
+kappa, unlike gains without inertia.
 
 lambda^2 = b (1 - p / b)^2 grows from zero as the smallest pivot p of J W^-1 J' falls below b, the
-larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. So the task is damped before a joint would have
-to be faster than about 1 / DAMPED_TIME, in rad/s or m/s, if any of them has a speed limit.
+larger of `least_pivot` and (DAMPED_TIME xdot_r)^2. If any joint has a speed limit, the task is
+therefore damped before a joint speed of about 1 / DAMPED_TIME, in rad/s or m/s.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, taken
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import array_of, to_vector
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.elimination import factor, solve
 from masmc_ros.numerics.scratch import clear, copy_into, scratch
-from masmc_ros.numerics.tuples import tabulate
-from masmc_ros.robot.mechanism import Numbers
+from masmc_ros.numerics.tuples import from_index
 from masmc_ros.robot.tree.dynamics import write_inertia
 from masmc_ros.robot.tree.kinematics import joint_position, Posture
 from masmc_ros.robot.tree.model import (
@@ -77,41 +77,43 @@ def _write_mobilities(
 
 
 @kernel
-def _factored(model: TreeModel, columns: Any, weights: Any, square: float, found: Any) -> bool:
+def _factored(
+    model: TreeModel, columns: Any, weights: Any, square: float, factorised: Any
+) -> bool:
     """
-    Write the factors of J W^-1 J' + lambda^2, and return whether the task is singular.
+    Write the factors of J W^-1 J' + lambda^2, and return True if the task is singular.
 
-    `square` is that of the task's velocity that they are for.
+    `square` is the squared task velocity.
     """
     m, bound = len(model.axes), least_pivot_of(model)
-    _write_compliance(model, columns, weights, found)
-    factor(found)
-    least = found[0, 0]
+    _write_compliance(model, columns, weights, factorised)
+    factor(factorised)
+    least = factorised[0, 0]
     for i in range(m):
-        least = min(least, found[i, i])
+        least = min(least, factorised[i, i])
     is_singular = not least > bound
     time = damped_time_of(model)
     bound = max(bound, time * time * square)
     if not least > bound:
         short = 1.0 - max(least, 0.0) / bound
         damping = bound * short * short
-        _write_compliance(model, columns, weights, found)
+        _write_compliance(model, columns, weights, factorised)
         for i in range(m):
-            found[i, i] += damping
-        factor(found)
+            factorised[i, i] += damping
+        factor(factorised)
     return is_singular
 
 
 @formula
-def _write_compliance(model: TreeModel, columns: Any, weights: Any, found: Any) -> None:
+def _write_compliance(model: TreeModel, columns: Any, weights: Any, compliance: Any) -> None:
     """Write J W^-1 J'."""
     m = len(model.axes)
-    clear(found)
+    clear(compliance)
     for k in range(len(columns)):
         for i in range(m):
             part = weights[k] * columns[k, i]
             for j in range(m):
-                found[i, j] += part * columns[k, j]
+                compliance[i, j] += part * columns[k, j]
 
 
 @formula
@@ -154,7 +156,7 @@ def reference_motion(
     velocity: Numbers,
     acceleration: Numbers,
 ) -> tuple[Numbers, Numbers, bool]:
-    """Return nu_r, a_r - kappa (nu - nu_r), and whether the task is close to singular."""
+    """Return nu_r, a_r - kappa (nu - nu_r), and True if the task is close to singular."""
     base, gain, damping = base_of(model), posture_gain_of(model), damping_of(model)
     nu, at = array_of(motion), array_of(position)
     y, y_dot = array_of(velocity), array_of(acceleration)
@@ -164,7 +166,7 @@ def reference_motion(
     write_task_jacobian(model, posture, columns)
     write_task_jacobian_rate(model, posture, nu, changes)
     _write_mobilities(model, posture, nu, weights, growths)
-    # z and its derivative: the joints tend to their posture, the base to nothing.
+    # z and its derivative: joints move to their preferred positions, the base does not.
     z, z_dot = scratch(size), scratch(size)
     clear(z)
     clear(z_dot)
@@ -194,15 +196,15 @@ def reference_motion(
     _limit_speeds(model, v_r, a_r)
     for k in range(size):
         a_r[k] -= damping * (nu[k] - v_r[k])
-    return taken(v_r, motion), taken(a_r, motion), singular
+    return to_vector(v_r, motion), to_vector(a_r, motion), singular
 
 
 @kernel
 def motion_from_task(
-    model: TreeModel, posture: Posture, rates: Numbers, like: Numbers
+    model: TreeModel, posture: Posture, rates: Numbers, template: Numbers
 ) -> Numbers:
     """Return W^-1 J' (J W^-1 J' + lambda^2)^-1 xdot."""
-    size, m = len(posture.screws), len(model.axes)
+    size, m = len(posture.motion_subspaces), len(model.axes)
     columns, weights, factors = scratch(size, m), scratch(size), scratch(m, m)
     y, still, growths = array_of(rates), scratch(size), scratch(size)
     clear(still)
@@ -213,13 +215,13 @@ def motion_from_task(
     out = scratch(size)
     for k in range(size):
         out[k] = weights[k] * _along(model, columns, k, y)
-    return taken(out, like)
+    return to_vector(out, template)
 
 
 @kernel
 def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
-    """Return (J H^-1 J')^-1 (m, m), a little damped where that is singular."""
-    m, size = len(model.axes), len(posture.screws)
+    """Return (J H^-1 J')^-1 (m, m), slightly damped if it is singular."""
+    m, size = len(model.axes), len(posture.motion_subspaces)
     columns, h = scratch(size, m), scratch(size, size)
     write_task_jacobian(model, posture, columns)
     write_inertia(model, posture, array_of(theta), h)
@@ -257,16 +259,16 @@ def _task_inertia(model: TreeModel, posture: Posture, theta: Any) -> Any:
 
 
 @formula
-def _entry_of(of: tuple[Any, int], i: int) -> float:
-    return of[0][of[1], i]
+def _entry_of(matrix_and_column: tuple[Any, int], i: int) -> float:
+    return matrix_and_column[0][matrix_and_column[1], i]
 
 
 @formula
-def _column_of(of: tuple[Any, Numbers], j: int) -> Numbers:
-    return tabulate(_entry_of, of[1], (of[0], j))
+def _column_of(matrix_and_surface: tuple[Any, Numbers], j: int) -> Numbers:
+    return from_index(_entry_of, matrix_and_surface[1], (matrix_and_surface[0], j))
 
 
 @formula
 def task_inertia(model: TreeModel, posture: Posture, theta: Numbers, surface: Numbers) -> Any:
     """Return (J H^-1 J')^-1 by its columns, kg, kg m and kg m^2."""
-    return tabulate(_column_of, surface, (_task_inertia(model, posture, theta), surface))
+    return from_index(_column_of, surface, (_task_inertia(model, posture, theta), surface))

@@ -95,7 +95,7 @@ def vector_of(r: Rotation) -> Vector:
     if sine > 0.1 or cosine > 0.0:
         t = angle_of(sine, cosine)
         return scale(twist, t / sine if sine > 0.0 else 1.0)
-    # Close to half a turn the sine says little of the axis, but R + R' does: the column of
+    # Close to half a turn the sine is inaccurate for the axis, but R + R' is not: the column of
     # R + I - (1 + cos t) I + ... with the largest diagonal.
     i = 0 if r[0] >= r[4] and r[0] >= r[8] else (1 if r[4] >= r[8] else 2)
     column = (

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What follows a path of a tree: poses of frames and positions of joints, or some of their entries.
+Task of a tree: poses of frames and positions of joints, or some of their entries.
 
 A tree's *coordinates* are x, y, z of the origin in m and the rotation vector in rad of each frame
-that has a task, in the world's frame, one frame after the other, then the positions of all joints.
-The task's axes are places among them, which `outputs.py` finds. Its velocities are the origins' in
+in the task, in the world's frame, one frame after the other, then the positions of all joints.
+`outputs.py` determines the indices of the task axes among them. Its velocities are the origins' in
 m/s, the angular velocities in rad/s and the joints' rates.
 """
 
@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from masmc_ros.numerics.arrays import array_of, read_part, taken, write_part
+from masmc_ros.numerics.aliases import Numbers
+from masmc_ros.numerics.arrays import array_of, read_part, to_vector, write_part
 from masmc_ros.numerics.compiled import formula, kernel
 from masmc_ros.numerics.scalars import minus
 from masmc_ros.numerics.scratch import clear, scratch
-from masmc_ros.numerics.tuples import each, tabulate
-from masmc_ros.robot.mechanism import Numbers, Tracking
+from masmc_ros.numerics.tuples import elementwise, from_index
+from masmc_ros.robot.mechanism import Tracking
 from masmc_ros.robot.tree.kinematics import (
     add_point_forces,
     joint_position,
@@ -57,30 +58,30 @@ _ERROR, _ERROR_RATE, _RATE = range(3)
 
 
 @formula
-def _entry(of: tuple[TreeModel, Any, int], i: int) -> float:
-    model, values, row = of
+def _entry(arguments: tuple[TreeModel, Any, int], i: int) -> float:
+    model, values, row = arguments
     return values[row, int(model.axes[i])]
 
 
 @formula
 def _of_task(model: TreeModel, values: Any, row: int) -> Numbers:
-    """Return of a row of all coordinates those that are the task's axes."""
-    found: Numbers = tabulate(_entry, model.axes, (model, values, row))
-    return found
+    """Return the task axes of a row of all coordinates."""
+    entries: Numbers = from_index(_entry, model.axes, (model, values, row))
+    return entries
 
 
 @formula
 def _coordinates(model: TreeModel) -> int:
-    """Return how many there are."""
+    """Return the number of coordinates."""
     return POSE * frames_of(model) + bodies_of(model) - 1
 
 
 @formula
 def _put(model: TreeModel, values: Numbers, row: int, out: Any) -> None:
     """Write the task's axes into a row of all coordinates."""
-    given = array_of(values)
+    entries = array_of(values)
     for i in range(len(model.axes)):
-        out[row, axis_of(model, i)] = given[i]
+        out[row, axis_of(model, i)] = entries[i]
 
 
 @kernel
@@ -99,15 +100,15 @@ def frame_pose(model: TreeModel, posture: Posture, frame: int) -> tuple[Rotation
 @kernel
 def task_position(model: TreeModel, posture: Posture, position: Numbers) -> Numbers:
     """Return origins and rotation vectors of frames, and positions of joints."""
-    found = scratch(1, _coordinates(model))
+    coordinates = scratch(1, _coordinates(model))
     for frame in range(frames_of(model)):
         r, p = frame_pose(model, posture, frame)
-        write_part(found, 0, POSE * frame, p)
-        write_part(found, 0, POSE * frame + _ROTATED, vector_of(r))
+        write_part(coordinates, 0, POSE * frame, p)
+        write_part(coordinates, 0, POSE * frame + _ROTATED, vector_of(r))
     first = POSE * frames_of(model) - 1
     for body in range(1, bodies_of(model)):
-        found[0, first + body] = joint_position(posture, body)
-    return _of_task(model, found, 0)
+        coordinates[0, first + body] = joint_position(posture, body)
+    return _of_task(model, coordinates, 0)
 
 
 @kernel
@@ -117,9 +118,9 @@ def task_error(
     """
     Return the distances of origins and joints.
 
-    Of a frame's rotation, the axis from R_d to R times the angle's sine.
+    For the rotation of a frame, it is the axis from R_d to R times the sine of the angle.
     """
-    # What is desired, and in its place what is off by then.
+    # The desired values, which are then replaced by the errors.
     off = scratch(1, _coordinates(model))
     clear(off)
     _put(model, desired, 0, off)
@@ -127,7 +128,7 @@ def task_error(
         at, turned = POSE * frame, POSE * frame + _ROTATED
         r, p = frame_pose(model, posture, frame)
         aim = rotation_of(read_part(off, 0, turned, VECTOR))
-        write_part(off, 0, at, each(minus, p, read_part(off, 0, at, VECTOR)))
+        write_part(off, 0, at, elementwise(minus, p, read_part(off, 0, at, VECTOR)))
         write_part(off, 0, turned, orientation_error(r, aim))
     first = POSE * frames_of(model) - 1
     for body in range(1, bodies_of(model)):
@@ -138,42 +139,42 @@ def task_error(
 @kernel
 def task_velocity(model: TreeModel, posture: Posture, motion: Numbers) -> Numbers:
     """Return velocities of origins, angular velocities, and the rates of joints."""
-    found, nu = scratch(1, _coordinates(model)), array_of(motion)
+    coordinates, nu = scratch(1, _coordinates(model)), array_of(motion)
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         v, w = point_velocity(model, posture, nu, body, offset)
-        write_part(found, 0, POSE * frame, v)
-        write_part(found, 0, POSE * frame + _ROTATED, w)
+        write_part(coordinates, 0, POSE * frame, v)
+        write_part(coordinates, 0, POSE * frame + _ROTATED, w)
     first, base = POSE * frames_of(model), base_of(model)
     for joint in range(bodies_of(model) - 1):
-        found[0, first + joint] = nu[base + joint]
-    return _of_task(model, found, 0)
+        coordinates[0, first + joint] = nu[base + joint]
+    return _of_task(model, coordinates, 0)
 
 
 @kernel
 def forces_from_task(
-    model: TreeModel, posture: Posture, force: Numbers, like: Numbers
+    model: TreeModel, posture: Posture, force: Numbers, template: Numbers
 ) -> Numbers:
     """Return J' F."""
     pull = scratch(1, _coordinates(model))
     clear(pull)
     _put(model, force, 0, pull)
     base, size = base_of(model), base_of(model) + bodies_of(model) - 1
-    found = scratch(size)
-    clear(found)
+    generalised = scratch(size)
+    clear(generalised)
     for k in range(base, size):
-        found[k] = pull[0, POSE * frames_of(model) + k - base]
+        generalised[k] = pull[0, POSE * frames_of(model) + k - base]
     for frame in range(frames_of(model)):
         body, _, offset = frame_of(model, frame)
         at = POSE * frame
         pushed, turned = read_part(pull, 0, at, VECTOR), read_part(pull, 0, at + _ROTATED, VECTOR)
-        add_point_forces(model, posture, body, offset, pushed, turned, found)
-    return taken(found, like)
+        add_point_forces(model, posture, body, offset, pushed, turned, generalised)
+    return to_vector(generalised, template)
 
 
 @formula
 def _take(model: TreeModel, frame: int, own: Any, columns: Any) -> None:
-    """Write of a frame's Jacobian (n, 6) what belongs to the task into that of the task."""
+    """Write the task axes of a frame's Jacobian (n, 6) into the Jacobian of the task."""
     for i in range(len(model.axes)):
         axis = axis_of(model, i) - POSE * frame
         if (axis >= 0) & (axis < POSE):
@@ -200,7 +201,7 @@ def write_task_jacobian(model: TreeModel, posture: Posture, columns: Any) -> Non
 def write_task_jacobian_rate(
     model: TreeModel, posture: Posture, velocity: Any, columns: Any
 ) -> None:
-    """Write the derivative by time of J at velocities nu (n)."""
+    """Write the time derivative of J at velocities nu (n)."""
     own = scratch(len(columns), POSE)
     clear(columns)
     for frame in range(frames_of(model)):
@@ -217,9 +218,9 @@ def tracking(
     motion: Numbers,
     desired: tuple[Numbers, Numbers, Numbers],
 ) -> Tracking:
-    """Return how all follow; of a frame's rotation are desired a vector and its derivatives."""
+    """Return the tracking state; desired rotations are rotation vectors and their derivatives."""
     size, nu = _coordinates(model), array_of(motion)
-    wanted, found = scratch(3, size), scratch(3, size)
+    wanted, state = scratch(3, size), scratch(3, size)
     clear(wanted)
     _put(model, desired[0], 0, wanted)
     _put(model, desired[1], 1, wanted)
@@ -234,27 +235,27 @@ def tracking(
         omega, alpha = angular_motion(
             phi, read_part(wanted, 1, turned, VECTOR), read_part(wanted, 2, turned, VECTOR)
         )
-        # Angular ones in the place of the vector's derivatives.
+        # Angular velocities replace the derivatives of the rotation vector.
         write_part(wanted, 1, turned, omega)
         write_part(wanted, 2, turned, alpha)
-        rate = each(minus, v, read_part(wanted, 1, at, VECTOR))
-        write_part(found, _ERROR, at, each(minus, p, read_part(wanted, 0, at, VECTOR)))
-        write_part(found, _ERROR, turned, orientation_error(r, aim))
-        write_part(found, _ERROR_RATE, at, rate)
-        write_part(found, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
-        write_part(found, _RATE, at, rate)
-        write_part(found, _RATE, turned, each(minus, w, omega))
+        rate = elementwise(minus, v, read_part(wanted, 1, at, VECTOR))
+        write_part(state, _ERROR, at, elementwise(minus, p, read_part(wanted, 0, at, VECTOR)))
+        write_part(state, _ERROR, turned, orientation_error(r, aim))
+        write_part(state, _ERROR_RATE, at, rate)
+        write_part(state, _ERROR_RATE, turned, orientation_error_rate(r, w, aim, omega))
+        write_part(state, _RATE, at, rate)
+        write_part(state, _RATE, turned, elementwise(minus, w, omega))
     base, first = base_of(model), POSE * frames_of(model)
     for joint in range(bodies_of(model) - 1):
         at = first + joint
         rate_error = nu[base + joint] - wanted[1, at]
-        found[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
-        found[_ERROR_RATE, at] = rate_error
-        found[_RATE, at] = rate_error
+        state[_ERROR, at] = joint_position(posture, joint + 1) - wanted[0, at]
+        state[_ERROR_RATE, at] = rate_error
+        state[_RATE, at] = rate_error
     return Tracking(
-        _of_task(model, found, _ERROR),
-        _of_task(model, found, _ERROR_RATE),
-        _of_task(model, found, _RATE),
+        _of_task(model, state, _ERROR),
+        _of_task(model, state, _ERROR_RATE),
+        _of_task(model, state, _RATE),
         _of_task(model, wanted, 1),
         _of_task(model, wanted, 2),
     )

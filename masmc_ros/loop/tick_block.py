@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Consecutive ticks of a computed run, and what was changed among them."""
+"""Consecutive ticks of a simulated run, and the changes at them."""
 
 from __future__ import annotations
 
@@ -10,50 +10,50 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from masmc_ros.loop.signals import SIGNALS
+from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 _NAMES = {signal.name for signal in SIGNALS}
 
 
 class Change(NamedTuple):
-    """Checked values of some of the controller's parameters, new at a tick, or an event."""
+    """Change of controller parameters at a tick, or an event."""
 
     tick: int
-    """The first tick that is computed with them."""
+    """First tick computed with the values."""
     values: Values
     event: str = ''
-    """One of EVENTS, after the values; empty for none."""
+    """Event of `controller_events.EVENTS`, applied after the values; empty without an event."""
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TickBlock:
     """
     Consecutive ticks of a run; rows are ticks.
 
-    Each of SIGNALS is an attribute (n, components) by its name; `reference` is the trajectory's.
-    Where the controller is not active, the torque is that of the safe stop, error and surface are
-    NaN, and the estimate is that of the next activation.
+    Each of SIGNALS is an attribute (n, components) by its name; `reference` is that of the
+    trajectory. While the controller is inactive, the torque is that of the safe stop, error and
+    surface are NaN, and the estimate is that of the next activation.
     """
 
     first: int
     """Tick of row 0."""
     signals: NDArray[np.void]
-    """(n) records of SIGNALS, of one lane."""
+    """Records (n) of SIGNALS with one lane."""
     active: NDArray[np.bool_]
-    """(n) whether the law computed a command."""
+    """True (n) if the law computed the command."""
     is_void: NDArray[np.bool_]
-    """(n) whether nothing was commanded."""
+    """True (n) if nothing was commanded."""
     commands_rates: bool
-    """Whether `rates` are commanded, and not `torque`; what is not is 0."""
+    """True if `rates` are commanded and `torque` is 0; False if it is the reverse."""
     contact: Array
-    """(n, ...) where wheels touch the ground, as the plant's `contact`; (n, 0) where none do."""
+    """Contact signals (n, ...) of the plant; (n, 0) without contact physics."""
     changes: tuple[Change, ...] = ()
-    """Of the controller's parameters, at ticks of the stretch."""
+    """Changes of the controller at ticks of this block."""
 
     def __len__(self) -> int:
         """Return the number of ticks."""
@@ -66,5 +66,5 @@ class Stretch:
         return self.signals[name].reshape(len(self.signals), -1)
 
     def true_error(self, robot: Robot) -> Array:
-        """Return x - x_d (n, axes) of the true state in m, for the true robot."""
+        """Return the true error x - x_d (n, axes) in m; `robot` is the true robot."""
         return robot.task_positions(self.true_position) - self.reference[:, :self.error.shape[1]]

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Many runs of one law at once, one in each lane: the bits of each are those of the run alone.
+Simulation of many runs of one law at once, one run in each lane.
 
-What differs from lane to lane are numbers: gains, robots, disturbances, starts, noise, delays.
-What does not is what the loop is compiled for or counts by: law, switching, kind of robot,
-period, steps of integration, and the trajectory.
+Each run is bitwise identical to the same run alone. Lanes may differ in numbers: gains, robots,
+disturbances, initial states, noise and delays. Law, switching term, type of robot, period,
+integration steps and trajectory are equal in all lanes, because the loop is compiled for these.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from masmc_ros.law.law import Law
 from masmc_ros.law.rates import RATES
 from masmc_ros.law.registry import load_for
 from masmc_ros.loop import records
-from masmc_ros.loop.closed_loop import closed_loop, plant_start, settle
+from masmc_ros.loop.closed_loop import closed_loop, plant_start, post_update
 from masmc_ros.loop.simulated_robot import delay_line, RIGID, write_plant, write_start
 from masmc_ros.loop.timing import Timing
 from masmc_ros.numerics.record import fill
@@ -32,24 +32,32 @@ from numpy.typing import NDArray
 Values = Mapping[str, Any]
 
 BLOCK = 2_000
-"""Ticks held in memory at a time, of all lanes."""
+"""Ticks in memory at a time, with all lanes."""
 
 _OF_ALL = {
     'plant': ('control_period', 'duration', 'integrator_step', 'command_interface'),
     'controller': ('law', 'switching', 'command_interface'),
 }
-"""Parameters that are the same in all lanes, by node; those of the trajectory are, too."""
+"""Parameters that must be equal in all lanes, by node; so must those of the trajectory."""
 
 
-class SideBySide:
-    """Closed loops of one law, computed together."""
+class BatchSimulation:
+    """Closed loops of one law, one in each lane."""
 
     def __init__(self, runs: Sequence[Mapping[str, Values]]) -> None:
         """
-        Take the checked parameter values of every node, by node name, of each run.
+        Initialise one run per lane.
 
-        Raises InputError for runs that cannot be computed together, and for a law that is not
-        compiled.
+        Parameters
+        ----------
+        runs
+            Checked parameter values of every node, by node name, for each run.
+
+        Raises
+        ------
+        InputError
+            If the runs cannot be computed together, or the law is not compiled.
+
         """
         _check_alike(runs)
         lanes, first = len(runs), runs[0]
@@ -59,7 +67,7 @@ class SideBySide:
         law = load_for(control['law'], mechanism)
         if not isinstance(law, Law):
             raise InputError(
-                f'law = {control["law"]}: it is plain Python, expected one of formulas'
+                f'law = {control["law"]}: it is plain Python, expected a compiled law'
             )
         if takes_rates(control):
             law = RATES
@@ -77,15 +85,15 @@ class SideBySide:
         for lane, run in enumerate(runs):
             self._write(run, lane)
             records.write_parameters(self._settings, read, run['controller'], lane)
-        settle(self._settings, self._learned)
+        post_update(self._settings, self._learned)
         self._delayed = delay_line(self._plant, mechanism)
 
     def _write(self, run: Mapping[str, Values], lane: int) -> None:
         plant, control = run['plant'], run['controller']
         if plant['physics'] != RIGID:
             raise InputError(
-                f'plant.physics = {plant["physics"]}: expected {RIGID} of runs side by side; '
-                'masmc simulate has the others, one at a time'
+                f'plant.physics = {plant["physics"]}: expected {RIGID} for runs in one batch; '
+                'masmc simulate computes single runs with other physics'
             )
         check_agreement(plant, control)
         period = self.timing.period
@@ -99,8 +107,8 @@ class SideBySide:
         """
         Yield the signals of the runs from the first to the last tick, `block` ticks at a time.
 
-        Records (n) of `loop.signals.SIGNALS` by (component, lane). A diverging run continues
-        with numbers that are not finite, and leaves the others alone.
+        These are records (n) of `loop.signals.SIGNALS` by (component, lane). A diverging run
+        continues with numbers that are not finite and does not affect the others.
         """
         assert self.timing.last is not None
         ticks = self.timing.last + 1

@@ -1,0 +1,25 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Type aliases of numbers, vectors and arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = tuple[float, ...]
+"""
+Vector in a formula: one number per joint, task axis or inertial parameter.
+
+Compiled code has a tuple of up to `numerics.tuples.LONGEST` numbers, and an array of more.
+"""
+
+Columns = tuple[Numbers, ...]
+"""Matrix in a formula, as a tuple of its columns."""
+
+Array = NDArray[np.float64]
+"""Array of numbers with any shape, outside of compiled code or as the argument of a kernel."""
+
+Stamps = NDArray[np.int64]
+"""Array of times in nanoseconds."""
