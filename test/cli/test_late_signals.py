@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes that are interrupted while they end: their exit status stays the usual one."""
+"""Processes that get signals during their end: their exit status does not change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COMMANDS = {
         ],
     ),
 }
-"""What each prints once its work is complete, and its arguments."""
+"""Output that marks the end of a command's work, and its arguments."""
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -36,7 +36,7 @@ COMMANDS = {
 def test_process_signals_at_end_keep_status_0(
     command: str, number: signal.Signals, tmp_path: Path
 ) -> None:
-    """Signals come again and again from the last line on, until the process is gone."""
+    """The test repeats signals from the last line of output until the process has ended."""
     line, arguments = COMMANDS[command]
     output = tmp_path / 'output'
     with domain() as own, output.open('wb') as stream:
