@@ -78,7 +78,7 @@ const summary = {
   profile: reader.header.profile,
   statistics: Number(reader.statistics.messageCount),
   topics: {},
-  scripts: Object.fromEntries([each.output, each.made])), => scripts.map((script) => [script.output, script.made])), => [each.output, each.made])),
+  scripts: Object.fromEntries(scripts.map((script) => [script.output, script.made])),
 };
 for (const { topic, type, count, hash, last } of topics.values()) {
   summary.topics[topic] = { type, count, digest: hash.digest("hex"), last };
