@@ -16,10 +16,10 @@ from pathlib import Path
 import subprocess
 import sys
 
-from forked import completed, PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables
+from helpers.command_process import PATIENCE, run_command
 from masmc_ros.cli.main import main
 import pytest
-from surroundings import domain, domain_variables, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = str(ROOT / 'config' / 'paper.yaml')
@@ -171,7 +171,7 @@ def ros_domain() -> Iterator[dict[str, str]]:
 @pytest.fixture
 def masmc(ros_domain: dict[str, str], tmp_path: Path) -> Masmc:
     """Return a function that runs the command in a separate process in the test's folder."""
-    return partial(completed, folder=tmp_path, environment={**surroundings(), **ros_domain})
+    return partial(run_command, folder=tmp_path, environment={**child_environment(), **ros_domain})
 
 
 def error_line(status: int, out: str, err: str) -> str:
@@ -232,7 +232,7 @@ def test_new_process_same_error_as_forked_process(
     result = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', *command, str(path)],
         cwd=tmp_path,
-        env={**surroundings(), **ros_domain},
+        env={**child_environment(), **ros_domain},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

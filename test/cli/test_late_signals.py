@@ -12,8 +12,8 @@ import subprocess
 import sys
 import time
 
+from helpers.child_environment import child_environment, domain, domain_variables
 import pytest
-from surroundings import domain, domain_variables, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = str(ROOT / 'config' / 'paper.yaml')
@@ -42,7 +42,7 @@ def test_process_signals_at_end_keep_status_0(
     with domain() as own, output.open('wb') as stream:
         process = subprocess.Popen(
             [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
-            env={**surroundings(), **domain_variables(own)},
+            env={**child_environment(), **domain_variables(own)},
             stdin=subprocess.DEVNULL,
             stdout=stream,
             stderr=stream,

@@ -12,15 +12,15 @@ import subprocess
 import sys
 import time
 
-from forked import completed
+from helpers.child_environment import child_environment, domain_variables
+from helpers.command_process import run_command
+from helpers.processes import PATIENCE, peer, Processes, processes
 from masmc_ros.params.file import read
 from masmc_ros.scenario.node_parameters import declared
-from processes import PATIENCE, peer, Processes, processes
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from std_msgs.msg import String
-from surroundings import domain_variables, surroundings
 import yaml
 
 
@@ -37,8 +37,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
 
 
 def param(domain: int, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**surroundings(), **domain_variables(domain)}
-    return completed('param', *arguments, folder=Path.cwd(), environment=environment)
+    environment = {**child_environment(), **domain_variables(domain)}
+    return run_command('param', *arguments, folder=Path.cwd(), environment=environment)
 
 
 def output_of(domain: int, *arguments: str) -> str:
@@ -168,7 +168,7 @@ def test_param_missing_node_error_lists_nodes(running: Processes) -> None:
 
 def test_param_without_rclpy_names_remedy(tmp_path: Path) -> None:
     (tmp_path / 'rclpy.py').write_text("raise ImportError('not here')", encoding='utf-8')
-    environment = surroundings()
+    environment = child_environment()
     environment['PYTHONPATH'] = os.pathsep.join([str(tmp_path), environment['PYTHONPATH']])
     result = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'param', 'list'],

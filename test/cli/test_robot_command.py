@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from helpers.small_tree import START, write_scenario
 from masmc_ros.cli.main import main
 import pytest
-from small_tree import START, write_scenario
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 

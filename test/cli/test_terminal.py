@@ -17,11 +17,11 @@ import sys
 import time
 from typing import Any
 
+from helpers.viewed_run import computed_run
 from masmc_ros.cli.main import main
 from masmc_ros.scenario.node_parameters import declared, NODES
 import pytest
 from test_bad_input import error_line, PAPER, PATIENCE
-from viewed_run import computed_run
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': os.pathsep.join(e or os.getcwd() for e in sys.path)}
 

@@ -19,13 +19,13 @@ import threading
 from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
+from helpers.viewed_run import computed_run, ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.cli.show import file_server
 from masmc_ros.cli.show.file_server import FileServer
 from mcap.reader import make_reader
 import pytest
-from viewed_run import computed_run, ROOT
 
 PATIENCE = 60.0
 

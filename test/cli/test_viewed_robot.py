@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from helpers.small_tree import parameters
 from masmc_ros.cli.main import main
 from masmc_ros.cli.show.layout import layout_for, mechanism_of
 from masmc_ros.messages.definitions import definition
@@ -20,7 +21,6 @@ from masmc_ros.robot.urdf import read_urdf
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest
-from small_tree import parameters
 from test_view_command import ask, Remote, ROOT, viewing
 import yaml
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 from unittest.mock import patch
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.control.actions import (
     Actions,
     Command,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
 from hypothesis import assume, given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError

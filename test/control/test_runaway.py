@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
+from helpers.processes import PAPER as PAPER_FILE
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER as PAPER_FILE
 import pytest
 
 CONFIG = PAPER_FILE.parent

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from core_loop import CoreLoop, node_values
+from helpers import small_tree
+from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.errors import InputError
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
@@ -16,7 +17,6 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
-import small_tree
 
 LIMIT = np.array([8.0, 8.0, 20.0, 10.0])
 ROBOTS = 'package://example-robot-data/robots'

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from core_loop import CoreLoop
+from helpers.core_loop import CoreLoop
+from helpers.processes import PAPER
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER
 import pytest
 
 AWAY = ['plant.initial_pose=[-0.5, -0.4, 1.57]', 'controller.law=smc', 'duration=3.0']

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Set
 from pathlib import Path
 
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.text import text_of

@@ -18,11 +18,11 @@ import re
 import sys
 from typing import Any
 
+from helpers.scenario import axes, PAPER_LAWS, Run, Scenario, whole
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 import numpy as np
-from scenario import axes, PAPER_LAWS, Run, Scenario, whole
 
 
 def scenarios(ticks: int) -> dict[str, Scenario]:

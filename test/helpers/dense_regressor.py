@@ -9,10 +9,10 @@ The matrices are those of `lagrangian.py`, derived without the package.
 
 from __future__ import annotations
 
-from independent import base_parameters, one_body_robots
-from lagrangian import matrices
+from helpers.independent_simulation import base_parameters, one_body_robots
+from helpers.lagrangian import matrices
+from helpers.robots import Array, DEFAULT
 import numpy as np
-from robots import Array, DEFAULT
 
 THETA = base_parameters(DEFAULT)
 """Parameters of the default robot (7)."""

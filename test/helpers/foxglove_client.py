@@ -12,7 +12,7 @@ import struct
 import time
 from typing import Any
 
-from processes import PATIENCE
+from helpers.processes import PATIENCE
 from websockets.sync.client import ClientConnection, connect
 
 PROTOCOL = 'foxglove.sdk.v1'

@@ -14,13 +14,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lagrangian import matrices
+from helpers.lagrangian import matrices
+from helpers.robots import Array, DEFAULT
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from robots import Array, DEFAULT
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 

@@ -13,14 +13,23 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.checked_log import check_log, LIMIT
+from helpers.processes import (
+    NodeProcess,
+    NODES,
+    PAPER,
+    Peer,
+    peer,
+    Processes,
+    processes,
+    ros_arguments,
+)
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
 import numpy as np
-from processes import NodeProcess, NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -113,7 +122,7 @@ class LiveRun:
         arguments = ros_arguments(PAPER, recorder__output=self.log, **settings)
         self.nodes[name] = self.started.start(name, *arguments)
 
-    def goes_on(self, seconds: float = 0.3) -> None:
+    def wait_for_progress(self, seconds: float = 0.3) -> None:
         """Wait until the controller is active and its torques have moved the plant for a time."""
         self.tester.until(
             lambda: self.states and self.states[-1] == 'active', 'an active controller'
@@ -131,7 +140,7 @@ class LiveRun:
         self.tester.until(has_moved, f'motion under torque\n{self.started.output()}')
         assert self.wrong == []
 
-    def is_told(self, *parts: str) -> None:
+    def wait_for_state(self, *parts: str) -> None:
         """Wait until the controller publishes a state with all these parts."""
         seen = len(self.states)
         self.tester.until(
@@ -139,14 +148,14 @@ class LiveRun:
             f'{parts} in {self.states}',
         )
 
-    def reports(self, node: str, key: str, expected: str) -> None:
+    def wait_for_report(self, node: str, key: str, expected: str) -> None:
         """Wait until a node's diagnostics have an expected value of a key."""
         self.tester.until(
             lambda: expected in self.health.get(node, {}).get(key, ''),
             f'{expected} of {key} in {self.health}',
         )
 
-    def has_reported(self, node: str, key: str, expected: str) -> None:
+    def wait_for_earlier_report(self, node: str, key: str, expected: str) -> None:
         """Wait until any report of a node in this run has an expected value of a key."""
         self.tester.until(
             lambda: any(n == node and expected in v.get(key, '') for n, v in self.reported),

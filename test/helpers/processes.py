@@ -21,7 +21,8 @@ import sys
 import time
 from typing import Any
 
-from forked import Forked, PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables, ended
+from helpers.command_process import CommandProcess, PATIENCE
 from masmc_ros.messages.stamps import header_stamp
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -33,7 +34,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from surroundings import domain, domain_variables, ended, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -61,7 +61,7 @@ class NodeProcess:
     """Process of a node, with its standard output and error in files."""
 
     def __init__(
-        self, name: str, process: subprocess.Popen[bytes] | Forked, out: Path, err: Path
+        self, name: str, process: subprocess.Popen[bytes] | CommandProcess, out: Path, err: Path
     ) -> None:
         self.name = name
         self.process = process
@@ -125,8 +125,8 @@ class Processes:
         stem = f'{len(self._started)}_{name}'
         out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
         command = ['run', name, *arguments]
-        variables = {**surroundings(), **domain_variables(self.domain), **(environment or {})}
-        process: subprocess.Popen[bytes] | Forked
+        variables = {**child_environment(), **domain_variables(self.domain), **(environment or {})}
+        process: subprocess.Popen[bytes] | CommandProcess
         # Environment variables may affect imports, which precede a fork.
         if self._fresh or environment:
             with out.open('wb') as to_out, err.open('wb') as to_err:
@@ -138,7 +138,7 @@ class Processes:
                     env=variables,
                 )
         else:
-            process = Forked(command, variables, out, err)
+            process = CommandProcess(command, variables, out, err)
         self._started.append(NodeProcess(name, process, out, err))
         return self._started[-1]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from helpers.robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, control_tick, plant_start, plant_tick
@@ -19,7 +20,6 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
-from robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 
 PAPER_LAWS = ('smc', 'rasmc')
 """Laws that are tested with each switching term."""

@@ -15,11 +15,11 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.loop.side_by_side import SideBySide
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from small_tree import hand_at_start, write_scenario
 
 OF_LANES = (
     (),

@@ -12,10 +12,10 @@ import signal
 import subprocess
 import sys
 
+from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.two_link.names import TORQUE_LIMIT
 import numpy as np
-from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest
 
 LENGTH = 20.0

@@ -9,11 +9,11 @@ from pathlib import Path
 import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, peer, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import DEEP
-from processes import PAPER, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node

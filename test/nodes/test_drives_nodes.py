@@ -10,13 +10,13 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.messages.commands import EffortCdr
 import numpy as np
-from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -34,7 +34,7 @@ class Lockstep:
         self.tester = tester
         self.stamps = tester.watch_time()
 
-    def goes_on(self, seconds: float) -> None:
+    def wait_for_progress(self, seconds: float) -> None:
         start = self.stamps[-1]
         self.tester.until(lambda: self.stamps[-1] > start + 1e9 * seconds, 'progress of the run')
 
@@ -63,11 +63,11 @@ def test_lockstep_enable_and_set_point_run_reproducible(
                 **{'robot.joint_names': f'[{", ".join(NAMES)}]'},
             )
         )
-        run.goes_on(2.0)
+        run.wait_for_progress(2.0)
         tester.known_client(SetBool, '/controller/enable')
         for value in (False, True, False, True):
             run.enable(value)
-        run.goes_on(1.0)
+        run.wait_for_progress(1.0)
         # A set-point during a trajectory is rejected with a message and changes nothing.
         points = tester.publisher(Float64MultiArray, 'reference')
         tester.wait_for_subscribers(points, 2)
@@ -75,7 +75,7 @@ def test_lockstep_enable_and_set_point_run_reproducible(
         rejection = 'reference refused: a set-point beside a trajectory'
         tester.until(lambda: nodes['controller'].logged('ERROR', rejection), rejection)
         run.enable(False)
-        run.goes_on(1.5)
+        run.wait_for_progress(1.5)
         run.enable(True)
         assert set(started.wait().values()) == {0}, started.output()
         assert 'Traceback' not in started.output()

@@ -11,19 +11,19 @@ import subprocess
 import sys
 import time
 
-from log_contents import read_log
+from helpers.child_environment import child_environment
+from helpers.log_contents import read_log
+from helpers.processes import PATIENCE, peer, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.process.ending import ENDING
 from masmc_ros.nodes.process.runtime import StopSignals
 from masmc_ros.nodes.recorder.listening import take_rest
-from processes import PATIENCE, peer, processes, ros_arguments
 import pytest
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from surroundings import surroundings
 
 ALL = '[controller, trajectory, recorder]'
 
@@ -151,7 +151,7 @@ with exit_timer.bounded_ending({status}):
 def test_bounded_ending_blocked_keeps_status_and_output(library: str, status: int) -> None:
     result = subprocess.run(
         [sys.executable, '-c', BLOCKED.format(library=library, status=status)],
-        env=surroundings(),
+        env=child_environment(),
         capture_output=True,
         text=True,
         timeout=PATIENCE,

@@ -13,8 +13,9 @@ import signal
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from checked_log import check_log
-from live_run import live_run, LiveRun
+from helpers.checked_log import check_log
+from helpers.live_run import live_run, LiveRun
+from helpers.processes import NODES
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
@@ -22,7 +23,6 @@ from masmc_ros.messages.platform_motion import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from nav_msgs.msg import Odometry
 import numpy as np
-from processes import NODES
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
@@ -135,7 +135,7 @@ def test_nodes_invalid_message_rejected_and_run_continues(tmp_path: Path) -> Non
     }
     with live_run(tmp_path, **settings) as run:
         run.injected |= {GARBAGE, command(math.nan)}
-        run.goes_on()
+        run.wait_for_progress()
         publishers = {
             # The plant subscribes with the durability of the recorder: transient local.
             key: run.tester.publisher(key[2], key[1], latched=key[1] == 'recorder/progress')
@@ -154,7 +154,7 @@ def test_nodes_invalid_message_rejected_and_run_continues(tmp_path: Path) -> Non
                 return any(part in line for line in messages)
 
             run.tester.until(trajectory_rejects, f'a state rejected by the trajectory: {reason}')
-        run.goes_on()
+        run.wait_for_progress()
         for (node, topic, _), bad in BAD.items():
             if node != 'trajectory':
                 counts_at_least(run, node, f'{topic} refused', len(bad))
@@ -199,7 +199,7 @@ def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path)
     with live_run(tmp_path) as run:
         states = run.tester.publisher(JointState, 'joint_states')
         odometry = run.tester.publisher(Odometry, 'odom')
-        run.goes_on()
+        run.wait_for_progress()
         latest = JointStateCdr()
 
         def store(raw: bytes) -> None:
@@ -230,7 +230,7 @@ def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path)
 
             run.tester.until(has_counted, f'{key}: {run.health}')
 
-        run.reports('controller', 'state', 'active')
+        run.wait_for_report('controller', 'state', 'active')
         # Late states; the second shift applies if the test itself is late.
         counted('late states', -50_000_000, 100_000_000)
         counted('gaps in states', 3_600 * 10**9)  # a clock an hour ahead, and back
@@ -240,7 +240,7 @@ def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path)
         far = OdometryCdr()
         far.set_stamp(10**15)
         odometry.publish(far.to_bytes())
-        run.goes_on()
+        run.wait_for_progress()
         run.end()
 
 
@@ -248,14 +248,14 @@ def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path)
 def test_nodes_stopped_or_killed_run_continues(tmp_path: Path) -> None:
     logs = []
     with live_run(tmp_path, reference_timeout=0.5) as run:
-        run.goes_on()
+        run.wait_for_progress()
         for name in NODES:
             run.nodes[name].signal(signal.SIGSTOP)
             wait_for_missing_node(run, name)
             run.nodes[name].signal(signal.SIGCONT)
-            run.goes_on()
+            run.wait_for_progress()
             kill_and_restart(run, name)
-            run.goes_on()
+            run.wait_for_progress()
             logs.append(run.log)
         # The new recorder completes the log of the killed one.
         recorder = run.nodes['recorder']
@@ -270,7 +270,7 @@ def test_run_with_restarted_nodes_ends_regularly(tmp_path: Path) -> None:
     """All nodes but the paused plant are killed and restarted; they continue the run."""
     last = 8_000_000_000
     with live_run(tmp_path, duration=last * 1e-9) as run:
-        run.goes_on()
+        run.wait_for_progress()
         pause(run, on=True)
         # All earlier states of the controller have arrived then; the pause is no fault.
         run.spin(0.5)
@@ -301,19 +301,19 @@ def test_second_controller_torques_limited_and_reported(tmp_path: Path) -> None:
     """Both compute the same law; all torques are valid, and all nodes warn of the second one."""
     # The second controller starts with an approach; the first one opposes it up to its limits.
     with live_run(tmp_path, runaway_detection='false') as run:
-        run.goes_on()
+        run.wait_for_progress()
         first = run.nodes['controller']
         run.start('controller')
-        run.reports('controller', 'others on effort_commands', '/controller')
-        run.reports('plant', 'senders of commands', '/controller, /controller')
-        run.reports('plant', 'message', 'more than one node commands the robot')
-        run.goes_on(1.0)
+        run.wait_for_report('controller', 'others on effort_commands', '/controller')
+        run.wait_for_report('plant', 'senders of commands', '/controller, /controller')
+        run.wait_for_report('plant', 'message', 'more than one node commands the robot')
+        run.wait_for_progress(1.0)
         first.signal(signal.SIGINT)
         assert first.wait() == 0
         run.tester.until(
             lambda: 'senders of commands' not in run.health['plant'], 'a single controller'
         )
-        run.goes_on()
+        run.wait_for_progress()
         run.end(in_order=False)
 
 
@@ -324,9 +324,9 @@ def pause(run: LiveRun, *, on: bool) -> None:
 def wait_for_missing_node(run: LiveRun, name: str) -> None:
     """Wait for the documented effect of a missing node."""
     if name == 'trajectory':
-        run.is_told('fault: no reference for 0.5 s')
+        run.wait_for_state('fault: no reference for 0.5 s')
     if name == 'plant':
-        run.is_told('fault: no usable joint_states for 0.2 s')
+        run.wait_for_state('fault: no usable joint_states for 0.2 s')
     if name == 'controller':
         run.tester.until(lambda: not run.torque.any(), 'no torque')
     if name == 'recorder':
@@ -353,7 +353,7 @@ def kill_and_restart(run: LiveRun, name: str) -> None:
 def test_plant_delayed_last_command_still_valid(tmp_path: Path) -> None:
     """Robot time does not advance during the delay; the last torque remains active."""
     with live_run(tmp_path, state_timeout=5.0) as run:
-        run.goes_on()
+        run.wait_for_progress()
         plant = run.nodes['plant']
         for _ in range(5):
             plant.signal(signal.SIGSTOP)
@@ -362,6 +362,6 @@ def test_plant_delayed_last_command_still_valid(tmp_path: Path) -> None:
             plant.signal(signal.SIGCONT)
             run.tester.until(lambda: len(run.torques) > 5, 'motion')
             assert all(np.any(torque) for torque in run.torques)
-            run.goes_on(0.1)
+            run.wait_for_progress(0.1)
         assert plant.logged('WARN', 'no command') == []
         run.end()

@@ -16,13 +16,13 @@ import signal
 import time
 from typing import Any
 
-from checked_log import check_log, LIMIT
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.checked_log import check_log, LIMIT
+from helpers.processes import NodeProcess, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 import numpy as np
 from numpy.typing import NDArray
-from processes import NodeProcess, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String

@@ -13,10 +13,10 @@ import tracemalloc
 from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
+from helpers.processes import BOUNDED, Peer, peer, processes, ros_arguments
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.past import _Once
 from masmc_ros.nodes.recorder.attachments import Attachments
-from processes import BOUNDED, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically

@@ -13,21 +13,21 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.messages.names import TELEMETRY, telemetry_topic
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.qos import publisher_qos
-from nav_msgs.msg import Path as PathMessage
-from processes import (
+from helpers.processes import (
+    child_environment,
     domain_variables,
     PAPER,
     Peer,
     peer,
     processes,
     ros_arguments,
-    surroundings,
 )
+from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.qos import publisher_qos
+from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
@@ -148,7 +148,7 @@ def test_latched_publisher_stopped_subscriber_delays_once(tmp_path: Path) -> Non
         messages = listener.collect(String, 'texts')
         hung = subprocess.Popen(
             [sys.executable, '-c', _HUNG],
-            env={**surroundings(), **domain_variables(started.domain)},
+            env={**child_environment(), **domain_variables(started.domain)},
         )
         try:
             tester.wait_for_subscribers(publisher, 2)

@@ -12,6 +12,8 @@ from pathlib import Path
 import time
 from typing import Any
 
+from helpers.child_environment import child_environment
+from helpers.processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
@@ -19,13 +21,11 @@ from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
 from masmc_ros.scenario.scenario import load_scenario
-from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from surroundings import surroundings
 
 TIAGO = PAPER.parent / 'tiago.yaml'
 RESPONSE = 1.0
@@ -142,7 +142,7 @@ def cold_environment(folder: Path) -> dict[str, str]:
     (package / 'entry_points.txt').write_text('[masmc_ros.laws]\nbroken = broken:BROKEN\n')
     return {
         'XDG_CACHE_HOME': str(folder / 'cache'),
-        'PYTHONPATH': os.pathsep.join([str(site), surroundings()['PYTHONPATH']]),
+        'PYTHONPATH': os.pathsep.join([str(site), child_environment()['PYTHONPATH']]),
     }
 
 

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.law.registry import LAWS
 from masmc_ros.scenario.node_parameters import declared
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 import signal
 
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.scenario.scenario import load_scenario
-from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest
 from std_msgs.msg import String
 

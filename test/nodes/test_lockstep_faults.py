@@ -12,9 +12,9 @@ import signal
 import time
 
 from builtin_interfaces.msg import Time
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import NodeProcess, NODES, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
-from processes import NodeProcess, NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -33,7 +33,7 @@ class Lockstep:
         self.stamps = tester.watch_time()
         self.nodes = {name: start(name) for name in NODES}
 
-    def goes_on(self) -> None:
+    def wait_for_progress(self) -> None:
         """Wait until the robot has moved further."""
         seen = len(self.stamps)
         self.tester.until(lambda: len(self.stamps) > seen + 1, 'motion')
@@ -89,7 +89,7 @@ def test_lockstep_any_node_stopped_run_identical(computed: LogContents, tmp_path
     """The other nodes wait for the stopped one; no message is lost or changed."""
     with lockstep(tmp_path) as run:
         for name in NODES:
-            run.goes_on()
+            run.wait_for_progress()
             run.nodes[name].signal(signal.SIGSTOP)
             # The run uses up the reference (2 s ahead) and fills the recorder's queue (0.8 s).
             wait_for_standstill(run)
@@ -119,18 +119,18 @@ def test_lockstep_any_node_restarted_run_ends_regularly(
 ) -> None:
     """A new plant restarts the run; the other new nodes continue it. All nodes exit."""
     with lockstep(tmp_path) as run:
-        run.goes_on()
+        run.wait_for_progress()
         run.pause(on=True)
         run.replace('trajectory', String, 'trajectory/parameters')
         run.pause(on=False)
-        run.goes_on()
+        run.wait_for_progress()
         # During the run the plant waits for the new controller.
         run.replace('controller', String, 'controller/parameters')
-        run.goes_on()
+        run.wait_for_progress()
         run.pause(on=True)
         run.replace('recorder', Time, 'recorder/progress')
         run.pause(on=False)
-        run.goes_on()
+        run.wait_for_progress()
         run.replace('plant', String, 'plant/parameters')
     live = read_log(tmp_path / '1.mcap')
     stamps = live.stamps('joint_states')

@@ -10,11 +10,11 @@ from pathlib import Path as File
 import signal
 import sys
 
+from helpers.processes import BOUNDED, PAPER, peer, processes, ros_arguments
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Path
-from processes import BOUNDED, PAPER, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String

@@ -16,19 +16,9 @@ import sys
 import time
 from typing import Any
 
-from foxglove_client import Viewer, viewer
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.stamps import header_stamp, transforms_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.nodes.live.node import SAMPLED
-from masmc_ros.nodes.middleware.qos import publisher_qos
-from masmc_ros.scenario.scenario import load_scenario
-from nav_msgs.msg import Path as Path_
-import numpy as np
-from processes import (
+from helpers.child_environment import child_environment, domain_variables
+from helpers.foxglove_client import Viewer, viewer
+from helpers.processes import (
     BOUNDED,
     NodeProcess,
     PAPER,
@@ -40,6 +30,17 @@ from processes import (
     ros_arguments,
     shortened,
 )
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp, transforms_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.nodes.live.node import SAMPLED
+from masmc_ros.nodes.middleware.qos import publisher_qos
+from masmc_ros.scenario.scenario import load_scenario
+from nav_msgs.msg import Path as Path_
+import numpy as np
 import pytest
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
@@ -47,7 +48,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from surroundings import domain_variables, surroundings
 
 NODES = ('trajectory', 'controller', 'plant')
 PERIOD = 1_000_000
@@ -358,9 +358,9 @@ def test_live_without_foxglove_sdk_names_remedy(tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text("raise ImportError('not here')", encoding='utf-8')
     with processes(tmp_path) as started:
         environment = {
-            **surroundings(),
+            **child_environment(),
             **domain_variables(started.domain),
-            'PYTHONPATH': os.pathsep.join([str(tmp_path), surroundings()['PYTHONPATH']]),
+            'PYTHONPATH': os.pathsep.join([str(tmp_path), child_environment()['PYTHONPATH']]),
         }
         result = subprocess.run(
             [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'live'],

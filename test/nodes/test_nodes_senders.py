@@ -10,6 +10,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from helpers.processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -20,7 +21,6 @@ from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
-from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout

@@ -12,12 +12,12 @@ import signal
 import time
 from typing import Any, NamedTuple
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
 from masmc_ros.cli.main import main
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger

@@ -12,6 +12,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.names import JOINTS
@@ -20,7 +21,6 @@ from masmc_ros.robot.two_link.platform_motion import base_motion as platform_mot
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry
 import numpy as np
-from processes import PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String

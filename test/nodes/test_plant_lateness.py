@@ -10,11 +10,11 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import peer, processes, ros_arguments
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
-from processes import peer, processes, ros_arguments
 import pytest
 
 SHARE = 'late ticks in the last second (%)'

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import math
 from typing import Any
 
+from helpers.live_run import live_run, LiveRun
 from hypothesis import given, HealthCheck, Phase, settings
 from hypothesis import strategies as st
-from live_run import live_run, LiveRun
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.scenario.node_parameters import declared
@@ -65,7 +65,7 @@ def served(
     # The limit of the commands is one of the parameters that change; the plant's is not.
     settings = {'plant__wait_for': wait_for, 'torque_limit': 0.0}
     with live_run(folder, 'plant', 'trajectory', 'controller', **settings) as run:
-        run.goes_on()
+        run.wait_for_progress()
         run.tester.subscribe(String, 'controller/parameters', check_record)
         known = run.tester.known_client
         set_ = known(SetParametersAtomically, '/controller/set_parameters_atomically')

@@ -8,12 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED
 from masmc_ros.messages.names import TELEMETRY, telemetry_topic
-from processes import NODES, PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from std_srvs.srv import SetBool, Trigger
 
@@ -45,7 +45,7 @@ class Run:
         )
         self.nodes = started.start_all(*arguments)
 
-    def goes_on(self) -> None:
+    def wait_for_progress(self) -> None:
         """Wait until the robot's time has advanced by 0.25 s."""
         last = self._stamps[-1]
         self.tester.until(lambda: self._stamps[-1] > last + 250_000_000, 'progress of the run')
@@ -81,25 +81,25 @@ def test_lockstep_run_with_events_equals_recomputed_run(
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = Run(started, tester, log, controller__active_on_start='false', **ADAPTIVE)
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(True)
-        run.goes_on()
+        run.wait_for_progress()
         run.trigger('/controller/reset_adaptation')
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(False)
         run.tester.change('/controller', k_s1=80.0)
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(True)
-        run.goes_on()
+        run.wait_for_progress()
         run.trigger('/controller/emergency_stop')
         run.enable(True)
         run.trigger('/controller/reset_adaptation')
         run.tester.change('/controller', k_s1=90.0)
-        run.goes_on()
+        run.wait_for_progress()
         run.trigger('/controller/emergency_stop')
-        run.goes_on()
+        run.wait_for_progress()
         run.trigger('/controller/clear_fault')
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(True)
         assert set(started.wait().values()) == {0}, started.output()
     events = [change.event for change in read_run(log).changes]
@@ -117,11 +117,11 @@ def test_lockstep_reset_while_disabled_equals_recomputed_run(
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = Run(started, tester, log, **ADAPTIVE)
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(False)
-        run.goes_on()
+        run.wait_for_progress()
         run.trigger('/plant/reset')
-        run.goes_on()
+        run.wait_for_progress()
         run.enable(True)
         assert set(started.wait().values()) == {0}, started.output()
     assert [(change.tick > 0, change.event) for change in read_run(log).changes] == [

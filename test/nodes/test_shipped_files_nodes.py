@@ -8,11 +8,11 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-from launch_file import launched
+from helpers.launch_file import launched
+from helpers.processes import peer, processes
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenarios
-from processes import peer, processes
 import pytest
 from std_msgs.msg import String
 
@@ -38,7 +38,7 @@ def test_shipped_file_nodes_in_namespace_use_its_values(
 ) -> None:
     if name in TREES and find_spec('pinocchio') is None:
         pytest.skip('its URDF is part of the extra `robots`')
-    monkeypatch.setattr('processes.PATIENCE', COMPILING)
+    monkeypatch.setattr('helpers.processes.PATIENCE', COMPILING)
     file = tmp_path / f'{name}.yaml'
     file.write_text(scenarios()[name].read_text(encoding='utf-8') + SHORT, encoding='utf-8')
     expected = load_scenario(str(file))

@@ -10,10 +10,10 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import Peer, peer, processes, ros_arguments
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
-from processes import Peer, peer, processes, ros_arguments
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool

@@ -9,14 +9,14 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from live_run import live_run, LiveRun
-from log_contents import read_log
+from helpers.live_run import live_run, LiveRun
+from helpers.log_contents import read_log
+from helpers.processes import peer, processes, ros_arguments, shortened
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET, DEACTIVATED, RESUMED
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
-from processes import peer, processes, ros_arguments, shortened
 import pytest
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
@@ -45,43 +45,43 @@ def wait_for_rest(run: LiveRun) -> None:
 def test_controller_services_and_timeouts_change_state(tmp_path: Path) -> None:
     settings = {'active_on_start': 'false', 'reference_timeout': 0.5, 'fault_action': 'void'}
     with live_run(tmp_path, **settings) as run:
-        run.is_told('inactive', 'not enabled')
+        run.wait_for_state('inactive', 'not enabled')
         wait_for_rest(run)
         assert not call(run, 'clear_fault').success
         assert call(run, 'enable', True).message == 'active'
-        run.goes_on()
+        run.wait_for_progress()
 
         assert call(run, 'emergency_stop').success
-        run.is_told('fault: emergency stop')
+        run.wait_for_state('fault: emergency stop')
         wait_for_rest(run)
         assert call(run, 'clear_fault').success
-        run.is_told('inactive')
+        run.wait_for_state('inactive')
         wait_for_rest(run)
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         call(run, 'emergency_stop')
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         assert call(run, 'enable', False).message == 'inactive: disabled'
         wait_for_rest(run)
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         assert call(run, 'reset_adaptation').success
-        run.goes_on()
+        run.wait_for_progress()
 
         # Missing states raise a fault, which ends when states arrive again.
         run.nodes['plant'].signal(signal.SIGSTOP)
-        run.is_told('fault', 'joint_states', '0.2 s')
-        run.reports('controller', 'message', 'joint_states')
+        run.wait_for_state('fault', 'joint_states', '0.2 s')
+        run.wait_for_report('controller', 'message', 'joint_states')
         run.nodes['plant'].signal(signal.SIGCONT)
-        run.goes_on()
+        run.wait_for_progress()
 
         # After the reference timeout there is no torque.
         run.nodes['trajectory'].signal(signal.SIGSTOP)
-        run.is_told('fault: no reference for 0.5 s')
+        run.wait_for_state('fault: no reference for 0.5 s')
         wait_for_rest(run)
         run.nodes['trajectory'].signal(signal.SIGCONT)
-        run.goes_on()
+        run.wait_for_progress()
         run.end()
     contents = read_log(run.log)
     assert contents.messages['diagnostics']
@@ -90,17 +90,17 @@ def test_controller_services_and_timeouts_change_state(tmp_path: Path) -> None:
 def test_controller_disabled_or_guided_keeps_the_arm(tmp_path: Path) -> None:
     """A disabled controller holds the arm; hand guiding balances it. Both end with an approach."""
     with live_run(tmp_path) as run:
-        run.goes_on()
+        run.wait_for_progress()
         for service in ('enable', 'hand_guide'):
             is_guide = service == 'hand_guide'
             assert call(run, service, is_guide).success
-            run.is_told('inactive: hand guiding' if is_guide else 'inactive: disabled')
+            run.wait_for_state('inactive: hand guiding' if is_guide else 'inactive: disabled')
             later = run.stamp + 300_000_000
             run.tester.until(lambda later=later: run.stamp > later, 'states')
             # The disturbance moves the robot; the controller opposes it.
             assert np.any(run.torque)
             assert call(run, service, not is_guide).message == 'active'
-            run.goes_on()
+            run.wait_for_progress()
         response = call(run, 'hand_guide', False)
         assert not response.success
         assert response.message == 'hand guiding is not active'
@@ -145,9 +145,9 @@ def test_path_starts_at_activation_with_pose_from_odometry(tmp_path: Path) -> No
         wait_for_rest(run)
         assert windows == []
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         moved = run.stamp
-        run.goes_on(3.0)
+        run.wait_for_progress(3.0)
         # Latched messages may arrive after later ones, because discovery takes time.
         stamps = [window.stamp_ns for window in map(ReferenceWindow.from_bytes, windows) if window]
         first = min(stamp for stamp in stamps if stamp is not None)
@@ -164,11 +164,11 @@ def test_second_command_publisher_reported(tmp_path: Path) -> None:
         run = LiveRun(started, tester, tmp_path, {'plant__wait_for': '[controller, peer]'})
         for name in ('plant', 'trajectory', 'controller'):
             run.start(name)
-        run.goes_on()
+        run.wait_for_progress()
         other = tester.publisher(Float64MultiArray, 'effort_commands')
         tester.wait_for_subscribers(other)
-        run.reports('controller', 'others on effort_commands', '/peer')
-        run.reports('plant', 'senders of commands', '/peer')
+        run.wait_for_report('controller', 'others on effort_commands', '/peer')
+        run.wait_for_report('plant', 'senders of commands', '/peer')
         run.end()
 
 
@@ -183,28 +183,28 @@ def test_torque_limits_hold_across_all_controller_states(tmp_path: Path) -> None
         raw = run.tester.collect(Float64MultiArray, 'effort_commands', raw=True)
         requested = run.tester.collect(Float64MultiArray, 'controller/raw_torque', past=False)
         record_messages = run.tester.collect(String, 'controller/parameters')
-        run.goes_on(1.0)
+        run.wait_for_progress(1.0)
         call(run, 'enable', False)
         wait_for_rest(run)
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         call(run, 'emergency_stop')
         call(run, 'enable', True)
-        run.goes_on()
+        run.wait_for_progress()
         call(run, 'reset_adaptation')
-        run.goes_on()
+        run.wait_for_progress()
         run.tester.until(
             lambda: any((np.abs(raw.data[2:]) > limit).any() for raw in requested[-500:]),
             'a requested torque above the limit',
         )
         # The plant stops and sends no states; afterwards it continues from the same state.
         run.nodes['plant'].signal(signal.SIGSTOP)
-        run.is_told('fault', 'joint_states')
+        run.wait_for_state('fault', 'joint_states')
         run.nodes['plant'].signal(signal.SIGCONT)
-        run.goes_on()
+        run.wait_for_progress()
         # Only the reports after each start contain these keys.
-        run.has_reported('controller', 'joints with limited torque', '%')
-        run.has_reported('controller', 'ticks with limited torque', '%')
+        run.wait_for_earlier_report('controller', 'joints with limited torque', '%')
+        run.wait_for_earlier_report('controller', 'ticks with limited torque', '%')
         run.tester.until(
             lambda: read_record(record_messages[-1].data).event in (RESUMED, ACTIVATED),
             'the event',

@@ -10,10 +10,10 @@ from pathlib import Path
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
 from masmc_ros.nodes.middleware import transport
 import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
-from surroundings import surroundings
 
 PROFILES = Path(transport.__file__).with_name('fast_dds')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -42,7 +42,7 @@ pytestmark = pytest.mark.skipif(
 
 def output(program: str, folder: Path, environment: Mapping[str, str]) -> list[str]:
     """Return the lines that a Python program prints in an environment and a folder."""
-    inherited = {k: v for k, v in surroundings().items() if k not in VARIABLES}
+    inherited = {k: v for k, v in child_environment().items() if k not in VARIABLES}
     result = subprocess.run(
         [sys.executable, '-c', program],
         env={**inherited, 'ROS_DOMAIN_ID': '59', **environment},

@@ -13,10 +13,12 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from foxglove_client import viewer
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from live_run import live_run, LiveRun
-from log_contents import read_log
+from helpers.foxglove_client import viewer
+from helpers.live_run import live_run, LiveRun
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, peer, processes, ros_arguments
+from helpers.robots import task_positions
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.commands import ArmVelocityCdr
@@ -28,9 +30,7 @@ from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER, peer, processes, ros_arguments
 import pytest
-from robots import task_positions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -205,7 +205,7 @@ def watched(folder: Path, *, is_stamped: bool) -> Iterator[Watched]:
     }
     with live_run(folder, **settings) as run:
         watched_run = Watched(run, is_stamped=is_stamped)
-        run.goes_on()
+        run.wait_for_progress()
         yield watched_run
 
 
@@ -226,7 +226,7 @@ def test_velocity_interface_real_time_follows_path_and_stops(
         ).success
         watched_run.wait_for_rest()
         tester.call(SetBool, '/controller/enable', SetBool.Request(data=True))
-        run.goes_on()
+        run.wait_for_progress()
 
         run.nodes['controller'].signal(signal.SIGKILL)
         run.nodes['controller'].wait()
@@ -236,7 +236,7 @@ def test_velocity_interface_real_time_follows_path_and_stops(
             tester.until(lambda line=stopped: run.nodes['plant'].logged('WARN', line), stopped)
         watched_run.wait_for_standstill()
         run.start('controller')
-        run.goes_on()
+        run.wait_for_progress()
         run.end()
     logged = read_run(run.log)
     assert logged.commands_rates
@@ -273,7 +273,7 @@ def test_velocity_interface_invalid_messages_rejected(is_stamped: bool, tmp_path
             check_rejection(run, arms, 'arm_velocity_commands', bad, reason)
         for topic, count in (('cmd_vel', 3), ('arm_velocity_commands', 5)):
             counts_at_least(run, 'plant', f'{topic} refused', count)
-        run.goes_on()
+        run.wait_for_progress()
         pytest.importorskip('foxglove')
         live = run.started.start('live', *['--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0'])
         port = listening(run.tester, live)

@@ -11,10 +11,10 @@ import shutil
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
+from helpers.report_html import lines, Page
 import numpy as np
 import pytest
-from report_html import lines, Page
-from surroundings import surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -58,7 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     insert(control, "    put(now, 'singular'", COMPUTED)
     insert(control, 'from typing import Any\n', IMPORTED, after=True)
     # Without JIT the inserted lines need no compilation; the results are bitwise identical.
-    variables = {**surroundings(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}
+    variables = {**child_environment(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}
     for arguments in (
         (*SIMULATION, '--output', 'run.mcap'),
         ('report', 'run.mcap', '--output', 'report'),
@@ -114,7 +114,7 @@ def test_new_signal_in_published_topics(folder: Path) -> None:
         'print(TELEMETRY["cut_torque"], content["controller/cut_torque"])'
     )
     result = subprocess.run(
-        [sys.executable, '-c', script], env={**surroundings(), 'PYTHONPATH': str(folder)},
+        [sys.executable, '-c', script], env={**child_environment(), 'PYTHONPATH': str(folder)},
         cwd=folder, capture_output=True, text=True, timeout=60.0, check=True,
     )
     assert result.stdout == '4 torque cut off by limits (4) in N·m, after [sec, nanosec]\n'

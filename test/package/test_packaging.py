@@ -12,10 +12,10 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+from helpers.child_environment import child_environment
 from masmc_ros.numerics.compiled import OLDEST_NUMBA
 from masmc_ros.optional import PACKAGES
 import pytest
-from surroundings import surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
@@ -97,7 +97,7 @@ def without(modules: list[str], *arguments: str) -> subprocess.CompletedProcess[
     )
     return subprocess.run(
         [sys.executable, '-c', script, *arguments],
-        env=surroundings(),
+        env=child_environment(),
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -146,7 +146,12 @@ def test_simulate_old_numba_one_error_line() -> None:
     )
     result = subprocess.run(
         [sys.executable, '-c', script],
-        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+        env=child_environment(),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180.0,
+        check=False,
     )
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
@@ -168,7 +173,12 @@ def test_collection_missing_package_file_skipped() -> None:
     ]
     result = subprocess.run(
         [sys.executable, '-c', script, '-q', '--collect-only', *files],
-        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+        env=child_environment(),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180.0,
+        check=False,
     )
     assert result.returncode == 0, result.stdout
     assert 'test_log_writer.py:1: mcap is not installed; pip install mcap' in result.stdout

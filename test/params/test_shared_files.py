@@ -60,7 +60,7 @@ def test_what_is_for_others_is_told_and_what_is_for_us_holds(
 def test_nodes_go_by_the_same_rules(shared: Path, tmp_path: Path, node: str) -> None:
     if node == 'live':
         pytest.importorskip('foxglove')
-    from processes import peer, processes, ros_arguments
+    from helpers.processes import peer, processes, ros_arguments
 
     with processes(tmp_path) as started, peer(started.domain) as tester:
         output = {'output': tmp_path / 'run.mcap'} if node == 'recorder' else {}

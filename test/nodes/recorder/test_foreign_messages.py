@@ -12,6 +12,9 @@ import signal
 import time
 from typing import Any
 
+from helpers.checked_reader import read
+from helpers.foreign_publishers import NESTED, random_message, record, TEXTS, TYPES, valid_message
+from helpers.processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
@@ -29,10 +32,7 @@ from masmc_ros.nodes.plant.command_sources import rate_sources, torque_sources
 from masmc_ros.robot.registry import DEFAULT
 from mcap.reader import make_reader
 import numpy as np
-from processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 import pytest
-from strangers import NESTED, record, right_message, strange_message, TEXTS, TYPES
-from whole_log import read
 
 ROUNDS, LIMIT = 40, 400.0
 """Number of batches of messages, and maximum time in s for them."""
@@ -46,7 +46,7 @@ def test_stamp_reader_random_message_valid_or_error() -> None:
     for topic, type_name in TYPES.items():
         reader = stamp_reader(topic, type_name)
         for _ in range(400):
-            raw = strange_message(draw, topic)
+            raw = random_message(draw, topic)
             try:
                 stamp = reader(raw)
             except InputError:
@@ -63,7 +63,7 @@ def test_command_sources_random_message_valid_or_error() -> None:
     ]
     for part in (*torque_sources(DRIVEN_JOINTS), *rates):
         for _ in range(400):
-            raw = strange_message(draw, part.topic)
+            raw = random_message(draw, part.topic)
             try:
                 command = part.read(raw)
             except InputError:
@@ -215,7 +215,7 @@ def test_recorder_random_messages_all_recorded(tmp_path: Path) -> None:
                 break
             for topic in topics:
                 for _ in range(BATCH):
-                    sender.publish(topic, strange_message(draw, topic))
+                    sender.publish(topic, random_message(draw, topic))
             send_states(sender, 10 * number, 3)
             sender.wait_until_recorded()
             assert recorder.process.poll() is None, started.output()
@@ -254,7 +254,7 @@ def test_nodes_random_messages_during_run_no_node_exits(tmp_path: Path) -> None:
                 break
             for topic in TYPES:
                 for _ in range(BATCH):
-                    sender.publish(topic, strange_message(draw, topic))
+                    sender.publish(topic, random_message(draw, topic))
             end = time.monotonic() + 0.3
             tester.until(lambda end=end: time.monotonic() > end)
             for name, node in nodes.items():
@@ -281,5 +281,5 @@ def test_stamp_reader_valid_message_of_every_topic_read() -> None:
     for topic, type_name in TYPES.items():
         if topic in ('/parameter_events', 'recorder/progress'):
             continue
-        stamp_reader(topic, type_name)(right_message(topic))
-    assert record_of(right_message('plant/parameters')).node == '/plant'
+        stamp_reader(topic, type_name)(valid_message(topic))
+    assert record_of(valid_message('plant/parameters')).node == '/plant'

@@ -11,12 +11,12 @@ import subprocess
 import sys
 import textwrap
 
+from helpers.child_environment import child_environment, domain_variables
+from helpers.processes import PATIENCE, peer, processes
 from masmc_ros.messages.definitions import definition
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import PATIENCE, peer, processes
 from rclpy.duration import Duration
-from surroundings import domain_variables, surroundings
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 WITHOUT = """
@@ -42,7 +42,11 @@ def test_recorder_unknown_type_definition_from_publisher(tmp_path: Path) -> None
         arguments = ['-p', f'output:={log}', '-p', 'extra_topics:=[foreign]']
         recorder = subprocess.Popen(
             [sys.executable, '-c', textwrap.dedent(WITHOUT), '--ros-args', *arguments],
-            env={**surroundings(), **domain_variables(started.domain), 'PYTHONUNBUFFERED': '1'},
+            env={
+                **child_environment(),
+                **domain_variables(started.domain),
+                'PYTHONUNBUFFERED': '1',
+            },
         )
         try:
             tester.wait_for_subscribers(publisher)

@@ -12,10 +12,10 @@ import signal
 import time
 from typing import Any
 
-from forks import Forks, forks
+from helpers.processes import BOUNDED, PAPER, Peer, peer, ros_arguments
+from helpers.subprocesses import Subprocesses, subprocesses
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
-from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -36,7 +36,7 @@ ROBOT = ros_arguments(
 )
 
 
-def listener(started: Forks, kind: str, folder: Path, number: int) -> Any:
+def listener(started: Subprocesses, kind: str, folder: Path, number: int) -> Any:
     """Start a subscriber of a kind."""
     if kind == 'listener':
         return started.listen('joint_states', 'effort_commands', 'reference')
@@ -67,7 +67,7 @@ class Robot:
         if self._command.load(raw) and self._command.stamp_ns is not None:
             self.answered = self._command.stamp_ns
 
-    def goes_on(self) -> None:
+    def wait_for_progress(self) -> None:
         """Wait until states and their answers have continued for SETTLED."""
         start = self.state
         self._tester.until(
@@ -79,7 +79,7 @@ class Robot:
 def kill(kinds: tuple[str, ...], count: int, folder: Path) -> None:
     """Kill `count` subscribers of each kind, a few at a time, during a run."""
     rng = random.Random(count)
-    with forks(folder) as started, peer(started.domain) as tester:
+    with subprocesses(folder) as started, peer(started.domain) as tester:
         nodes = [started.start(name, *ROBOT) for name in ('plant', 'trajectory', 'controller')]
         robot = Robot(tester)
         tester.until(lambda: robot.state and robot.answered, 'a controlled robot')
@@ -95,7 +95,7 @@ def kill(kinds: tuple[str, ...], count: int, folder: Path) -> None:
                     process.kill()
                     process.join()
                     assert process.exitcode == -signal.SIGKILL
-                robot.goes_on()
+                robot.wait_for_progress()
                 for log in folder.glob('*.mcap'):
                     log.unlink()
         for process in nodes:

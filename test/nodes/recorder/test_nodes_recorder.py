@@ -11,17 +11,8 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from log_contents import LogContents, read_log
-from masmc_ros.log.read.reader import read_run
-from masmc_ros.messages.names import TELEMETRY
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.scenario.scenario import load_scenario
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from nav_msgs.msg import Odometry
-import numpy as np
-from processes import (
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import (
     BOUNDED,
     NODES,
     Peer,
@@ -31,6 +22,15 @@ from processes import (
     ros_arguments,
     shortened,
 )
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.messages.names import TELEMETRY
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import Odometry
+import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader

@@ -10,6 +10,7 @@ import shutil
 import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import peer, processes
 from masmc_ros.cli.recover import recover
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
@@ -17,7 +18,6 @@ from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.tracking import tracking
-from processes import peer, processes
 import pytest
 from sensor_msgs.msg import JointState
 from test_recorder_killed import recorder, ROBOT

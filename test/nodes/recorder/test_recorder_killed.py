@@ -9,13 +9,13 @@ from pathlib import Path
 import random
 import signal
 
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState

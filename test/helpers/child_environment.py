@@ -20,7 +20,7 @@ AnyStarted = TypeVar('AnyStarted', bound='Started')
 _turn = itertools.count(random.randrange(len(_DOMAINS)))
 
 
-def surroundings() -> dict[str, str]:
+def child_environment() -> dict[str, str]:
     """Return environment variables for a child process with this process's import path."""
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     return {

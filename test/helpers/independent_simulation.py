@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from itertools import product
 import math
 
-from lagrangian import Array, Matrices, matrices, PARAMETERS
+from helpers.lagrangian import Array, Matrices, matrices, PARAMETERS
+from helpers.scenario import Scenario
 import numpy as np
-from scenario import Scenario
 
 _SIDES = np.array(list(product((-1.0, 0.0, 1.0), repeat=4)))
 

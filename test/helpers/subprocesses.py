@@ -13,19 +13,19 @@ import os
 from pathlib import Path
 import sys
 
-from processes import PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables, ended
+from helpers.processes import PATIENCE
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from surroundings import domain, domain_variables, ended, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _NODES = ('plant', 'recorder', 'controller', 'trajectory')
-_IMPORTED = ['forks', *(f'masmc_ros.nodes.{name}.node' for name in _NODES)]
+_IMPORTED = ['helpers.subprocesses', *(f'masmc_ros.nodes.{name}.node' for name in _NODES)]
 
 
-class Forks:
+class Subprocesses:
     """Processes of one ROS domain."""
 
     def __init__(self, domain: int, folder: Path) -> None:
@@ -47,7 +47,7 @@ class Forks:
         # It has an effect only before the process to fork starts.
         _CONTEXT.set_forkserver_preload(_IMPORTED)
         output = self._folder / f'{len(self._started)}_{name}.out'
-        environment = {**surroundings(), **domain_variables(self.domain)}
+        environment = {**child_environment(), **domain_variables(self.domain)}
         process = _CONTEXT.Process(
             target=_run_in_fork, args=(function, arguments, environment, output), daemon=True
         )
@@ -101,7 +101,7 @@ def _listen(*topics: str) -> int:
 
 
 @contextmanager
-def forks(folder: Path) -> Iterator[Forks]:
+def subprocesses(folder: Path) -> Iterator[Subprocesses]:
     """Yield an object that starts nodes in a ROS domain that no other process uses."""
-    with domain() as number, ended(Forks(number, folder)) as started:
+    with domain() as number, ended(Subprocesses(number, folder)) as started:
         yield started

@@ -26,11 +26,16 @@ PATIENCE = 180.0
 """Maximum duration of a command in s, on a slow and busy machine."""
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_IMPORTED = ['forked', 'masmc_ros.nodes.composed.node', 'masmc_ros.nodes.recorder.node', 'warm']
+_IMPORTED = [
+    'helpers.command_process',
+    'masmc_ros.nodes.composed.node',
+    'masmc_ros.nodes.recorder.node',
+    'helpers.precompile',
+]
 """Modules to import before the fork; without rclpy those that need it are skipped."""
 
 
-class Forked:
+class CommandProcess:
     """`masmc ARGUMENTS` in a forked process, with the interface of `subprocess.Popen`."""
 
     def __init__(
@@ -117,13 +122,13 @@ def _run_in_fork(
     sys.exit(main(arguments))
 
 
-def completed(
+def run_command(
     *arguments: str, folder: Path, environment: Mapping[str, str]
 ) -> subprocess.CompletedProcess[str]:
     """Run `masmc ARGUMENTS` in a folder to its end."""
     with tempfile.TemporaryDirectory() as outputs:
         out, err = Path(outputs) / 'out', Path(outputs) / 'err'
-        process = Forked(arguments, environment, out, err, folder)
+        process = CommandProcess(arguments, environment, out, err, folder)
         try:
             status = process.wait(PATIENCE)
         finally:

@@ -95,7 +95,7 @@ TEXTS = (
 )
 
 
-def right_message(topic: str) -> bytes:
+def valid_message(topic: str) -> bytes:
     """Return a message of a topic like those of this package's nodes."""
     messages = {
         STATE_TOPIC: JointStateCdr(),
@@ -118,12 +118,12 @@ def serialize_window() -> bytes:
     return ReferenceWindow(0, 0.01, np.zeros((10, 3, 4))).to_bytes()
 
 
-def strange_message(draw: random.Random, topic: str) -> bytes:
+def random_message(draw: random.Random, topic: str) -> bytes:
     """Return a random message of a third-party publisher on a topic."""
     if TYPES[topic] == 'std_msgs/msg/String' and draw.random() < 0.7:
         text = draw.choice(TEXTS)
         return string_message(text.encode('utf-8', 'surrogatepass').decode('utf-8', 'replace'))
-    changed = bytearray(right_message(topic))
+    changed = bytearray(valid_message(topic))
     kind = draw.randrange(6)
     size = len(changed)
     if kind == 0:

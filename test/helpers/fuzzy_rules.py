@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from helpers.robots import Array
 import numpy as np
-from robots import Array
 
 FIVE = np.linspace(-1.0, 1.0, 5)
 SEVEN = np.linspace(-1.0, 1.0, 7)
