@@ -39,7 +39,7 @@ def domain_variables(domain: int) -> dict[str, str]:
 class Started(Protocol):
     """Processes of a test."""
 
-    def tell(self) -> None:
+    def print_output(self) -> None:
         """Print their output."""
 
     def end(self) -> None:
@@ -52,7 +52,7 @@ def ended(started: AnyStarted) -> Iterator[AnyStarted]:
     try:
         yield started
     except BaseException:
-        started.tell()
+        started.print_output()
         raise
     finally:
         started.end()

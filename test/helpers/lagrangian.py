@@ -83,7 +83,7 @@ class Matrices:
 
     @property
     def printed_coriolis(self) -> Array:
-        """S'HSdot, what (10) prints as V."""
+        """Return S'HSdot, which (10) prints as V."""
         return self.null_space.T @ self.inertia @ self.null_space_rate
 
     @property

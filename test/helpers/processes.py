@@ -173,7 +173,7 @@ class Processes:
         for node in self._started:
             node.signal(number)
 
-    def tell(self) -> None:
+    def print_output(self) -> None:
         """Abort all processes, and print their output and stacks."""
         for node in self._started:
             node.abort()

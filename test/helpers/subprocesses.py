@@ -55,7 +55,7 @@ class Subprocesses:
         self._started.append((process, output))
         return process
 
-    def tell(self) -> None:
+    def print_output(self) -> None:
         """Print the output of all processes."""
         for _, output in self._started:
             text = output.read_text(encoding='utf-8', errors='replace') if output.exists() else ''

@@ -56,7 +56,7 @@ def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> N
                 _spin(tester, 0.005)
                 number += 1
                 for name, node in nodes.items():
-                    assert node.process.poll() is None, f'{name} ended by itself'
+                    assert node.process.poll() is None, f'{name} has exited'
             untried = {service.name for service in client.services} - client.requests.keys()
             untried |= {topic.name for topic in client.topics} - client.messages.keys()
             assert untried == set()

@@ -101,8 +101,8 @@ class Watched:
         end, count = self._stamp + seconds * 1e9, len(self.gaps)
         self._tester.until(lambda: self._stamp > end and len(self.gaps) > count + 2, 'commands')
 
-    def until(self, holds: Any, what: str) -> None:
-        self._tester.until(holds, what)
+    def until(self, holds: Any, awaited: str) -> None:
+        self._tester.until(holds, awaited)
 
     def uses(self, **values: Any) -> None:
         """Wait until the controller has computed a tick with parameter values."""

@@ -172,7 +172,7 @@ def test_live_set_parameter_shows_active_value(run: Run, shown: Viewer) -> None:
         ('/controller.k_s1', {'a': 1}, ('no value',)),
         ('/controller.k_s3', 1.0, ('k_s3',)),
         ('/controller.model_scale', 1.0, ('model_scale',)),
-        ('/somebody.k_s1', 1.0, ('/somebody', '/controller')),
+        ('/missing.k_s1', 1.0, ('/missing', '/controller')),
     ],
 )
 def test_live_set_parameter_invalid_reports_and_keeps_value(

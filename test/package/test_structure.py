@@ -31,7 +31,7 @@ ORDER = (
     'nodes',
     'cli',
 )
-"""Folders in the order of data flow; each imports only from itself and earlier ones."""
+"""Folders in the order of data flow; a folder imports only itself and earlier ones."""
 
 NODES = ('middleware', 'parameters', 'process')
 """Folders of `nodes/` that all nodes share; each other folder is one node."""
