@@ -4,7 +4,7 @@
 """
 Cart on a rail with an arm of one link: the smallest robot with a base, an arm and a path.
 
-A motor with a pulley (radius r) pulls the cart along x, a second one turns the arm (length L),
+A motor with a pulley (radius r) pulls the cart along x; a second motor turns the arm (length L),
 which lies in the horizontal plane. Its velocities are those of cart and arm, (u, w), the forces
 conjugate to them (f_u, f_w). M is the mass that moves along the rail, including the equivalent
 mass of the motor's rotor. With p the arm's first moment, i its inertia about the joint, and
