@@ -66,7 +66,7 @@ test-oldest:
 	@$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check \
 		-c constraints-oldest.txt --no-build-isolation -e . hypothesis mpmath pytest sympy
 	@$(OLDEST)/bin/python -m pytest -m 'not slow' $(OLDEST_TESTS) \
-		test/nodes/test_lockstep.py::test_separate_processes
+		test/nodes/test_lockstep.py::test_lockstep_separate_processes_equal_simulation
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

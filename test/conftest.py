@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for all tests: compiling, or a machine that is held up, is no failure."""
+"""Settings of all tests: order of files, time limits, signals, and missing packages."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ settings.register_profile(
 )
 settings.load_profile('any machine')
 
-# What is imported stays: nobody need look through it for garbage, neither now nor later.
+# Imported objects are permanent; the garbage collector need not scan them.
 gc.disable()
 
-# What runs in the background, or under nohup, ignores these, and so would all that it starts.
+# Background jobs and nohup ignore these signals, and their children would inherit this.
 for number, usual in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGHUP, signal.SIG_DFL),
@@ -61,19 +61,21 @@ LONG = (
     'nodes/test_composed_nodes.py',
     'cli/test_param_command.py',
 )
-"""Files that take minutes with what is slow, longest first, then those that take longest without:
-a process that began one of them at last would be waited for."""
+"""Files that take minutes, longest first: those with slow tests, then the others.
+
+If a process started one of them last, all other processes would wait for it.
+"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the long files, where files are shared out to processes in this order."""
+    """Sort long files first; pytest-xdist distributes files to processes in this order."""
     folder = Path(__file__).parent
-    place = {folder / name: number for number, name in enumerate(LONG)}
-    items.sort(key=lambda item: place.get(item.path, len(LONG)))
+    ranks = {folder / name: rank for rank, name in enumerate(LONG)}
+    items.sort(key=lambda item: ranks.get(item.path, len(LONG)))
 
 
 def pytest_collection_finish() -> None:
-    """Look for garbage from here on, in what is made from here on."""
+    """Enable the garbage collector for objects that are created from now on."""
     gc.freeze()
     gc.enable()
 
@@ -83,9 +85,9 @@ def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
     """
-    Skip a file whose imports need ROS, or what rosdep does not know, where there is none.
+    Skip a file whose imports need ROS or a missing pip package.
 
-    One such file would stop all others.
+    Otherwise one such file would stop the whole collection.
     """
     report = yield
     missing = MISSING.search(str(report.longrepr)) if report.failed else None

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Bad input ends with one line that says what, where and what is right, and leaves nothing.
+Invalid input: one line with the error, its location and the expected value; no output files.
 
-The same files are given to the simulation and to the node that they are for.
+The simulation and the node of each parameter get the same files.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from pathlib import Path
 import subprocess
 import sys
 
-from forked import completed, PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables
+from helpers.command_process import PATIENCE, run_command
 from masmc_ros.cli.main import main
 import pytest
-from surroundings import domain, domain_variables, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = str(ROOT / 'config' / 'paper.yaml')
@@ -29,18 +29,18 @@ Masmc = Callable[..., subprocess.CompletedProcess[str]]
 @dataclass(frozen=True)
 class BadFile:
     """
-    A parameter file that is not right.
+    Invalid parameter file.
 
     Attributes
     ----------
     node
-        the node that refuses it.
+        node that rejects it.
     block
-        what stands in the node's own block, or the whole file where `is_whole`.
+        content of the node's block, or of the whole file if `is_whole`.
     words
-        what the message names.
+        words in the error message.
     line
-        the line of the file that is to blame; None where no line is.
+        line of the error in the file; None if the message has no line.
 
     """
 
@@ -163,20 +163,20 @@ each_bad_file = pytest.mark.parametrize('bad', BAD_FILES.values(), ids=BAD_FILES
 
 @pytest.fixture(scope='module', autouse=True)
 def ros_domain() -> Iterator[dict[str, str]]:
-    """Variables of a domain of their own, for all processes of this file."""
+    """Yield the variables of a separate ROS domain for all processes of this file."""
     with domain() as number:
         yield domain_variables(number)
 
 
 @pytest.fixture
 def masmc(ros_domain: dict[str, str], tmp_path: Path) -> Masmc:
-    """Run the command in a process of its own, in the folder of the test."""
-    return partial(completed, folder=tmp_path, environment={**surroundings(), **ros_domain})
+    """Return a function that runs the command in a separate process in the test's folder."""
+    return partial(run_command, folder=tmp_path, environment={**child_environment(), **ros_domain})
 
 
-def the_line(status: int, out: str, err: str) -> str:
-    """Return the one line in which bad input was refused."""
-    # Shared memory that killed processes left behind makes the middleware complain.
+def error_line(status: int, out: str, err: str) -> str:
+    """Return the single error line about invalid input."""
+    # The middleware prints errors about shared memory of killed processes.
     lines = [line for line in err.splitlines() if 'RTPS' not in line]
     assert status == 2, (status, out, err)
     assert len(lines) == 1, err
@@ -193,27 +193,27 @@ def check_message(message: str, bad: BadFile, path: Path) -> None:
 
 
 @each_bad_file
-def test_simulate_refuses_a_bad_file(
+def test_simulate_invalid_file_rejected(
     bad: BadFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, log = tmp_path / 'bad.yaml', tmp_path / 'run.mcap'
     path.write_text(bad.text(), encoding='utf-8')
     status = main(['simulate', str(path), '--output', str(log)])
     captured = capsys.readouterr()
-    check_message(the_line(status, captured.out, captured.err), bad, path)
+    check_message(error_line(status, captured.out, captured.err), bad, path)
     assert list(tmp_path.iterdir()) == [path]
 
 
 @each_bad_file
-def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path, masmc: Masmc) -> None:
+def test_node_invalid_file_rejected(bad: BadFile, tmp_path: Path, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
     path = tmp_path / 'bad.yaml'
     path.write_text(bad.text(), encoding='utf-8')
     result = masmc('run', bad.node, '--ros-args', '--params-file', str(path))
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     for word in bad.words:
         assert word in message, f'{word!r} is not in: {message}'
-    # A recorder that refuses its parameters has not begun a file either.
+    # A recorder that rejects its parameters has not created a file, either.
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -221,26 +221,26 @@ def test_the_node_refuses_a_bad_file(bad: BadFile, tmp_path: Path, masmc: Masmc)
 @pytest.mark.parametrize(
     'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
 )
-def test_a_process_from_nothing_refuses_as_a_fork_does(
+def test_new_process_same_error_as_forked_process(
     command: tuple[str, ...], masmc: Masmc, ros_domain: dict[str, str], tmp_path: Path
 ) -> None:
     if command[0] == 'run':
         pytest.importorskip('rclpy')
     path = tmp_path / 'bad.yaml'
     path.write_text(BAD_FILES['negative mass'].text(), encoding='utf-8')
-    fork = masmc(*command, str(path))
+    forked = masmc(*command, str(path))
     result = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', *command, str(path)],
         cwd=tmp_path,
-        env={**surroundings(), **ros_domain},
+        env={**child_environment(), **ros_domain},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=False,
     )
-    message = the_line(result.returncode, result.stdout, result.stderr)
-    assert message == the_line(fork.returncode, fork.stdout, fork.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
+    assert message == error_line(forked.returncode, forked.stdout, forked.stderr)
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -248,11 +248,13 @@ def test_a_process_from_nothing_refuses_as_a_fork_does(
     'command', [('simulate',), ('run', 'plant', '--ros-args', '--params-file')]
 )
 @pytest.mark.parametrize('name', ['missing.yaml', 'missing/bad.yaml', '.'])
-def test_a_file_that_is_none(command: tuple[str, ...], name: str, masmc: Masmc) -> None:
+def test_missing_parameter_file_names_path(
+    command: tuple[str, ...], name: str, masmc: Masmc
+) -> None:
     if command[0] == 'run':
         pytest.importorskip('rclpy')
     result = masmc(*command, name)
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     assert f'{name}: ' in message
     assert 'give the path of a parameter file' in message
 
@@ -281,13 +283,13 @@ SIMULATE = {
     ),
     'missing folder': (('--output', 'missing/run.mcap'), 'missing'),
     'folder as output': (('--output', '.'), 'folder'),
-    'output that is none': (('--output', '/proc/run.mcap'), 'cannot be written'),
+    'unwritable output': (('--output', '/proc/run.mcap'), 'cannot be written'),
     'unknown option': (('--outptu', 'run.mcap'), '--help'),
 }
 
 
 @pytest.mark.parametrize(('options', 'word'), SIMULATE.values(), ids=SIMULATE.keys())
-def test_bad_options_of_simulate(
+def test_simulate_invalid_option_rejected(
     options: tuple[str, ...],
     word: str,
     tmp_path: Path,
@@ -298,10 +300,10 @@ def test_bad_options_of_simulate(
     log = () if '--output' in options else ('--output', 'run.mcap')
     try:
         status = main(['simulate', PAPER, *log, *options])
-    except SystemExit as exit_:  # argparse's way
+    except SystemExit as exit_:  # raised by argparse
         status = int(exit_.code or 0)
     captured = capsys.readouterr()
-    message = the_line(status, captured.out, captured.err)
+    message = error_line(status, captured.out, captured.err)
     assert word in message
     assert message.startswith('masmc')
     assert list(tmp_path.iterdir()) == []
@@ -322,7 +324,7 @@ NODE_ARGUMENTS = {
     'second file': ('plant', ('--params-file', PAPER, '--params-file', 'no.yaml'), 'no.yaml'),
     'missing folder': ('recorder', ('-p', 'output:=missing/run.mcap'), 'missing'),
     'missing folder for a folder': ('recorder', ('-p', 'output:=missing'), 'missing'),
-    'output that is none': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
+    'unwritable output': ('recorder', ('-p', 'output:=/proc/run.mcap'), 'cannot be written'),
     'unknown ROS argument': ('plant', ('--bogus',), '--bogus'),
     'another name': ('controller', ('-r', '__node:=ctl'), '__ns:=/ctl'),
     'another name in one process': ('composed', ('-r', 'plant:__node:=p'), '__ns:=/p'),
@@ -337,25 +339,25 @@ NODE_ARGUMENTS = {
 @pytest.mark.parametrize(
     ('node', 'arguments', 'word'), NODE_ARGUMENTS.values(), ids=NODE_ARGUMENTS.keys()
 )
-def test_bad_arguments_of_nodes(
+def test_node_invalid_argument_rejected(
     node: str, arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
 ) -> None:
     pytest.importorskip('rclpy')
     result = masmc('run', node, '--ros-args', *arguments)
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     assert word in message
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_that_is_there_is_kept(tmp_path: Path, masmc: Masmc) -> None:
+def test_recorder_existing_log_kept(tmp_path: Path, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
     log = tmp_path / 'run.mcap'
-    log.write_bytes(b'precious')
+    log.write_bytes(b'content')
     result = masmc('run', 'recorder', '--ros-args', '-p', f'output:={log}')
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     assert 'run.mcap' in message
     assert 'overwrite' in message
-    assert log.read_bytes() == b'precious'
+    assert log.read_bytes() == b'content'
 
 
 @pytest.mark.parametrize(
@@ -370,11 +372,11 @@ def test_a_recording_that_is_there_is_kept(tmp_path: Path, masmc: Masmc) -> None
         (('report', 'missing.mcap'), 'missing.mcap'),
     ],
 )
-def test_commands_that_are_none(
+def test_masmc_invalid_command_rejected(
     arguments: tuple[str, ...], word: str, tmp_path: Path, masmc: Masmc
 ) -> None:
     result = masmc(*arguments)
-    assert word in the_line(result.returncode, result.stdout, result.stderr)
+    assert word in error_line(result.returncode, result.stdout, result.stderr)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -387,17 +389,19 @@ def test_commands_that_are_none(
         ('plant', '--ros-args', '-p', 'duration:=1.0', '--', '--recrod'),
     ],
 )
-def test_what_a_node_does_not_understand(arguments: tuple[str, ...], masmc: Masmc) -> None:
-    """Else a run goes by its defaults, or unrecorded, and nobody is told."""
+def test_node_unknown_argument_rejected(arguments: tuple[str, ...], masmc: Masmc) -> None:
+    """Otherwise the run would use defaults, or no recorder, without a message."""
     pytest.importorskip('rclpy')
     result = masmc('run', *arguments)
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     assert next(a for a in reversed(arguments) if a.strip('-')) in message or '-p' in message
     assert '--ros-args' in message
 
 
-def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nodes accept what rcl declares by itself; so does the simulation."""
+def test_simulate_use_sim_time_in_file_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The simulation accepts the parameters that rcl declares automatically."""
     path = tmp_path / 'good.yaml'
     path.write_text(_shared('use_sim_time: false\nduration: 0.01'), encoding='utf-8')
     assert main(['simulate', str(path)]) == 0
@@ -407,10 +411,10 @@ def test_what_every_node_of_ros_takes(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     'setting', ['plant:command_interface:=velocity', 'controller:enable_stamped_cmd_vel:=true']
 )
-def test_plant_and_controller_that_disagree_in_one_process(setting: str, masmc: Masmc) -> None:
+def test_composed_different_interfaces_rejected(setting: str, masmc: Masmc) -> None:
     pytest.importorskip('rclpy')
     result = masmc('run', 'composed', '--ros-args', '-p', setting)
-    message = the_line(result.returncode, result.stdout, result.stderr)
+    message = error_line(result.returncode, result.stdout, result.stderr)
     name = setting.split(':')[1]
     assert f'controller.{name} = ' in message
     assert f'which plant.{name} is' in message

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whoever is ended while still importing ends at once, without a traceback."""
+"""Processes that get a signal during imports: immediate end without a traceback."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 60.0
 LIBRARIES = ('_multiarray_umath', 'libllvmlite')
-"""Libraries of numpy and of numba, which come early and late among the imports."""
+"""Libraries of numpy and numba, which are imported early and late."""
 
 
 def interrupted(command: list[str], library: str, number: signal.Signals) -> tuple[int, str]:
-    """Send a signal once a library is being imported; return exit status and standard error."""
+    """Send a signal during the import of a library; return exit status and standard error."""
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     process = subprocess.Popen(
         [sys.executable, *command],
@@ -65,14 +65,14 @@ def interrupted(command: list[str], library: str, number: signal.Signals) -> tup
     ],
     ids=['masmc run', 'ros2 run'],
 )
-def test_a_node_ends_with_status_0(
+def test_node_signal_during_import_status_0(
     command: list[str], number: signal.Signals, library: str
 ) -> None:
     pytest.importorskip('rclpy')
     assert interrupted(command, library, number) == (0, '')
 
 
-def test_a_node_ends_at_once_while_machine_code_is_made(tmp_path: Path) -> None:
+def test_node_signal_during_compilation_ends_immediately(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     process = subprocess.Popen(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'controller'],
@@ -97,22 +97,22 @@ def test_a_node_ends_at_once_while_machine_code_is_made(tmp_path: Path) -> None:
         process.kill()
         process.wait()
     assert (process.returncode, err) == (0, b'')
-    # It did not go on to the last of them: there are some hundred.
+    # The node did not compile the remaining kernels; there are several hundred.
     assert len(list(tmp_path.rglob('*.nbc'))) < 50
 
 
 @pytest.mark.parametrize('library', LIBRARIES)
-def test_a_command_ends_with_status_130(library: str, tmp_path: Path) -> None:
+def test_simulate_signal_during_import_status_130(library: str, tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     command = ['-m', 'masmc_ros.cli.main', 'simulate', 'config/paper.yaml', '--output', str(log)]
-    # So long that it is not over, should the signal come late.
+    # Long enough to be running even if the signal is late.
     command += ['--set', 'duration=1000.0']
-    ended = interrupted(command, library, signal.SIGINT)
-    assert ended == (130, 'masmc simulate: interrupted\n')
+    result = interrupted(command, library, signal.SIGINT)
+    assert result == (130, 'masmc simulate: interrupted\n')
     assert list(tmp_path.iterdir()) == []
 
 
-def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
+def test_colcon_script_in_bin_runs_masmc(tmp_path: Path) -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert "shims = [('bin', ['scripts/masmc'])]" in setup
     script, installed = tmp_path / 'bin' / 'masmc', tmp_path / 'lib' / 'masmc_ros' / 'masmc'
@@ -125,7 +125,7 @@ def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
     installed.chmod(0o755)
     command = [str(script), 'simulate', '--list']
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
-    found = subprocess.run(
+    result = subprocess.run(
         command,
         env={**os.environ, 'PYTHONPATH': path},
         cwd=tmp_path,
@@ -134,10 +134,10 @@ def test_colcon_puts_masmc_on_the_path(tmp_path: Path) -> None:
         timeout=PATIENCE,
         check=True,
     )
-    assert 'paper.yaml' in found.stdout
+    assert 'paper.yaml' in result.stdout
 
 
-def test_every_executable_of_colcon_is_there() -> None:
+def test_colcon_executables_all_defined() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert "f'{node} = masmc_ros.cli.executables:{node}'" in setup
     named = re.search(r'^NODES = \((.*)\)$', setup, re.MULTILINE)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes that are interrupted while they end: their exit status stays the usual one."""
+"""Processes that get signals during their end: their exit status does not change."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import subprocess
 import sys
 import time
 
+from helpers.child_environment import child_environment, domain, domain_variables
 import pytest
-from surroundings import domain, domain_variables, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = str(ROOT / 'config' / 'paper.yaml')
@@ -28,7 +28,7 @@ COMMANDS = {
         ],
     ),
 }
-"""What each prints once its work is complete, and its arguments."""
+"""Output that marks the end of a command's work, and its arguments."""
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -36,14 +36,14 @@ COMMANDS = {
 def test_process_signals_at_end_keep_status_0(
     command: str, number: signal.Signals, tmp_path: Path
 ) -> None:
-    """Signals come again and again from the last line on, until the process is gone."""
+    """The test repeats signals from the last line of output until the process has ended."""
     line, arguments = COMMANDS[command]
     output = tmp_path / 'output'
     with domain() as own, output.open('wb') as stream:
         process = subprocess.Popen(
             [sys.executable, '-m', 'masmc_ros.cli.main', *arguments],
             # Output appears with the flush at the end, when the work is complete.
-            env={**surroundings(), **domain_variables(own), 'PYTHONUNBUFFERED': ''},
+            env={**child_environment(), **domain_variables(own), 'PYTHONUNBUFFERED': ''},
             stdin=subprocess.DEVNULL,
             stdout=stream,
             stderr=stream,

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc param` on real nodes: what `ros2 param` says, and exit statuses that tell."""
+"""`masmc param` with nodes: output as of `ros2 param`, and exit status."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import subprocess
 import sys
 import time
 
-from forked import completed
+from helpers.child_environment import child_environment, domain_variables
+from helpers.command_process import run_command
+from helpers.processes import PATIENCE, peer, Processes, processes
 from masmc_ros.params.file import read
 from masmc_ros.scenario.node_parameters import declared
-from processes import PATIENCE, peer, Processes, processes
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from std_msgs.msg import String
-from surroundings import domain_variables, surroundings
 import yaml
 
 
 @pytest.fixture(scope='module')
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
-    """Yield a domain in which a controller runs, and one in a namespace."""
+    """Yield the processes of two controllers, one of them in a namespace."""
     with processes(tmp_path_factory.mktemp('nodes')) as started:
         started.start('controller', '--ros-args', '-p', 'k_s1:=120.0')
         started.start('controller', '--ros-args', '-r', '__ns:=/left')
@@ -37,42 +37,44 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
 
 
 def param(domain: int, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**surroundings(), **domain_variables(domain)}
-    return completed('param', *arguments, folder=Path.cwd(), environment=environment)
+    environment = {**child_environment(), **domain_variables(domain)}
+    return run_command('param', *arguments, folder=Path.cwd(), environment=environment)
 
 
-def told(domain: int, *arguments: str) -> str:
-    """Return what the command prints; it must end well and print nothing but that."""
+def output_of(domain: int, *arguments: str) -> str:
+    """Return the standard output of a command that must succeed without errors."""
     result = param(domain, *arguments, '--timeout', '30')
     assert (result.returncode, result.stderr) == (0, '')
     return result.stdout.rstrip('\n')
 
 
-def test_a_gain_is_set_and_read_back(running: Processes) -> None:
+def test_param_set_and_get_value(running: Processes) -> None:
     domain = running.domain
-    assert told(domain, 'get', '/controller', 'k_s1') == 'Double value is: 120.0'
-    assert told(domain, 'set', '/controller', 'k_s1', '150') == 'Set parameter successful'
-    assert told(domain, 'get', 'controller', 'k_s1', '--hide-type') == '150.0'
+    assert output_of(domain, 'get', '/controller', 'k_s1') == 'Double value is: 120.0'
+    assert output_of(domain, 'set', '/controller', 'k_s1', '150') == 'Set parameter successful'
+    assert output_of(domain, 'get', 'controller', 'k_s1', '--hide-type') == '150.0'
     array = '[150.0, 150.0, 80.0, 80.0]'
-    assert told(domain, 'set', '/controller', 'k_s1', array) == 'Set parameter successful'
-    assert told(domain, 'get', '/controller', 'k_s1') == f'Double values are: {array}'
-    # On a machine that has not loaded the law yet, the response says so.
-    assert told(domain, 'set', '/controller', 'law', 'smc').startswith('Set parameter successful')
-    assert told(domain, 'get', '/controller', 'law') == 'String value is: smc'
-    left = told(domain, 'get', '/left/controller', 'k_s1')
+    assert output_of(domain, 'set', '/controller', 'k_s1', array) == 'Set parameter successful'
+    assert output_of(domain, 'get', '/controller', 'k_s1') == f'Double values are: {array}'
+    # The response has a note if the law must be compiled first.
+    assert output_of(domain, 'set', '/controller', 'law', 'smc').startswith(
+        'Set parameter successful'
+    )
+    assert output_of(domain, 'get', '/controller', 'law') == 'String value is: smc'
+    left = output_of(domain, 'get', '/left/controller', 'k_s1')
     assert left == 'Double values are: [100.0, 100.0, 100.0, 100.0]'
-    assert told(domain, 'get', '/controller', 'telemetry_decimation') == 'Integer value is: 1'
-    assert told(domain, 'get', '/controller', 'use_sim_time') == 'Boolean value is: False'
+    assert output_of(domain, 'get', '/controller', 'telemetry_decimation') == 'Integer value is: 1'
+    assert output_of(domain, 'get', '/controller', 'use_sim_time') == 'Boolean value is: False'
 
 
 @pytest.mark.parametrize(
     ('value', 'words'),
     [('-1', ('k_s2 = -1', '>= 0')), ('[1.0, 2.0]', ('4 numbers',)), ('[]', ('k_s2',))],
 )
-def test_a_refusal_tells_the_reason_and_changes_nothing(
+def test_param_set_invalid_value_reports_reason(
     running: Processes, value: str, words: tuple[str, ...]
 ) -> None:
-    before = told(running.domain, 'get', '/controller', 'k_s2')
+    previous = output_of(running.domain, 'get', '/controller', 'k_s2')
     result = param(running.domain, 'set', '/controller', 'k_s2', '--timeout', '30', '--', value)
     assert result.returncode == 1
     assert result.stdout == ''
@@ -80,51 +82,53 @@ def test_a_refusal_tells_the_reason_and_changes_nothing(
     assert result.stderr.count('\n') == 1
     for word in words:
         assert word in result.stderr
-    assert told(running.domain, 'get', '/controller', 'k_s2') == before
+    assert output_of(running.domain, 'get', '/controller', 'k_s2') == previous
 
 
-def test_a_name_that_is_none_is_answered_with_what_was_meant(running: Processes) -> None:
+def test_param_set_unknown_name_suggests_similar(running: Processes) -> None:
     result = param(running.domain, 'set', '/controller', 'ks_1', '150', '--timeout', '30')
     assert "unknown parameter 'ks_1'; did you mean k_s1" in result.stderr
     assert result.returncode == 1
 
 
-def test_a_negative_number_is_a_value(running: Processes) -> None:
+def test_param_set_negative_number_is_value(running: Processes) -> None:
     result = param(running.domain, 'set', '/controller', 'k_s2', '-1', '--timeout', '30')
     assert result.stderr.startswith('Setting parameter failed: ')
 
 
-def test_all_nodes_are_listed(running: Processes) -> None:
+def test_param_list_has_all_nodes(running: Processes) -> None:
     listed: dict[str, list[str]] = {}
     limit = time.monotonic() + PATIENCE
-    # On a busy machine the last node may turn up after the others were taken for all.
+    # On a busy machine the last node may be discovered after the list is printed.
     while set(listed) != {'/controller', '/left/controller'}:
         assert time.monotonic() < limit, listed
-        listed = yaml.safe_load(told(running.domain, 'list').replace('\n  ', '\n  - '))
-    one = told(running.domain, 'list', '/left/controller').split()
+        listed = yaml.safe_load(output_of(running.domain, 'list').replace('\n  ', '\n  - '))
+    one = output_of(running.domain, 'list', '/left/controller').split()
     assert one == sorted(one) == listed['/left/controller']
     assert {parameter.name for parameter in declared('controller')} <= set(one)
 
 
-def test_a_dump_is_a_parameter_file(running: Processes, tmp_path: Path) -> None:
-    assert told(running.domain, 'set', '/controller', 'k_s2', '[1.5, 2.0, 3.0, 4.0]')
+def test_param_dump_is_parameter_file(running: Processes, tmp_path: Path) -> None:
+    assert output_of(running.domain, 'set', '/controller', 'k_s2', '[1.5, 2.0, 3.0, 4.0]')
     file = tmp_path / 'dump.yaml'
-    file.write_text(told(running.domain, 'dump', '/controller'), encoding='utf-8')
+    file.write_text(output_of(running.domain, 'dump', '/controller'), encoding='utf-8')
     assert read(file).for_node('controller')['k_s2'] == [1.5, 2.0, 3.0, 4.0]
     with processes(tmp_path) as elsewhere:
         elsewhere.start('controller', '--ros-args', '--params-file', str(file))
-        again = told(elsewhere.domain, 'get', '/controller', 'k_s2')
+        again = output_of(elsewhere.domain, 'get', '/controller', 'k_s2')
         assert again == 'Double values are: [1.5, 2.0, 3.0, 4.0]'
-        assert told(elsewhere.domain, 'dump', '/controller') == file.read_text(encoding='utf-8')
+        assert output_of(elsewhere.domain, 'dump', '/controller') == file.read_text(
+            encoding='utf-8'
+        )
 
 
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('get', '/nobody', 'k_s1', '--timeout', '1'), ('/nobody',)),
-        (('set', '/nobody', 'k_s1', '1', '--timeout', '1'), ('/nobody',)),
-        (('dump', '/nobody', '--timeout', '1'), ('/nobody',)),
-        (('list', '/nobody', '--timeout', '1'), ('/nobody',)),
+        (('get', '/missing', 'k_s1', '--timeout', '1'), ('/missing',)),
+        (('set', '/missing', 'k_s1', '1', '--timeout', '1'), ('/missing',)),
+        (('dump', '/missing', '--timeout', '1'), ('/missing',)),
+        (('list', '/missing', '--timeout', '1'), ('/missing',)),
         (('get', '/controller', 'k_s3', '--timeout', '30'), ('k_s3', 'k_s1')),
         (('get', '/not a name', 'k_s1'), ('not a name',)),
         (('get', f'/{"n" * 230}', 'k_s1'), ('n' * 230,)),
@@ -136,7 +140,7 @@ def test_a_dump_is_a_parameter_file(running: Processes, tmp_path: Path) -> None:
     ],
     ids=lambda value: ' '.join(value)[:40],
 )
-def test_what_cannot_be_done_is_told_in_one_line(
+def test_param_invalid_command_one_error_line(
     running: Processes, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     result = param(running.domain, *arguments)
@@ -148,23 +152,23 @@ def test_what_cannot_be_done_is_told_in_one_line(
         assert word in result.stderr
 
 
-def test_whoever_asks_for_a_node_that_is_not_there_is_told_who_is(running: Processes) -> None:
-    told_of = 'none'
+def test_param_missing_node_error_lists_nodes(running: Processes) -> None:
+    listed = 'none'
     timeout = 1
-    # On a busy machine it takes its time to find anybody.
-    while told_of == 'none':
+    # On a busy machine the discovery of nodes may take long.
+    while listed == 'none':
         assert timeout < PATIENCE
-        result = param(running.domain, 'get', '/nobody', 'k_s1', '--timeout', str(timeout))
+        result = param(running.domain, 'get', '/missing', 'k_s1', '--timeout', str(timeout))
         assert result.returncode == 2
         assert result.stderr.count('\n') == 1
-        told_of = result.stderr.rpartition('nodes with parameters: ')[2].strip()
+        listed = result.stderr.rpartition('nodes with parameters: ')[2].strip()
         timeout *= 2
-    assert set(told_of.split(', ')) <= {'/controller', '/left/controller'}
+    assert set(listed.split(', ')) <= {'/controller', '/left/controller'}
 
 
-def test_without_rclpy_it_says_what_to_do(tmp_path: Path) -> None:
+def test_param_without_rclpy_names_remedy(tmp_path: Path) -> None:
     (tmp_path / 'rclpy.py').write_text("raise ImportError('not here')", encoding='utf-8')
-    environment = surroundings()
+    environment = child_environment()
     environment['PYTHONPATH'] = os.pathsep.join([str(tmp_path), environment['PYTHONPATH']])
     result = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'param', 'list'],
@@ -178,21 +182,21 @@ def test_without_rclpy_it_says_what_to_do(tmp_path: Path) -> None:
     assert 'pip install' in result.stderr
 
 
-def test_what_a_node_has_dumped_is_loaded_without_a_word(running: Processes) -> None:
-    """As `ros2 param load` does: every parameter is set to what it is, read-only ones too."""
+def test_param_load_of_dump_changes_nothing(running: Processes) -> None:
+    """`ros2 param load` sets all parameters to their values, including read-only ones."""
     node = '/controller'
     with peer(running.domain, 'loader') as loader:
         request = ListParameters.Request()
         names = loader.call(ListParameters, f'{node}/list_parameters', request).result.names
-        asked = GetParameters.Request(names=names)
-        values = loader.call(GetParameters, f'{node}/get_parameters', asked).values
-        told = loader.collect(String, f'{node}/parameters', past=False)
+        getting = GetParameters.Request(names=names)
+        values = loader.call(GetParameters, f'{node}/get_parameters', getting).values
+        records = loader.collect(String, f'{node}/parameters', past=False)
         events = loader.collect(ParameterEvent, '/parameter_events', past=False)
         parameters = [Parameter(name=n, value=v) for n, v in zip(names, values, strict=True)]
         loaded = SetParameters.Request(parameters=parameters)
         answer = loader.call(SetParameters, f'{node}/set_parameters', loaded)
         assert {result.reason for result in answer.results if not result.successful} == set()
-        # One that is new is set, told and nothing else is; a read-only one is refused.
+        # Only a new value is set and published; a new value of a read-only one is rejected.
         changed = [p for p in parameters if p.name == 'boundary_layer']
         changed[0].value.double_value += 0.125
         request = SetParameters.Request(parameters=parameters)
@@ -201,9 +205,9 @@ def test_what_a_node_has_dumped_is_loaded_without_a_word(running: Processes) -> 
         loader.until(lambda: [e for e in events if e.node == node], 'the event')
         names = [p.name for e in events if e.node == node for p in e.changed_parameters]
         assert names == ['boundary_layer']
-        assert told == []  # with the first tick that is computed with it
+        assert records == []  # published with the first tick that uses the value
         fixed = next(p for p in parameters if p.name == 'control_period')
         fixed.value.double_value *= 2.0
         request = SetParameters.Request(parameters=[fixed])
-        (refused,) = loader.call(SetParameters, f'{node}/set_parameters', request).results
-        assert not refused.successful
+        (result,) = loader.call(SetParameters, f'{node}/set_parameters', request).results
+        assert not result.successful

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The commands as a terminal has them: signals, full devices, what was meant by a slip."""
+"""Commands in a terminal: signals, full devices, suggestions for misspelt words."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ import sys
 import time
 from typing import Any
 
+from helpers.viewed_run import computed_run
 from masmc_ros.cli.main import main
 from masmc_ros.scenario.node_parameters import declared, NODES
 import pytest
-from test_bad_input import PAPER, PATIENCE, the_line
-from viewed_run import computed_run
+from test_bad_input import error_line, PAPER, PATIENCE
 
 ENVIRONMENT = {**os.environ, 'PYTHONPATH': os.pathsep.join(e or os.getcwd() for e in sys.path)}
 
@@ -38,21 +38,21 @@ def started(*arguments: str, folder: Path, **options: Any) -> subprocess.Popen[s
         env=ENVIRONMENT,
         stdin=subprocess.DEVNULL,
         text=True,
-        # A shell that starts the tests in its background lets its children ignore SIGINT.
+        # Children of a shell's background jobs ignore SIGINT.
         **options,
     )
 
 
-def until(holds: Callable[[], Any], what: str) -> Any:
+def until(holds: Callable[[], Any], awaited: str) -> Any:
     limit = time.monotonic() + 3 * PATIENCE
-    while not (found := holds()):
-        assert time.monotonic() < limit, f'it never came: {what}'
+    while not (value := holds()):
+        assert time.monotonic() < limit, f'timeout: {awaited}'
         time.sleep(0.02)
-    return found
+    return value
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_simulation_that_is_told_to_end_leaves_nothing(
+def test_simulate_ended_by_signal_leaves_no_file(
     number: signal.Signals, tmp_path: Path
 ) -> None:
     arguments = ('simulate', PAPER, '--set', 'duration=3000.0', '--output', 'run.mcap')
@@ -73,13 +73,13 @@ def test_a_simulation_that_is_told_to_end_leaves_nothing(
 
 
 def children(process: subprocess.Popen[str]) -> list[int]:
-    """Return the processes that a process has started."""
+    """Return the ids of a process's children."""
     path = Path(f'/proc/{process.pid}/task/{process.pid}/children')
     return [int(number) for number in path.read_text(encoding='ascii').split()]
 
 
 def is_node(number: int) -> bool:
-    """Tell whether a process is a node that still runs."""
+    """Return True if a process is a running node."""
     with suppress(OSError):
         return b'masmc_ros.cli.main' in Path(f'/proc/{number}/cmdline').read_bytes()
     return False
@@ -87,13 +87,13 @@ def is_node(number: int) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGHUP])
-def test_nodes_of_a_demo_end_with_it(number: signal.Signals, tmp_path: Path) -> None:
+def test_demo_killed_its_nodes_end(number: signal.Signals, tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     with started('demo', folder=tmp_path, stderr=subprocess.DEVNULL) as process:
         nodes: list[int] = []
         try:
             nodes = until(lambda: (n := children(process)) and len(n) == 4 and n, 'four nodes')
-            # Some are being imported then, some may have begun.
+            # Some nodes are still importing modules, others may have started.
             time.sleep(1.0)
             process.send_signal(number)
             process.wait(PATIENCE)
@@ -104,8 +104,8 @@ def test_nodes_of_a_demo_end_with_it(number: signal.Signals, tmp_path: Path) -> 
                 os.kill(node, signal.SIGKILL)
 
 
-def test_a_node_ends_with_a_terminal_that_is_closed(tmp_path: Path) -> None:
-    """A recorder completes its file then."""
+def test_recorder_terminal_closed_log_complete(tmp_path: Path) -> None:
+    """The recorder completes its file after SIGHUP."""
     pytest.importorskip('rclpy')
     arguments = ('run', 'recorder', '--ros-args', '-p', 'output:=run.mcap')
     with started(*arguments, folder=tmp_path, stderr=subprocess.DEVNULL) as process:
@@ -134,14 +134,14 @@ FULL = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize('buffer', ['', '1'])
-def test_a_full_device_is_one_line(log: Path, tmp_path: Path, buffer: str) -> None:
-    """Where the interpreter keeps what is printed until it ends, and where it does not."""
+def test_masmc_full_device_one_error_line(log: Path, tmp_path: Path, buffer: str) -> None:
+    """The output is buffered until the end, or unbuffered."""
     running = []
     with open('/dev/full', 'w') as full:
         for arguments in FULL if buffer else FULL[:6]:
-            given = [str(log) if each == 'LOG' else each for each in arguments]
+            command = [str(log) if word == 'LOG' else word for word in arguments]
             running.append(subprocess.Popen(
-                [sys.executable, '-m', 'masmc_ros.cli.main', *given],
+                [sys.executable, '-m', 'masmc_ros.cli.main', *command],
                 cwd=tmp_path,
                 env={**ENVIRONMENT, 'PYTHONUNBUFFERED': buffer, 'PATH': '/usr/bin:/bin'},
                 stdin=subprocess.DEVNULL,
@@ -185,25 +185,25 @@ def same(log: Path, tmp_path: Path) -> Path:
         ('export', 'parts', '--output', 'parts'),
     ],
 )
-def test_an_output_that_is_an_input_is_refused_before_it_is_read(
+def test_masmc_output_is_input_rejected_before_reading(
     same: Path,
     arguments: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(same)
-    before = {path: path.read_bytes() for path in same.rglob('*') if path.is_file()}
-    # Were it read before, it would be told that it is damaged.
+    files = {path for path in same.rglob('*') if path.is_file()}
+    # Reading the truncated file would raise another error.
     os.truncate('run.mcap', 1000)
     status = main(list(arguments))
     captured = capsys.readouterr()
-    line = the_line(status, captured.out, captured.err)
+    line = error_line(status, captured.out, captured.err)
     assert 'is what is read from' in line
-    assert {path for path in same.rglob('*') if path.is_file()} == set(before)
+    assert {path for path in same.rglob('*') if path.is_file()} == files
 
 
 @pytest.mark.slow
-def test_a_report_takes_away_what_an_earlier_one_made_and_nothing_else(
+def test_report_repeated_removes_only_its_earlier_files(
     log: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / 'other.mcap'
@@ -220,31 +220,31 @@ def test_a_report_takes_away_what_an_earlier_one_made_and_nothing_else(
     assert not {'other_path.png', 'other_end_effector.png'} & names
     for name, content in mine.items():
         assert (folder / name).read_bytes() == content
-    # The manifest is what other programs check.
+    # Other programs can check the manifest.
     checked = subprocess.run(['sha256sum', '-c', 'report.sha256'], cwd=folder, check=False)
     assert checked.returncode == 0
 
 
-def test_a_long_run_says_what_it_writes_or_is_refused(
+def test_simulate_long_run_prints_size_or_is_rejected(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / 'run.mcap'
     status = main(['simulate', PAPER, '--set', 'duration=1e8', '--output', str(output)])
     captured = capsys.readouterr()
-    line = the_line(status, captured.out, captured.err)
+    line = error_line(status, captured.out, captured.err)
     assert re.search(r': 100000000001 ticks take about 5\d TB, of which the disk has', line)
     assert list(tmp_path.iterdir()) == []
     few = ('--set', 'controller.telemetry_decimation=0', '--set', 'plant.tf_decimation=0')
     length = ('--set', 'duration=201.0', '--output', str(output))
     assert main(['simulate', PAPER, *length, *few]) == 0
-    (told,) = capsys.readouterr().err.splitlines()
-    assert told.startswith(f'{output}: 201001 ticks take about ')
-    assert told.endswith(' MB')
-    expected = int(told.split()[-2]) * 1e6
+    (estimate,) = capsys.readouterr().err.splitlines()
+    assert estimate.startswith(f'{output}: 201001 ticks take about ')
+    assert estimate.endswith(' MB')
+    expected = int(estimate.split()[-2]) * 1e6
     assert expected == pytest.approx(output.stat().st_size, rel=0.2)
 
 
-def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:
+def test_simulate_full_disk_one_error_line(tmp_path: Path) -> None:
     result = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'simulate', PAPER, '--output', 'run.mcap'],
         cwd=tmp_path,
@@ -255,13 +255,13 @@ def test_a_disk_that_takes_no_more_is_one_line(tmp_path: Path) -> None:
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10**6, 10**6)),
     )
-    line = the_line(result.returncode, result.stdout, result.stderr)
+    line = error_line(result.returncode, result.stdout, result.stderr)
     assert line == 'masmc simulate: run.mcap: cannot be written: File too large'
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize('node', [*NODES, 'composed'])
-def test_help_of_a_node_has_its_parameters(
+def test_node_help_lists_its_parameters(
     node: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('COLUMNS', '80')
@@ -270,8 +270,8 @@ def test_help_of_a_node_has_its_parameters(
     assert text.startswith(f'usage: masmc run {node} ')
     assert max(map(len, text.splitlines()[1:])) <= 80
     flat = ' '.join(text.split())
-    for each in ('plant', 'trajectory', 'controller') if node == 'composed' else (node,):
-        for parameter in declared(each):
+    for name in ('plant', 'trajectory', 'controller') if node == 'composed' else (node,):
+        for parameter in declared(name):
             assert f' {parameter.name} {parameter.description} default ' in flat
             assert parameter.expected in flat
             assert parameter.unit in flat
@@ -289,12 +289,12 @@ def test_help_of_a_node_has_its_parameters(
         (('simulate', PAPER, '--set', 'durration=5'), 'did you mean duration'),
     ],
 )
-def test_a_slip_is_answered_with_what_was_meant(
+def test_masmc_misspelt_word_suggests_similar(
     arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     status = main(list(arguments))
     captured = capsys.readouterr()
-    assert words in the_line(status, captured.out, captured.err)
+    assert words in error_line(status, captured.out, captured.err)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_a_slip_is_answered_with_what_was_meant(
     ],
 )
 @pytest.mark.parametrize('command', ['report', 'view', 'export', 'simulate'])
-def test_what_is_no_log_and_what_was_cut_off(
+def test_masmc_invalid_or_truncated_log_one_error_line(
     command: str,
     content: bytes,
     words: str,
@@ -318,6 +318,6 @@ def test_what_is_no_log_and_what_was_cut_off(
     Path('x.mcap').write_bytes(content)
     status = main([command, 'x.mcap'])
     captured = capsys.readouterr()
-    line = the_line(status, captured.out, captured.err)
+    line = error_line(status, captured.out, captured.err)
     assert words in line
     assert ('cut off' in line) == content.startswith(b'\x89')

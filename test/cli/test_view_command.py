@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc view` serves a log as a viewer reads it, and opens installed viewers."""
+"""`masmc view`: file server of a log for viewers, and start of installed viewers."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ import threading
 from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
+from helpers.viewed_run import computed_run, ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.cli.show import file_server
 from masmc_ros.cli.show.file_server import FileServer
 from mcap.reader import make_reader
 import pytest
-from viewed_run import computed_run, ROOT
 
 PATIENCE = 60.0
 
@@ -43,7 +43,7 @@ class Served(NamedTuple):
 
 @contextmanager
 def viewing(log: Path, *arguments: str, path: str = '/usr/bin:/bin') -> Iterator[Served]:
-    """Yield a running `masmc view` that has said what to do."""
+    """Yield a running `masmc view` that has printed its instructions."""
     with subprocess.Popen(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'view', str(log), *arguments],
         env={**os.environ, 'PATH': path, 'PYTHONPATH': os.pathsep.join(sys.path)},
@@ -51,7 +51,7 @@ def viewing(log: Path, *arguments: str, path: str = '/usr/bin:/bin') -> Iterator
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        # Whatever goes wrong, reading what it says comes to an end.
+        # The timer ends the reading of its output in any case.
         guard = threading.Timer(PATIENCE, process.kill)
         guard.start()
         try:
@@ -80,7 +80,7 @@ def ask(url: str, method: str = 'GET', **headers: str) -> tuple[HTTPResponse, by
 
 
 class Remote:
-    """A file at an address as a viewer reads it: by ranges; seekable for the MCAP reader."""
+    """Seekable file at an address, read by ranges as viewers do."""
 
     def __init__(self, url: str) -> None:
         self._url = url
@@ -107,14 +107,14 @@ class Remote:
         return data
 
 
-def test_a_viewer_reads_the_log_by_ranges(log: Path) -> None:
+def test_view_log_read_by_ranges(log: Path) -> None:
     with viewing(log) as served, log.open('rb') as stream:
         remote = make_reader(Remote(served.url))
         local = make_reader(stream)
         assert list(remote.iter_messages()) == list(local.iter_messages())
 
 
-def test_what_it_says_leads_to_the_file_and_the_layout(log: Path) -> None:
+def test_view_output_has_addresses_and_layout(log: Path) -> None:
     with viewing(log) as served:
         text = '\n'.join(served.lines)
         addresses = re.findall(r'(?:https://app\.foxglove\.dev/|foxglove://open)\?\S+', text)
@@ -127,19 +127,19 @@ def test_what_it_says_leads_to_the_file_and_the_layout(log: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ('surroundings', 'way'),
+    ('variables', 'way'),
     [
         ({'DISPLAY': ':0'}, ''),
         ({}, f'@{socket.gethostname()}`'),
         ({'SSH_CONNECTION': '10.0.0.2 5555 10.0.0.7 2222'}, '@10.0.0.7 -p 2222`'),
     ],
 )
-def test_without_a_desktop_it_names_a_way(
-    log: Path, surroundings: dict[str, str], way: str, monkeypatch: pytest.MonkeyPatch
+def test_view_without_desktop_prints_ssh_command(
+    log: Path, variables: dict[str, str], way: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'SSH_CONNECTION'):
         monkeypatch.delenv(name, raising=False)
-    for name, value in surroundings.items():
+    for name, value in variables.items():
         monkeypatch.setenv(name, value)
     with viewing(log) as served:
         port = urlsplit(served.url).port
@@ -149,9 +149,9 @@ def test_without_a_desktop_it_names_a_way(
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_when_it_is_told(log: Path, number: signal.Signals) -> None:
+def test_view_signal_status_0(log: Path, number: signal.Signals) -> None:
     if signal.getsignal(number) is signal.SIG_IGN:
-        pytest.skip('what starts in the background of a script ignores it')
+        pytest.skip('processes in the background of a script ignore it')
     with viewing(log) as served:
         served.process.send_signal(number)
         assert served.process.wait(PATIENCE) == 0
@@ -161,7 +161,7 @@ def test_it_ends_when_it_is_told(log: Path, number: signal.Signals) -> None:
 
 @pytest.fixture(scope='module')
 def small() -> Iterator[tuple[str, bytes]]:
-    """Yield where a small file is that this process serves, and its content."""
+    """Yield the address of a small file that this process serves, and its content."""
     import tempfile
 
     content = bytes(range(256)) * 4
@@ -180,7 +180,7 @@ def small() -> Iterator[tuple[str, bytes]]:
 
 @given(st.integers(0, 1200), st.integers(0, 1200))
 @settings(max_examples=60)
-def test_any_range_has_the_files_bytes(
+def test_file_server_any_range_has_bytes_of_file(
     small: tuple[str, bytes], first: int, length: int
 ) -> None:
     url, content = small
@@ -212,7 +212,7 @@ def test_any_range_has_the_files_bytes(
         (f'bytes=-{"9" * 5000}', 0, 1024),
     ],
 )
-def test_ranges_in_other_words(
+def test_file_server_other_forms_of_range_served(
     small: tuple[str, bytes], header: str, start: int, end: int
 ) -> None:
     url, content = small
@@ -221,7 +221,7 @@ def test_ranges_in_other_words(
     assert response.status == (200 if len(data) == len(content) else 206)
 
 
-def test_pages_may_ask_for_ranges_and_see_the_size(small: tuple[str, bytes]) -> None:
+def test_file_server_cors_headers_allow_ranges_and_size(small: tuple[str, bytes]) -> None:
     url, content = small
     response, _ = ask(url, 'OPTIONS', Origin='https://app.foxglove.dev')
     assert response.status == 204
@@ -237,7 +237,7 @@ def test_pages_may_ask_for_ranges_and_see_the_size(small: tuple[str, bytes]) -> 
     assert {'Content-Length', 'Content-Range', 'Accept-Ranges'} <= set(exposed.split(', '))
 
 
-def test_nothing_else_is_served(small: tuple[str, bytes]) -> None:
+def test_file_server_other_path_status_404(small: tuple[str, bytes]) -> None:
     url, _ = small
     root = '{0.scheme}://{0.netloc}'.format(urlsplit(url))
     secret = urlsplit(url).path.split('/')[1]
@@ -279,14 +279,14 @@ def _connected(url: str) -> socket.socket:
 
 
 @pytest.mark.parametrize('status', [0, 1])
-def test_an_installed_viewer_opens_the_file(log: Path, tmp_path: Path, status: int) -> None:
+def test_view_installed_viewer_opens_file(log: Path, tmp_path: Path, status: int) -> None:
     program = tmp_path / 'foxglove-studio'
     opened = tmp_path / 'opened'
     program.write_text(f'#!/bin/sh\nprintf "%s" "$1" > "{opened}"\nexit {status}\n')
     program.chmod(0o755)
     with viewing(log, path=f'{tmp_path}:/usr/bin:/bin') as served:
         assert opened.read_text() == str(log.resolve())
-        if status:  # it is something else of that name
+        if status:  # another program of that name
             assert served.url
         else:
             assert served.process.wait(PATIENCE) == 0
@@ -295,17 +295,17 @@ def test_an_installed_viewer_opens_the_file(log: Path, tmp_path: Path, status: i
 
 
 @pytest.mark.slow
-def test_what_cannot_be_shown_is_told_in_one_line(log: Path, tmp_path: Path) -> None:
+def test_view_invalid_input_one_error_line(log: Path, tmp_path: Path) -> None:
     text = tmp_path / 'text.mcap'
     text.write_text('no log')
     torn = tmp_path / 'torn.mcap'
     torn.write_bytes(log.read_bytes()[:-100])
     short = tmp_path / 'short.mcap'
     short.write_bytes(log.read_bytes()[:8])
-    with socket.socket() as taken:
-        taken.bind(('127.0.0.1', 0))
-        taken.listen()
-        port = str(taken.getsockname()[1])
+    with socket.socket() as used:
+        used.bind(('127.0.0.1', 0))
+        used.listen()
+        port = str(used.getsockname()[1])
         for arguments, words in (
             ((str(tmp_path / 'none.mcap'),), ('none.mcap',)),
             ((str(tmp_path),), ('folder',)),

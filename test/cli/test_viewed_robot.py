@@ -1,6 +1,6 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What viewers show of any robot: the layout's lines, and meshes in a log that is served."""
+"""Display of any robot in viewers: lines of the layout, and meshes in a served log."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from helpers.small_tree import parameters
 from masmc_ros.cli.main import main
 from masmc_ros.cli.show.layout import layout_for, mechanism_of
 from masmc_ros.messages.definitions import definition
@@ -20,7 +21,6 @@ from masmc_ros.robot.urdf import read_urdf
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest
-from small_tree import parameters
 from test_view_command import ask, Remote, ROOT, viewing
 import yaml
 
@@ -30,29 +30,29 @@ MESH = bytes(range(200))
 
 def lines(layout: dict[str, Any], plot: str) -> list[tuple[str, str]]:
     return [
-        (each['label'], each['value'])
-        for each in layout['configById'][f'Plot!{plot}']['paths']
+        (path['label'], path['value'])
+        for path in layout['configById'][f'Plot!{plot}']['paths']
     ]
 
 
 @pytest.fixture(scope='module')
 def tree(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mechanism, dict[str, Any]]:
-    """Return the mechanism of a file with a small tree, and its layout."""
+    """Return the mechanism of a parameter file with a small tree, and its layout."""
     file = tmp_path_factory.mktemp('tree') / 'tree.yaml'
-    given = {
+    values = {
         name: list(value) if isinstance(value, tuple) else value
         for name, value in parameters().items()
     }
-    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': given}}), 'utf-8')
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), 'utf-8')
     mechanism = mechanism_of(str(file))
     return mechanism, layout_for(mechanism)
 
 
-def test_the_papers_layout_is_the_one_that_is_installed() -> None:
+def test_layout_papers_robot_equals_installed_layout() -> None:
     assert layout_for(DEFAULT) == STATIC
 
 
-def test_every_line_is_of_what_its_label_says(tree: tuple[Mechanism, dict[str, Any]]) -> None:
+def test_layout_lines_match_their_labels(tree: tuple[Mechanism, dict[str, Any]]) -> None:
     mechanism, layout = tree
     topics = {'error': 'tracking_error', 'surface': 'sliding_surface'}
     for plot, topic in topics.items():
@@ -66,17 +66,17 @@ def test_every_line_is_of_what_its_label_says(tree: tuple[Mechanism, dict[str, A
             'wheel_right', 'wheel_left', 'turret', 'lift', 'upper', 'fore', 'hand',
         ])
     ]  # fmt: skip
-    # After the base's pose and the wheels.
+    # The positions after the base's pose and the wheels.
     assert lines(layout, 'paths') == [
         (f'{name}_joint', f'/joint_states.position[{5 + i}]')
         for i, name in enumerate(['turret', 'lift', 'upper', 'fore', 'hand'])
     ]
-    # Ten moments a body, of which the first is its mass.
+    # Each body has ten inertial parameters; the first one is its mass.
     assert lines(layout, 'estimate') == [
         (name, f'/controller/parameter_estimate.data[{2 + 10 * i}]')
         for i, name in enumerate(['base_link', 'turret', 'lift', 'upper', 'fore', 'hand'])
     ]
-    # The first axis of metres and that of radians.
+    # The first axis in metres and the first axis in radians.
     assert lines(layout, 'gains')[:2] == [
         (f'K_s1, {mechanism.axes[i].name}', f'/masmc/controller.k_s1[{i}]') for i in (0, 3)
     ]
@@ -90,22 +90,22 @@ def urdf(*meshes: str) -> str:
     return f'<robot name="shown"><link name="base_link">{visuals}</link></robot>'
 
 
-def test_meshes_are_what_is_here_and_nothing_else(tmp_path: Path) -> None:
+def test_mesh_files_only_existing_meshes(tmp_path: Path) -> None:
     (tmp_path / 'arm.STL').write_bytes(MESH)
     (tmp_path / 'secret.txt').write_bytes(MESH)
-    here = f'file://{tmp_path}/arm.STL'
-    found = mesh_files(urdf(
-        here, f'file://{tmp_path}/secret.txt', f'file://{tmp_path}/gone.stl',
+    address = f'file://{tmp_path}/arm.STL'
+    files = mesh_files(urdf(
+        address, f'file://{tmp_path}/secret.txt', f'file://{tmp_path}/gone.stl',
         'package://no_such_package/arm.stl', 'http://example.org/arm.stl', 'arm.STL',
     ))  # fmt: skip
-    assert found == {here: tmp_path / 'arm.STL'}
+    assert files == {address: tmp_path / 'arm.STL'}
 
 
 @pytest.fixture
 def described(tmp_path: Path) -> tuple[Path, list[str]]:
-    """Return a log with a description in it, and the meshes that it names."""
+    """Return a log with a robot description, and the meshes in the description."""
     names = []
-    for number in (1, 2):  # of one name in two folders
+    for number in (1, 2):  # the same name in two folders
         mesh = tmp_path / str(number) / 'part one.stl'
         mesh.parent.mkdir()
         mesh.write_bytes(MESH * number)
@@ -125,14 +125,14 @@ def described(tmp_path: Path) -> tuple[Path, list[str]]:
     return log, names
 
 
-def test_a_browser_is_given_addresses_of_meshes(described: tuple[Path, list[str]]) -> None:
+def test_view_description_has_addresses_of_meshes(described: tuple[Path, list[str]]) -> None:
     log, names = described
-    before = log.read_bytes()
+    original = log.read_bytes()
     with viewing(log) as served, log.open('rb') as stream:
         reader = make_reader(Remote(served.url))
         messages = [(channel.topic, message) for _, channel, message in reader.iter_messages()]
         own = [message for _, _, message in make_reader(stream).iter_messages()]
-        topic, last = max(messages, key=lambda each: (each[0] != '/other', each[1].log_time))
+        topic, last = max(messages, key=lambda pair: (pair[0] != '/other', pair[1].log_time))
         assert topic == '/left/robot_description'
         assert sorted((m.log_time, m.data) for _, m in messages if m is not last) == sorted(
             (m.log_time, m.data) for m in own
@@ -142,14 +142,14 @@ def test_a_browser_is_given_addresses_of_meshes(described: tuple[Path, list[str]
         assert summary is not None
         assert summary.statistics is not None
         assert summary.statistics.message_count == 5
-        told = read_urdf(text_of(last.data), 'what is served').links['base_link'].meshes
-        assert told[2] == names[2]
-        for number, address in enumerate(told[:2], start=1):
+        meshes = read_urdf(text_of(last.data), 'what is served').links['base_link'].meshes
+        assert meshes[2] == names[2]
+        for number, address in enumerate(meshes[:2], start=1):
             assert ask(address)[1] == MESH * number
-    assert log.read_bytes() == before
+    assert log.read_bytes() == original
 
 
-def test_a_log_without_meshes_is_served_as_it_is(tmp_path: Path) -> None:
+def test_view_log_without_meshes_served_unmodified(tmp_path: Path) -> None:
     log = tmp_path / 'empty.mcap'
     with log.open('wb') as stream:
         writer = Writer(stream)
@@ -159,12 +159,12 @@ def test_a_log_without_meshes_is_served_as_it_is(tmp_path: Path) -> None:
         assert ask(served.url)[1] == log.read_bytes()
 
 
-def test_the_layout_of_a_log_that_does_not_say_what_robot(
+def test_layout_log_without_robot_one_error_line(
     described: tuple[Path, list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     output = tmp_path / 'layout.json'
     assert main(['layout', str(described[0]), '--output', str(output)]) == 2
-    told = capsys.readouterr().err
-    assert Counter(told)['\n'] == 1
-    assert str(described[0]) in told
+    error = capsys.readouterr().err
+    assert Counter(error)['\n'] == 1
+    assert str(described[0]) in error
     assert not output.exists()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's core, driven by random sequences of events without ROS."""
+"""Random sequences of events for the controller's core, without ROS."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ import numpy as np
 
 PERIOD = 0.01
 NS = round(1e9 * PERIOD)
-ANEW = (ACTIVATED, RESUMED)
+RESTARTS = (ACTIVATED, RESUMED)
 LIMIT, RATE = np.array([8.0, 8.0, 20.0, 10.0]), np.array([400.0, 400.0, 1000.0, 500.0])
 
 
 @cache
 def base() -> dict[str, Any]:
-    given = {'torque_limit': LIMIT.tolist(), 'torque_rate_limit': RATE.tolist()}
-    return check_all(declared('controller'), {**given, 'control_period': PERIOD})
+    limits = {'torque_limit': LIMIT.tolist(), 'torque_rate_limit': RATE.tolist()}
+    return check_all(declared('controller'), {**limits, 'control_period': PERIOD})
 
 
 class Core(RuleBasedStateMachine):
-    """Any events in any order; what is answered is looked at after each."""
+    """State machine of random events; it checks the actions after each event."""
 
     @initialize(
         pacing=st.sampled_from(['lockstep', 'realtime']),
@@ -61,35 +61,35 @@ class Core(RuleBasedStateMachine):
         active=st.sampled_from([True, True, True, False]),
         last=st.sampled_from([0.0, 1.0]),
     )
-    def begin(self, pacing: str, action: str, active: bool, last: float) -> None:
+    def start(self, pacing: str, action: str, active: bool, last: float) -> None:
         values = {**base(), 'pacing': pacing, 'active_on_start': active, 'duration': last}
         values['fault_action'] = action
         robot, timing = robot_of(values), Timing.from_values(values)
         self.controller = controller = Controller(robot, PERIOD, values)
-        self.fails: Any = None
+        self.failure: Any = None
         compute = controller.answer
 
         def answer(*arrays: Any) -> int:
-            fails, self.fails = self.fails, None
-            found = compute(*arrays)
-            if isinstance(fails, Exception):
-                raise fails
-            return found if fails is None else fails
+            failure, self.failure = self.failure, None
+            status = compute(*arrays)
+            if isinstance(failure, Exception):
+                raise failure
+            return status if failure is None else failure
 
         controller.answer = answer  # type: ignore[method-assign]
         approach, layer = Approach(robot, values['approach_speed']), LayerWatch(controller)
         self.core = ControllerCore(controller, approach, layer, timing, values)
         self.now, self.stamp = 10.0, 20 * NS
         self.is_over = False
-        self.told = ''
-        self.waits: int | None = None
+        self.text = ''
+        self.waiting: int | None = None
         self.torque, self.reset = np.zeros(4), True
         self.sent: tuple[str, int] | None = None
         self.position = np.array([0.0, 0.0, 1.57, 0.0, 0.0, 0.78, -1.57])
         self.perform(self.core.begin())
 
     def perform(self, actions: Actions, state: int | None = None) -> None:
-        """Do what is asked, and look at it."""
+        """Apply the actions of an event, and check them."""
         answers = [a for a in actions if type(a) in (Command, StopCommand, Void)]
         for action in actions:
             event(f'{self.core.pacing.name} {type(action).__name__}')
@@ -105,8 +105,8 @@ class Core(RuleBasedStateMachine):
                 assert np.isfinite(torque).all()
                 assert (np.abs(torque) <= LIMIT).all()
                 # A restart after a jump of time starts from zero torque.
-                anew = any(isinstance(a, Record) and a.event in ANEW for a in actions)
-                if not (anew and is_law):
+                is_restart = any(isinstance(a, Record) and a.event in RESTARTS for a in actions)
+                if not (is_restart and is_law):
                     change = np.abs(torque - self.torque)
                     assert (change <= RATE * PERIOD * (1 + 1e-9)).all()
                 self.torque, self.sent = torque, (kind.__name__, action.stamp)
@@ -122,7 +122,7 @@ class Core(RuleBasedStateMachine):
                 assert self.sent is not None
                 assert len(actions) == 1
             elif kind is State:
-                self.told = action.text
+                self.text = action.text
             elif kind is Record:
                 assert len(answers) == 1
                 assert action.stamp == answers[0].stamp
@@ -133,30 +133,30 @@ class Core(RuleBasedStateMachine):
                 self.is_over = True
                 assert kind is Finish or not self.core.pacing.is_timed
         if answers:
-            # To the state that has come, or to one that has waited; to none twice.
-            assert answers[0].stamp == (self.waits if state is None else state)
-            self.waits = None
+            # The answer is to the new state or to the waiting one, and each has one answer.
+            assert answers[0].stamp == (self.waiting if state is None else state)
+            self.waiting = None
         elif state is not None and not self.is_over:
             assert self.core._pending == state
-            self.waits = state
-        # Where nothing is computed, nobody waits for a reference.
-        assert self.waits == self.core._pending or self.is_over
-        assert self.is_over or self.core.supervisor.is_active or self.waits is None
-        assert self.told == self.core.supervisor.text
+            self.waiting = state
+        # Without the law, no state waits for a reference.
+        assert self.waiting == self.core._pending or self.is_over
+        assert self.is_over or self.core.supervisor.is_active or self.waiting is None
+        assert self.text == self.core.supervisor.text
 
-    goes_on = precondition(lambda self: not self.is_over)
+    while_running = precondition(lambda self: not self.is_over)
 
-    @goes_on
+    @while_running
     @rule(
         steps=st.sampled_from([1] * 8 + [2, 3, 0, -1, -2, 19, 20, 21, 40, -19, -20, -21, -60]),
         moved=st.floats(-0.02, 0.02),
-        took=st.sampled_from([0.001, 0.01, 0.05]),
+        elapsed=st.sampled_from([0.001, 0.01, 0.05]),
     )
-    def state(self, steps: int, moved: float, took: float) -> None:
-        self.send(steps, moved, took)
+    def state(self, steps: int, moved: float, elapsed: float) -> None:
+        self.send(steps, moved, elapsed)
 
-    def send(self, steps: int, moved: float, took: float) -> None:
-        self.now += took
+    def send(self, steps: int, moved: float, elapsed: float) -> None:
+        self.now += elapsed
         stamp = max(0, self.stamp + steps * NS)
         self.position[5:] += moved
         velocity = np.zeros(7)
@@ -172,19 +172,19 @@ class Core(RuleBasedStateMachine):
             self.stamp = stamp
             self.perform(actions, stamp)
 
-    @goes_on
+    @while_running
     @rule(
-        begins=st.integers(-20, 30),
+        first=st.integers(-20, 30),
         count=st.integers(1, 60),
-        at=st.floats(-1.0, 1.0),
+        offset=st.floats(-1.0, 1.0),
         speed=st.sampled_from([0.0, 0.1, 0.3, 5.0]),
     )
-    def window(self, begins: int, count: int, at: float, speed: float) -> None:
+    def window(self, first: int, count: int, offset: float, speed: float) -> None:
         samples = np.zeros((count, 3, 4))
-        samples[:, 0] = np.array([0.3, 0.5, 0.0, 0.0]) + at
+        samples[:, 0] = np.array([0.3, 0.5, 0.0, 0.0]) + offset
         samples[:, 0, 0] += speed * PERIOD * np.arange(count)
         samples[:, 1, 0] = speed
-        window = ReferenceWindow(max(0, self.stamp + begins * NS), PERIOD, samples)
+        window = ReferenceWindow(max(0, self.stamp + first * NS), PERIOD, samples)
         try:
             actions = self.core.on_reference(window, self.now)
         except InputError as error:
@@ -192,7 +192,7 @@ class Core(RuleBasedStateMachine):
             return
         self.perform(actions)
 
-    @goes_on
+    @while_running
     @rule(number=st.sampled_from([0.0, 0.5, math.nan]))
     def set_point(self, number: float) -> None:
         window = ReferenceWindow(None, 0.0, np.full((1, 4), number))
@@ -202,7 +202,7 @@ class Core(RuleBasedStateMachine):
             return
         self.perform(actions)
 
-    @goes_on
+    @while_running
     @rule(count=st.integers(1, 12), moved=st.floats(-0.01, 0.01))
     def ordinary_ticks(self, count: int, moved: float) -> None:
         samples = np.zeros((60, 3, 4))
@@ -213,7 +213,7 @@ class Core(RuleBasedStateMachine):
             if not self.is_over:
                 self.send(1, moved, 0.01)
 
-    @goes_on
+    @while_running
     @rule(looks=st.sampled_from([1, 2, 5, 12, 40]))
     def time(self, looks: int) -> None:
         for _ in range(looks):
@@ -222,7 +222,7 @@ class Core(RuleBasedStateMachine):
                 self.perform(self.core.on_timer(self.now))
                 assert self.core.deadline > self.now
 
-    @goes_on
+    @while_running
     @rule(late=st.floats(0.0, 0.5))
     def time_to_the_deadline(self, late: float) -> None:
         if self.core.deadline < math.inf:
@@ -230,13 +230,13 @@ class Core(RuleBasedStateMachine):
             self.perform(self.core.on_timer(self.now))
             assert self.core.deadline > self.now
 
-    @goes_on
+    @while_running
     @rule(enabled=st.booleans())
     def enable(self, enabled: bool) -> None:
         self.perform(self.core.on_enable(self.now, enabled=enabled))
         assert self.core.supervisor.is_active == enabled
 
-    @goes_on
+    @while_running
     @rule()
     def stop(self) -> None:
         was_active = self.core.supervisor.is_active
@@ -245,17 +245,17 @@ class Core(RuleBasedStateMachine):
         if was_active and self.sent is not None and self.core.pacing.is_timed:
             assert self.sent[0] != 'Command'
 
-    @goes_on
+    @while_running
     @rule(enabled=st.booleans())
     def guide(self, enabled: bool) -> None:
         if not self.core.guide_refusal(enabled=enabled):
             self.perform(self.core.on_guide(self.now, enabled=enabled))
             assert self.core.supervisor.is_guided == enabled
 
-    @goes_on
+    @while_running
     @rule()
     def states_that_repeat_and_are_late(self) -> None:
-        """48, 47, 48, 47 ...: after the timeout nothing but void commands is in effect."""
+        """Send stamps 48, 47, 48, 47, ...: after the timeout only void commands are active."""
         # No stamp is older than zero.
         if not self.core.pacing.is_timed or self.sent is None or not self.core._order.last:
             return
@@ -268,17 +268,17 @@ class Core(RuleBasedStateMachine):
                 return
         assert not self.core.supervisor.is_active
 
-    @goes_on
+    @while_running
     @rule()
     def clear(self) -> None:
         self.perform(self.core.on_clear(self.now))
 
-    @goes_on
+    @while_running
     @rule()
     def reset_adaptation(self) -> None:
         self.perform(self.core.on_reset_adaptation())
 
-    @goes_on
+    @while_running
     @rule(
         changed=st.sampled_from(
             [
@@ -298,26 +298,26 @@ class Core(RuleBasedStateMachine):
         self.controller.change(changed)
         self.perform(self.core.on_parameters(changed))
 
-    @goes_on
-    @rule(fails=st.sampled_from([InputError('law'), NOT_FINITE]))
-    def law_fails_next(self, fails: Any) -> None:
-        self.fails = fails
+    @while_running
+    @rule(failure=st.sampled_from([InputError('law'), NOT_FINITE]))
+    def law_fails_next(self, failure: Any) -> None:
+        self.failure = failure
 
-    @goes_on
+    @while_running
     @rule()
     def plant_in_real_time(self) -> None:
         self.perform(self.core.on_plant('realtime'))
 
     @precondition(lambda self: self.is_over)
     @rule()
-    def is_left_alone(self) -> None:
-        """Do nothing: the run has ended."""
+    def run_has_ended(self) -> None:
+        """Do nothing after the end of the run."""
 
     @invariant()
     def lockstep_has_no_deadline(self) -> None:
         if hasattr(self, 'core') and not self.core.pacing.is_timed:
             assert self.core.deadline == math.inf
-            assert 'joint_states' not in self.told
+            assert 'joint_states' not in self.text
 
 
 TestCore = Core.TestCase

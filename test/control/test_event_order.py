@@ -1,14 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Orders of events in which the controller once left a torque, or did not end."""
+"""Regression tests: orders of events in which a torque remained active or a run did not end."""
 
 from __future__ import annotations
 
 from typing import Any
 from unittest.mock import patch
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.control.actions import (
     Actions,
     Command,
@@ -44,15 +44,15 @@ def send(loop: CoreLoop, stamp: int, now: float) -> Actions:
 
 
 def pass_time(loop: CoreLoop, now: float, seconds: float) -> float:
-    """Let a time pass without a state; return the time after it."""
+    """Advance by a time in s without a state; return the new time."""
     for _ in range(round(seconds / 0.01)):
         now += 0.01
         loop.perform(loop.core.on_timer(now))
     return now
 
 
-def test_late_and_repeated_states_in_turn_raise_a_fault() -> None:
-    """Stamps 48, 47, 48, 47, ...: the last torque must not stay."""
+def test_core_alternating_late_and_repeated_states_fault() -> None:
+    """For stamps 48, 47, 48, 47, ... the last torque must not remain active."""
     loop = loop_of()
     loop.run(0.48)
     last, now = (loop.tick - 1) * NS, loop.now
@@ -64,7 +64,7 @@ def test_late_and_repeated_states_in_turn_raise_a_fault() -> None:
     assert loop.torque is None
 
 
-def test_driver_that_repeats_a_stamp_raises_a_fault() -> None:
+def test_core_driver_repeats_stamp_fault() -> None:
     loop = loop_of()
     loop.run(0.5)
     now = loop.now
@@ -75,7 +75,7 @@ def test_driver_that_repeats_a_stamp_raises_a_fault() -> None:
     assert loop.state.startswith('fault: no usable joint_states')
 
 
-def test_paused_plant_that_repeats_a_stamp_raises_no_fault() -> None:
+def test_core_paused_plant_repeats_stamp_no_fault() -> None:
     loop = loop_of()
     loop.perform(loop.core.on_plant('realtime'))
     loop.run(0.5)
@@ -87,8 +87,8 @@ def test_paused_plant_that_repeats_a_stamp_raises_no_fault() -> None:
     assert loop.state == 'active'
 
 
-def test_fault_of_missing_states_ends_with_a_repeated_state() -> None:
-    """A plant that was silent while it was paused repeats its state."""
+def test_core_repeated_state_ends_fault_of_missing_states() -> None:
+    """A plant that sent no states while it was paused repeats its state."""
     loop = loop_of()
     loop.perform(loop.core.on_plant('realtime'))
     loop.run(0.5)
@@ -98,12 +98,12 @@ def test_fault_of_missing_states_ends_with_a_repeated_state() -> None:
     assert loop.state == 'active'
 
 
-def test_pending_last_state_ends_the_run_after_a_stop() -> None:
+def test_core_stop_with_pending_last_state_ends_run() -> None:
     loop = CoreLoop(node_values({'duration': 0.2}))
     loop.run(0.1, has_reference=True)
     last = loop.timing.stamp(20)
     core = loop.core
-    # The windows so far cover everything: forget them, so the last state has to wait.
+    # The windows so far cover the whole run; without them the last state has to wait.
     core.windows._windows.clear()
     core.windows._recent = None
     loop.tick = 20
@@ -113,7 +113,7 @@ def test_pending_last_state_ends_the_run_after_a_stop() -> None:
     assert kinds(actions)[-1] is Finish
 
 
-def test_single_stamp_far_ahead_does_not_end_a_run() -> None:
+def test_core_single_stamp_far_ahead_run_continues() -> None:
     loop = CoreLoop(node_values({'duration': 100.0}))
     loop.run(0.1)
     now, ahead = loop.now, 150_000_000_000
@@ -126,7 +126,7 @@ def test_single_stamp_far_ahead_does_not_end_a_run() -> None:
     assert Finish not in kinds(loop.core.on_reference(window, now + 0.003))
 
 
-def test_fault_within_a_tick_sends_one_command() -> None:
+def test_core_law_fails_sends_one_command() -> None:
     loop = loop_of()
     loop.run(0.5)
 
@@ -138,7 +138,7 @@ def test_fault_within_a_tick_sends_one_command() -> None:
     assert len([k for k in sent if k is Void or issubclass(k, Command)]) == 1
 
 
-def test_enable_long_after_the_reference_ended_holds_first() -> None:
+def test_core_enable_after_reference_end_holds_then_faults() -> None:
     loop = loop_of(reference_timeout=1.0)
     loop.run(2.0)
     loop.perform(loop.core.on_enable(loop.now, enabled=False))
@@ -151,7 +151,7 @@ def test_enable_long_after_the_reference_ended_holds_first() -> None:
 
 
 @pytest.mark.parametrize('action', ['void', 'hold'])
-def test_change_to_real_time_while_inactive_ends_the_torque(action: str) -> None:
+def test_core_change_to_real_time_while_inactive_halts(action: str) -> None:
     loop = CoreLoop(node_values({'pacing': 'lockstep'}, controller={'fault_action': action}))
     loop.run(0.5)
     actions = loop.core.on_enable(loop.now, enabled=False)
@@ -160,14 +160,14 @@ def test_change_to_real_time_while_inactive_ends_the_torque(action: str) -> None
     assert (Halt if action == 'void' else HaltCommand) in kinds(actions)
 
 
-def test_shutdown_commands_nothing() -> None:
+def test_core_shutdown_halts() -> None:
     loop = loop_of()
     loop.run(0.5)
     assert kinds(loop.core.on_shutdown()) == [Halt]
 
 
-def test_enable_during_silence_raises_the_fault_again() -> None:
-    """The patience counts from the activation; the deadline is never in the past."""
+def test_core_enable_without_states_raises_fault_again() -> None:
+    """The timeout counts from the activation; the deadline is never in the past."""
     loop = loop_of()
     loop.run(0.5)
     now = pass_time(loop, loop.now, 0.3)
@@ -181,11 +181,11 @@ def test_enable_during_silence_raises_the_fault_again() -> None:
     assert loop.torque is None
 
 
-def test_law_that_fails_after_its_tick_the_torque_changes_by_one_step() -> None:
+def test_core_law_fails_after_tick_torque_rate_limited() -> None:
     rate = 50.0
     loop = loop_of(torque_rate_limit=(rate,) * 4)
     loop.run(0.5)
-    before = loop.core.controller.commanded.copy()
+    previous = loop.core.controller.commanded.copy()
     compute = loop.core.controller.answer
 
     def answer(*arrays: Any) -> int:
@@ -195,19 +195,19 @@ def test_law_that_fails_after_its_tick_the_torque_changes_by_one_step() -> None:
     with patch.object(loop.core.controller, 'answer', answer):
         send(loop, loop.tick * NS, loop.now + 0.01)
     assert loop.state == 'fault: law'
-    change = np.abs(loop.core.controller.commanded - before)
+    change = np.abs(loop.core.controller.commanded - previous)
     assert (change <= rate * 0.01 * (1.0 + 1e-9)).all()
     assert change.any()
 
 
-def test_torque_that_is_not_finite_the_safe_stop_commands() -> None:
+def test_core_torque_not_finite_safe_stop_commands() -> None:
     loop = loop_of()
     loop.run(0.5)
     compute = loop.core.controller.answer
 
     def answer(*arrays: Any) -> int:
         status = compute(*arrays)
-        # As the kernel leaves it: the torque of this tick counts as commanded already.
+        # The kernel has already stored the torque of this tick as commanded.
         loop.core.controller.commanded[:] = np.nan
         return status | NOT_FINITE
 

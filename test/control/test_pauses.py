@@ -1,14 +1,14 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Activation after a pause: the approach keeps the robot within its reach and its limits."""
+"""Activation after a pause: the approach keeps the robot within its reach and limits."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
 from hypothesis import assume, given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 WHEEL_SPEED, ARM_SPEED = 30.0, 12.0
-"""Bounds in rad/s: 1.5 m/s of a wheel of 0.0508 m, and ten times the paper's motion."""
+"""Bounds in rad/s: 1.5 m/s for a wheel of 0.0508 m, and ten times the paper's motion."""
 
 pauses = st.floats(-1.0, math.log10(600.0)).map(lambda exponent: 10.0**exponent)
 
@@ -46,10 +46,10 @@ def pause_and_continue(loop: CoreLoop, off_at: float, pause: float, after: float
 
 
 @pytest.mark.parametrize('pause', [0.1, 2.0, 20.0, 40.0])
-def test_enable_after_a_pause_reaches_the_reference(pause: float) -> None:
+def test_enable_after_pause_reaches_reference(pause: float) -> None:
     loop = CoreLoop(node_values())
     pause_and_continue(loop, 5.0, pause, 5.0)
-    # Half the reference is approached at 0.25 m/s; then the error is that of the law.
+    # The approach to half of the reference has 0.25 m/s; then the law determines the error.
     while loop.core._approach.is_on:
         check(loop, 1.0)
     check(loop, 5.0)
@@ -61,7 +61,7 @@ def test_enable_after_ten_minutes_stays_bounded() -> None:
 
 
 def scenario_of(data: st.DataObject) -> dict[str, dict[str, Any]]:
-    """Return a robot anywhere, and a path within the reach of its arm."""
+    """Draw a random position of the robot and a path within the reach of its arm."""
 
     def numbers(low: float, high: float, count: int) -> list[float]:
         return data.draw(st.lists(st.floats(low, high), min_size=count, max_size=count))
@@ -93,18 +93,20 @@ def check_any_pause(data: st.DataObject, pause: float) -> None:
 
 @settings(max_examples=4, suppress_health_check=list(HealthCheck))
 @given(st.data(), st.floats(0.1, 20.0))
-def test_enable_anywhere_after_a_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
+def test_enable_at_random_position_after_pause_stays_bounded(
+    data: st.DataObject, pause: float
+) -> None:
     check_any_pause(data, pause)
 
 
 @pytest.mark.slow
 @settings(max_examples=200, suppress_health_check=list(HealthCheck))
 @given(st.data(), pauses)
-def test_enable_anywhere_after_any_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
+def test_enable_after_random_long_pause_stays_bounded(data: st.DataObject, pause: float) -> None:
     check_any_pause(data, pause)
 
 
-def test_reference_out_of_reach_is_rejected_and_the_position_held() -> None:
+def test_reference_out_of_reach_rejected_position_held() -> None:
     loop = CoreLoop(node_values())
     check(loop, 2.0)
     far = np.zeros((200, 3, 4))

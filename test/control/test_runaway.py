@@ -1,16 +1,16 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detection of a run-away: true alarms, no false ones, and rest afterwards."""
+"""Run-away detection: true alarms, no false alarms, and standstill afterwards."""
 
 from __future__ import annotations
 
-from core_loop import CoreLoop, node_values
+from helpers.core_loop import CoreLoop, node_values
+from helpers.processes import PAPER as PAPER_FILE
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER as PAPER_FILE
 import pytest
 
 CONFIG = PAPER_FILE.parent
@@ -23,8 +23,8 @@ PAPER = {
 }
 
 
-def rests_after_a_runaway(loop: CoreLoop) -> None:
-    """Wait for the fault, let the cause end, and check the hold."""
+def check_rest_after_runaway(loop: CoreLoop) -> None:
+    """Wait for the fault, remove its cause, and check the hold."""
     for _ in range(round(5.0 / loop.period)):
         if loop.state.startswith('fault'):
             break
@@ -38,27 +38,27 @@ def rests_after_a_runaway(loop: CoreLoop) -> None:
     assert np.abs(signals['velocity'][-100:, 3:]).max() < 10.0
 
 
-def test_late_states_of_an_accurate_law_are_detected() -> None:
+def test_runaway_late_states_of_accurate_law_detected() -> None:
     """With states 5 ms old at 1 kHz the disturbance estimate diverges."""
-    rests_after_a_runaway(CoreLoop(node_values(PAPER, plant={'measurement_delay': 0.005})))
+    check_rest_after_runaway(CoreLoop(node_values(PAPER, plant={'measurement_delay': 0.005})))
 
 
 @pytest.mark.parametrize('joint', [2, 3])
-def test_reversed_joint_is_detected(joint: int) -> None:
+def test_runaway_reversed_joint_detected(joint: int) -> None:
     loop = CoreLoop(node_values(PAPER))
     loop.run(1.0)
     sign = np.ones(4)
     sign[joint] = -1.0
     loop.drives = lambda torque: sign * torque
-    began = loop.now
-    rests_after_a_runaway(loop)
-    at = next(time for time, text in loop.reports if text.startswith('fault'))
-    assert at - began < 0.4
+    start = loop.now
+    check_rest_after_runaway(loop)
+    detected = next(time for time, text in loop.reports if text.startswith('fault'))
+    assert detected - start < 0.4
 
 
 @pytest.mark.parametrize(('gap', 'is_alarm'), [(0.05, True), (0.1, False), (10.0, False)])
-def test_growth_of_the_error_without_control_is_no_runaway(gap: float, is_alarm: bool) -> None:
-    """A joint is at its limit, no states arrive, and the robot is elsewhere afterwards."""
+def test_runaway_error_grows_without_states_no_alarm(gap: float, is_alarm: bool) -> None:
+    """A joint is at its limit; after a time without states the robot has another position."""
     controller = CoreLoop(node_values(PAPER)).controller
     watch, rates = RunawayWatch(controller, [np.inf] * 4), np.zeros(4)
     controller.torque[:] = np.array(controller.values['torque_limit'])
@@ -70,7 +70,7 @@ def test_growth_of_the_error_without_control_is_no_runaway(gap: float, is_alarm:
     assert any('the error grows' in reason for reason in reasons) is is_alarm
 
 
-def test_fault_is_latched_until_it_is_cleared() -> None:
+def test_runaway_fault_latched_until_cleared() -> None:
     loop = CoreLoop(node_values(PAPER, plant={'measurement_delay': 0.005}))
     loop.run(3.0)
     assert loop.core.guide_refusal(enabled=True)
@@ -80,7 +80,7 @@ def test_fault_is_latched_until_it_is_cleared() -> None:
 
 @pytest.mark.parametrize('law', ['smc', 'rasmc'])
 @pytest.mark.parametrize('period', [0.001, 0.01])
-def test_ordinary_run_raises_no_alarm(law: str, period: float) -> None:
+def test_runaway_ordinary_run_no_alarm(law: str, period: float) -> None:
     loop = CoreLoop(node_values({**PAPER, 'control_period': period}, controller={'law': law}))
     loop.run(20.0)
     assert loop.state == 'active'
@@ -88,8 +88,8 @@ def test_ordinary_run_raises_no_alarm(law: str, period: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('law', list(LAWS))
-def test_ordinary_run_of_every_law_raises_no_alarm(law: str) -> None:
-    """1 kHz, the limits of the default drives, the implicit reaching term."""
+def test_runaway_ordinary_run_of_every_law_no_alarm(law: str) -> None:
+    """The run has 1 kHz, the limits of the default drives and the implicit reaching term."""
     loop = CoreLoop(node_values(PAPER, controller={'law': law}))
     loop.run(10.0)
     assert loop.state == 'active', loop.reports
@@ -97,7 +97,7 @@ def test_ordinary_run_of_every_law_raises_no_alarm(law: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('law', ['variable_structure', 'rasmc'])
-def test_tiago_with_an_unstable_law_comes_to_rest(law: str) -> None:
+def test_runaway_tiago_unstable_law_comes_to_rest(law: str) -> None:
     """`variable_structure` fails with TIAGo's gains; a delay of 5 ms makes `rasmc` diverge."""
     delay = 0.0 if law == 'variable_structure' else 0.005
     settings = [

@@ -1,14 +1,15 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Safe end of torque control: every cause, three mechanisms, wrong masses, a minute long."""
+"""Safe stop of torque control: all causes, three mechanisms, wrong masses, 60 s each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from core_loop import CoreLoop, node_values
+from helpers import small_tree
+from helpers.core_loop import CoreLoop, node_values
 from masmc_ros.errors import InputError
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.safe_stop import GRAVITY, HOLD, SafeStop, VOID
@@ -16,7 +17,6 @@ from masmc_ros.loop.simulated_robot import plant_of
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
-import small_tree
 
 LIMIT = np.array([8.0, 8.0, 20.0, 10.0])
 ROBOTS = 'package://example-robot-data/robots'
@@ -70,50 +70,50 @@ CAUSES: dict[str, tuple[Callable[[CoreLoop], object], dict[str, bool], str]] = {
 
 @pytest.mark.parametrize('scale', [0.5, 1.0, 2.0])
 @pytest.mark.parametrize('cause', list(CAUSES))
-def test_safe_stop_of_every_cause_stays_bounded(cause: str, scale: float) -> None:
-    """The planar robot under the paper's disturbance, 60 s."""
-    act, what, state = CAUSES[cause]
+def test_safe_stop_any_cause_stays_bounded(cause: str, scale: float) -> None:
+    """The planar robot stops under the paper's disturbance for 60 s."""
+    act, options, state = CAUSES[cause]
     control = {'model_scale': scale, 'reference_timeout': 0.1}
     loop = CoreLoop(node_values(controller=control), ahead=0.2)
     loop.run(3.0)
     act(loop)
-    signals = loop.run(60.0, **what)
+    signals = loop.run(60.0, **options)
     assert loop.state.startswith(state), loop.reports
     rates = np.abs(signals['velocity'][:, 3:])
-    # Without states the last torque is held for 0.1 s, which nothing can stop.
+    # Without states the last torque inevitably remains active for 0.1 s.
     wheels, arm = (30.0, 15.0) if cause == 'states' else (15.0, 4.0)
     assert rates[:, :2].max() < wheels
     assert rates[:, 2:].max() < arm
     torque = signals['torque']
     assert (np.abs(np.nan_to_num(torque)) <= LIMIT).all()
     if cause == 'states':
-        # Held until the timeout, the gravity torque for 0.1 s, then nothing.
+        # The torque is held until the timeout; then gravity torque for 0.1 s, then void.
         is_void = np.isnan(torque[:, 0])
         first = int(np.argmax(is_void))
         assert is_void[first:].all()
         assert 0.2 < first * loop.period < 0.3
     else:
         assert np.isfinite(torque[1:]).all()
-        # The stiffness is that of the assumed inertia: the disturbance of 3 N·m bends the elbow.
+        # The stiffness depends on the assumed inertia; the disturbance of 3 N·m bends the elbow.
         angles = signals['position'][200:, 5:]
         assert np.ptp(angles, axis=0).max() < 1.3 / scale
 
 
-def test_void_action_commands_nothing() -> None:
+def test_safe_stop_void_action_sends_no_torque() -> None:
     loop = CoreLoop(node_values(controller={'fault_action': 'void'}))
     loop.run(1.0)
     loop.perform(loop.core.on_stop(loop.now))
     assert np.isnan(loop.run(1.0)['torque']).all()
 
 
-def test_controller_that_never_moved_the_robot_commands_nothing() -> None:
+def test_safe_stop_controller_never_active_sends_no_torque() -> None:
     loop = CoreLoop(node_values(controller={'active_on_start': False}))
     assert np.isnan(loop.run(1.0)['torque']).all()
     loop.perform(loop.core.on_stop(loop.now))
     assert np.isnan(loop.run(1.0)['torque']).all()
 
 
-def test_torque_is_continuous_when_the_law_ends_and_returns() -> None:
+def test_safe_stop_disable_and_enable_torque_continuous() -> None:
     loop = CoreLoop(node_values())
     rate = np.array([400.0, 400.0, 1000.0, 500.0])
     torques = [loop.run(2.0)['torque']]
@@ -124,18 +124,18 @@ def test_torque_is_continuous_when_the_law_ends_and_returns() -> None:
     assert (change <= rate * loop.period * (1.0 + 1e-9)).all()
 
 
-def test_hand_guiding_ends_with_an_approach() -> None:
+def test_hand_guiding_end_starts_approach() -> None:
     loop = CoreLoop(node_values(plant={'disturbance.amplitude': [0.0] * 4}))
     loop.run(3.0)
     loop.perform(loop.core.on_guide(loop.now, enabled=True))
     assert loop.state == 'inactive: hand guiding'
-    before = loop.plant.true_position[6]
-    # A hand bends the elbow with 2 N·m for a second.
+    initial = loop.plant.true_position[6]
+    # A hand bends the elbow with 2 N·m for one second.
     hand = np.array([0.0, 0.0, 0.0, 2.0])
     loop.drives = lambda torque: torque + hand
     loop.run(1.0)
     loop.drives = lambda torque: torque
-    assert loop.plant.true_position[6] - before > 0.3
+    assert loop.plant.true_position[6] - initial > 0.3
     assert np.abs(loop.run(5.0)['velocity'][-1]).max() < 0.05
     loop.perform(loop.core.on_guide(loop.now, enabled=False))
     signals = loop.run(30.0)
@@ -144,7 +144,7 @@ def test_hand_guiding_ends_with_an_approach() -> None:
     assert np.abs(loop.controller.error).max() < 0.01
 
 
-def test_missing_states_while_guided_end_the_torque() -> None:
+def test_hand_guiding_missing_states_end_torque() -> None:
     loop = CoreLoop(node_values())
     loop.run(2.0)
     loop.perform(loop.core.on_guide(loop.now, enabled=True))
@@ -154,10 +154,10 @@ def test_missing_states_while_guided_end_the_torque() -> None:
     assert np.isfinite(loop.run(1.0)['torque'][1:]).all()
 
 
-def held(name: str, action: str, scale: float, period: float, seed: int) -> dict[str, float]:
-    """Return figures of a safe stop of a tree from a random motion, 60 s long."""
-    given, start = TREES[name]
-    shared = {**given, 'control_period': period}
+def figures_of(name: str, action: str, scale: float, period: float, seed: int) -> dict[str, float]:
+    """Return figures of a safe stop of a tree from a random motion for 60 s."""
+    parameters, start = TREES[name]
+    shared = {**parameters, 'control_period': period}
     joints = len(start)
     speed = 0.5 * np.random.default_rng(seed).uniform(-1.0, 1.0, joints)
     values = node_values(
@@ -190,22 +190,23 @@ def held(name: str, action: str, scale: float, period: float, seed: int) -> dict
 @pytest.mark.slow
 @pytest.mark.parametrize('scale', [0.5, 1.0, 2.0])
 @pytest.mark.parametrize('name', list(TREES))
-def test_hold_of_a_tree_comes_to_rest(name: str, scale: float) -> None:
-    figures = held(name, HOLD, scale, 0.01, seed=1)
+def test_safe_stop_hold_of_tree_comes_to_rest(name: str, scale: float) -> None:
+    figures = figures_of(name, HOLD, scale, 0.01, seed=1)
     assert figures['end'] < 1e-3
     assert figures['peak'] < 6.0
     assert max(figures['sink'], figures['rise']) < 0.3
 
 
 @pytest.mark.slow
-def test_hold_with_wrong_masses_sinks_less_than_gravity_alone() -> None:
+def test_safe_stop_hold_wrong_masses_sinks_less_than_gravity() -> None:
     sinks = {
-        action: held('small', action, 0.5, 0.01, seed=2)['sink'] for action in (HOLD, GRAVITY)
+        action: figures_of('small', action, 0.5, 0.01, seed=2)['sink']
+        for action in (HOLD, GRAVITY)
     }
     assert sinks[HOLD] < 0.3 < sinks[GRAVITY]
 
 
-def test_action_of_commanded_rates_is_void() -> None:
+def test_safe_stop_velocity_interface_action_void() -> None:
     rates = {'command_interface': 'velocity'}
     values = node_values(controller=rates, plant=rates)
     controller = Controller(robot_of(values['controller']), 0.01, values['controller'])

@@ -1,22 +1,22 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start of a run away from its reference."""
+"""Start of a run at a distance from its reference."""
 
 from __future__ import annotations
 
-from core_loop import CoreLoop
+from helpers.core_loop import CoreLoop
+from helpers.processes import PAPER
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER
 import pytest
 
 AWAY = ['plant.initial_pose=[-0.5, -0.4, 1.57]', 'controller.law=smc', 'duration=3.0']
 
 
 @pytest.mark.parametrize('approaches', [False, True])
-def test_lockstep_start_approaches_if_asked_and_as_offline(approaches: bool) -> None:
+def test_lockstep_start_with_approach_equals_simulation(approaches: bool) -> None:
     values = load_scenario(str(PAPER), [*AWAY, f'controller.approach_on_start={approaches}'])
     offline = np.concatenate([block.torque for block in Simulation(values).run()])
     loop = CoreLoop(values)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether torque may be computed: the state machine, whatever happens in whatever order."""
+"""State machine that permits torque: random sequences of events, and the order of stamps."""
 
 from __future__ import annotations
 
@@ -34,33 +34,35 @@ EVENTS = {
 
 
 @given(st.booleans(), st.lists(st.sampled_from(sorted(EVENTS)), max_size=30))
-def test_who_is_told_the_state_alone_knows_whether_a_reference_is_followed(
+def test_supervisor_text_shows_if_reference_is_followed(
     active: bool, events: list[str]
 ) -> None:
     supervisor = Supervisor(active=active)
     for event in events:
         EVENTS[event](supervisor)
-        told = would_follow(supervisor.text)
+        is_following = would_follow(supervisor.text)
         supervisor.recover('reference', is_anew=True)
-        assert told == supervisor.is_active
+        assert is_following == supervisor.is_active
 
 
 @given(st.booleans(), st.lists(st.sampled_from(sorted(EVENTS)), max_size=30))
-def test_whatever_happens(active: bool, events: list[str]) -> None:
+def test_supervisor_random_events_active_only_after_enable(
+    active: bool, events: list[str]
+) -> None:
     supervisor = Supervisor(active=active)
-    is_barred = not active
+    is_blocked = not active
     for event in events:
-        before, cause = supervisor.state, supervisor.cause
+        previous, cause = supervisor.state, supervisor.cause
         activations = supervisor.activations
         EVENTS[event](supervisor)
-        # Who was stopped, disabled or never enabled moves only after somebody enables it.
-        is_barred |= event in ('stop', 'disable', 'fail law')
-        is_barred &= event != 'enable'
-        if is_barred:
+        # A stopped, disabled or never enabled controller becomes active only by `enable`.
+        is_blocked |= event in ('stop', 'disable', 'fail law')
+        is_blocked &= event != 'enable'
+        if is_blocked:
             assert not supervisor.is_active
         if event in ('enable', 'stop'):
             assert supervisor.state == {'enable': ACTIVE, 'stop': FAULT}[event]
-        if before != ACTIVE and supervisor.is_active:
+        if previous != ACTIVE and supervisor.is_active:
             assert event == 'enable' or event == f'recover {cause}'
             assert (supervisor.activations > activations) == (event != 'recover states')
         else:
@@ -70,7 +72,7 @@ def test_whatever_happens(active: bool, events: list[str]) -> None:
         assert bool(supervisor.cause) == (supervisor.state == FAULT)
 
 
-def test_the_reason_is_told() -> None:
+def test_supervisor_text_has_reason() -> None:
     supervisor = Supervisor(active=False)
     assert supervisor.text == 'inactive: not enabled yet'
     supervisor.enable()
@@ -107,28 +109,28 @@ N, R, L, A, B = Order.NEXT, Order.REPEATED, Order.LATE, Order.AHEAD, Order.BACK
         ([0, 10**6, 1, 2], [N, A, B, N]),
     ],
 )
-def test_stamps_in_real_time(stamps: list[int], expected: list[Order]) -> None:
+def test_stamp_order_real_time_judged(stamps: list[int], expected: list[Order]) -> None:
     assert judged(stamps) == expected
 
 
-def test_states_of_a_log_in_time() -> None:
+def test_in_time_drops_late_states_of_log() -> None:
     stamps = np.array([5, 7, 6, 8, 500, 20, 21]) * MS
     assert in_time(stamps, 100 * MS).tolist() == [0, 1, 3, 4, 5, 6]
     assert in_time(stamps, None).tolist() == list(range(7))
 
 
 @pytest.mark.parametrize(('seconds', 'expected'), [(0.1, 0.1), (0.01, 0.05), (0.0, 0.05)])
-def test_the_state_timeout_is_some_periods(seconds: float, expected: float) -> None:
+def test_state_timeout_at_least_five_periods(seconds: float, expected: float) -> None:
     assert state_timeout({'state_timeout': seconds, 'control_period': 0.01}) == expected
 
 
-def test_stamps_in_lockstep() -> None:
-    """Every state waits for its answer: an older one is a robot that was set back."""
+def test_stamp_order_lockstep_older_stamp_is_reset() -> None:
+    """Every state waits for its answer; therefore an older stamp means a reset of the robot."""
     assert judged([5, 6, 6, 5, 1000, 0], None) == [N, N, R, B, N, B]
 
 
 @given(st.lists(st.integers(0, 10**7), min_size=1, max_size=40))
-def test_what_is_answered_ascends_between_set_backs(stamps: list[int]) -> None:
+def test_stamp_order_answered_stamps_ascend_between_resets(stamps: list[int]) -> None:
     order = StampOrder()
     order.gap_ns = 100 * MS
     last = None

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pages in a real headless Chromium, where one is installed."""
+"""Pages in a headless Chromium, if one is installed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHROMIUM = next(
 )
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason='no Chromium here')
 
-# Runs in the page: everything that it finds goes into an element.
+# Runs in the page and writes its results into an element of the page.
 _LOOK = """
 <script>
 (async () => {
@@ -33,10 +33,10 @@ _LOOK = """
   while (!document.documentElement.dataset.drawn) await new Promise((go) => setTimeout(go, 50));
 %s
   found.problems = problems;
-  const told = document.createElement('pre');
-  told.id = 'found';
-  told.textContent = JSON.stringify(found);
-  document.body.append(told);
+  const element = document.createElement('pre');
+  element.id = 'found';
+  element.textContent = JSON.stringify(found);
+  document.body.append(element);
 })();
 </script>
 """
@@ -48,7 +48,7 @@ def chromium(home: Path, page: Path, *options: str) -> str:
     command = [
         CHROMIUM,
         '--headless=new',
-        '--no-sandbox',  # it refuses to be root otherwise
+        '--no-sandbox',  # Chromium rejects the user root otherwise
         '--disable-gpu',
         '--disable-dev-shm-usage',
         f'--user-data-dir={home}',
@@ -60,11 +60,11 @@ def chromium(home: Path, page: Path, *options: str) -> str:
 
 
 def look(report: Path, script: str, home: Path, *options: str) -> dict[str, Any]:
-    """Return the object `found` that a script makes in a report's page, once it is drawn."""
+    """Return the object `found` that a script fills in a report's page after it is drawn."""
     page = home / 'page.html'
     page.write_text(report.read_text().replace('<noscript>', f'{_LOOK % script}<noscript>'))
     dom = chromium(home / 'home', page, '--dump-dom', *options)
-    told = re.search(r'<pre id="found">(.*?)</pre>', dom)
-    assert told, dom[-500:]
-    found: dict[str, Any] = json.loads(html.unescape(told[1]))
-    return found
+    element = re.search(r'<pre id="found">(.*?)</pre>', dom)
+    assert element, dom[-500:]
+    result: dict[str, Any] = json.loads(html.unescape(element[1]))
+    return result

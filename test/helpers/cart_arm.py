@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A cart on a rail with an arm of one link: the smallest robot with a base, an arm and a path.
+Cart on a rail with an arm of one link: the smallest robot with a base, an arm and a path.
 
-A motor with a pulley (radius r) pulls the cart along x, a second one turns the arm (length L),
+A motor with a pulley (radius r) pulls the cart along x; a second motor turns the arm (length L),
 which lies in the horizontal plane. Its velocities are those of cart and arm, (u, w), the forces
-conjugate to them (f_u, f_w). With M what moves along the rail, the spinning parts of the motor
-among it, p the arm's first moment and i its inertia about the joint, and angle a,
+conjugate to them (f_u, f_w). M is the mass that moves along the rail, including the equivalent
+mass of the motor's rotor. With p the arm's first moment, i its inertia about the joint, and
+angle a,
 
     H = [[M, -p sin a], [-p sin a, i]],   V = [[0, -p w cos a], [0, 0]].
 """
@@ -167,7 +168,7 @@ def base_motion(position: Array, velocity: Array) -> tuple[Array, Array]:
 
 
 def frame_origins(lengths: Array) -> Array:
-    """Return where the frames are."""
+    """Return the origins of the frames in m."""
     return np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [lengths[1], 0.0, 0.0]])
 
 
@@ -210,7 +211,7 @@ def outline(lengths: Array, position: Array) -> Outline:
 
 @formula
 def model_of(record: Any, lane: int) -> Lengths:
-    """Return the lengths that a record holds."""
+    """Return the lengths stored in a record."""
     lengths = get(record, 'geometry', lane)
     return Lengths(lengths[0], lengths[1])
 
@@ -224,7 +225,7 @@ def posture(model: Lengths, position: Triple) -> Posture:
 
 @formula
 def posture_of_joints(model: Lengths, angles: Pair) -> Posture:
-    """Return the same of the joints' angles."""
+    """Return cosine and sine of the arm's angle from the angles of the joints."""
     s, c = sin_cos(angles[1])
     return Posture(c, s)
 
@@ -307,7 +308,7 @@ def task_from_forces(model: Lengths, posture: Posture, forces: Pair) -> Pair:
 
 @formula
 def is_singular(model: Lengths, posture: Posture) -> bool:
-    """Tell whether the arm is across the rail."""
+    """Return True if the arm is perpendicular to the rail."""
     return abs(posture.c) < _SINGULAR
 
 
@@ -394,11 +395,11 @@ def commanded_joint_rates(model: Lengths, command: Pair) -> Pair:
 
 @formula
 def dead_reckoned(model: Lengths, pose: tuple[float], turned: Pair) -> tuple[float]:
-    """Return where the cart is after the pulley has turned."""
+    """Return the cart's position after a rotation of the pulley."""
     return (pose[0] + model.pulley * turned[0],)
 
 
 @formula
 def counts_turns(model: Lengths, resolution: Pair) -> bool:
-    """Tell whether the pulley's encoder has a finite resolution."""
+    """Return True if the pulley's encoder has a finite resolution."""
     return resolution[0] > 0.0

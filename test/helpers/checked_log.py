@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a log is whole and every torque in it fine, whatever was done to the run."""
+"""Checks of a log: it is complete, and every torque in it is finite and within its limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Set
 from pathlib import Path
 
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
 from masmc_ros.messages.commands import ArmVelocityCdr, EffortCdr, LabelledCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.text import text_of
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIMIT = np.array([6.0, 6.0, 20.0, 10.0])
-"""Limits in N m of the torques that are commanded and applied."""
+"""Limits in N·m of commanded and applied torques."""
 
 
 def load_finite(command: LabelledCdr, raw: bytes) -> bool:
@@ -34,18 +34,18 @@ def load_finite(command: LabelledCdr, raw: bytes) -> bool:
 def check_log(
     log: Path,
     *,
-    told: list[str] | None = None,
+    states: list[str] | None = None,
     in_order: bool = True,
     limit: NDArray[np.float64] = LIMIT,
     injected: Set[bytes] = frozenset(),
 ) -> LogContents:
     """
-    Check a complete log message by message, and return what is in it.
+    Check a complete log message by message, and return its contents.
 
-    Every command is finite and no larger than `limit` (4), every torque applied no larger
-    than LIMIT. Messages that a test brought in are left out: those of a layout that is not
-    ours, and those in `injected`. `told` are states of the controller, all of which must be
-    there, `in_order` if one controller told them: two are heard in any order.
+    Every command must be finite and at most `limit` (4); every applied torque must be at most
+    LIMIT. Messages that the test published are ignored: those in `injected`, and those whose
+    layout differs from the nodes' own. The log must contain all `states` of the controller.
+    They are `in_order` if one controller published them.
     """
     contents = read_log(log)
     statistics = contents.summary.statistics
@@ -55,28 +55,28 @@ def check_log(
         assert sum(1 for _ in reader.iter_messages()) == statistics.message_count
     assert statistics.message_count == sum(map(len, contents.messages.values()))
     command, state = EffortCdr(), JointStateCdr()
-    commands = states = 0
+    command_count = state_count = 0
     for raw in contents.messages['effort_commands']:
         if raw not in injected and load_finite(command, raw):
-            commands += 1
+            command_count += 1
             assert np.all(np.abs(command.data) <= limit), (command.stamp_ns, command.data)
     rates = ArmVelocityCdr()
     for raw in contents.messages.get('arm_velocity_commands', ()):
         if raw not in injected and load_finite(rates, raw):
-            commands += 1
+            command_count += 1
     for raw in contents.messages['joint_states']:
         if raw not in injected and state.load(raw):
-            states += 1
+            state_count += 1
             assert np.all(np.abs(state.effort[3:]) <= LIMIT), (state.stamp_ns, state.effort)
             assert np.all(np.isfinite(state.effort)), state.stamp_ns
-    assert commands, 'no commands in the log'
-    assert states, 'no states in the log'
-    if told is not None:
+    assert command_count, 'no commands in the log'
+    assert state_count, 'no states in the log'
+    if states is not None:
         recorded = [
             text_of(raw) for raw in contents.messages['controller/state'] if raw not in injected
         ]
         if in_order:
-            assert recorded[: len(told)] == told
+            assert recorded[: len(states)] == states
         else:
-            assert Counter(recorded) >= Counter(told)
+            assert Counter(recorded) >= Counter(states)
     return contents

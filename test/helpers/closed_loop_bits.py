@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Digests of closed-loop runs, in this process or for another CPU.
+Digests of closed-loop runs, computed in this process or for another CPU.
 
-`python closed_loop_bits.py TICKS [NAME...]` prints them as JSON, with what the machine code is
-made of.
-The digests that test_same_bits.py records are those of 2001 ticks.
+`python closed_loop_bits.py TICKS [NAME...]` prints them as JSON, together with the kinds of
+instructions in the compiled code.
+The digests in test_same_bits.py are those of 2001 ticks.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import re
 import sys
 from typing import Any
 
+from helpers.scenario import axes, PAPER_LAWS, Run, Scenario, whole
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
 from masmc_ros.law.registry import SWITCHING
 from masmc_ros.loop.closed_loop import closed_loop
 import numpy as np
-from scenario import axes, PAPER_LAWS, Run, Scenario, whole
 
 
 def scenarios(ticks: int) -> dict[str, Scenario]:
-    """Every law with every switching, and a run in which everything else is switched on."""
+    """Return a run of every law with every switching, and runs with all other options."""
     runs = {
         f'{law} {switching}': Scenario(law, switching, ticks=ticks)
         for law in PAPER_LAWS
@@ -73,7 +73,7 @@ def scenarios(ticks: int) -> dict[str, Scenario]:
 
 
 def digest(run: Run) -> str:
-    """Return the SHA-256 of every number of a run, one bit pattern for not-a-number."""
+    """Return the SHA-256 of every number of a run, with one bit pattern for NaN."""
     sha = hashlib.sha256()
     for name in ('position', 'velocity', 'applied', 'torque', 'error', 'surface', 'estimate'):
         values = np.where(np.isnan(getattr(run, name)), np.nan, getattr(run, name))
@@ -83,14 +83,14 @@ def digest(run: Run) -> str:
 
 
 def machine_code() -> dict[str, int]:
-    """Count the kinds of instructions in the closed loop's machine code (x86-64)."""
+    """Count the kinds of instructions in the closed loop's compiled code (x86-64)."""
     kinds = {'avx': r'\bvmulsd\b|\bvmulpd\b', 'sse': r'\bmulsd\b|\bmulpd\b', 'fma': r'\bvfn?m'}
     texts = closed_loop.inspect_asm().values() if hasattr(closed_loop, 'inspect_asm') else ()
     return {name: sum(len(re.findall(kind, t)) for t in texts) for name, kind in kinds.items()}
 
 
 def report(ticks: int, names: Sequence[str]) -> dict[str, Any]:
-    """Return digests, of some scenarios or of all, and kinds of instructions."""
+    """Return the digests of some or all scenarios, and the kinds of instructions."""
     known = scenarios(ticks)
     digests = {name: digest(whole(known[name])) for name in names or known}
     return {'digests': digests, 'machine code': machine_code()}

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closed loop of the controller's core and a simulated plant, without ROS, in virtual time."""
+"""Closed loop of the controller's core and a simulated plant in virtual time, without ROS."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ import numpy as np
 def node_values(
     shared: Mapping[str, Any] | None = None, **nodes: Mapping[str, Any]
 ) -> dict[str, dict[str, Any]]:
-    """Return checked values of plant, trajectory and controller, in real time by default."""
+    """Return checked values of plant, trajectory and controller; real time by default."""
     values = {'pacing': 'realtime', **(shared or {})}
     mechanism = mechanism_from(values)
     return {
@@ -59,7 +59,7 @@ class CoreLoop:
     reports
         Every text of `controller/state` so far, with its time in s.
     drives
-        Torque (joints) that the drives make of a command; the command itself by default.
+        Function from a command to the drives' torque (joints); the identity by default.
 
     """
 
@@ -118,7 +118,7 @@ class CoreLoop:
             self._sent += count
 
     def step(self, *, has_state: bool = True, has_reference: bool = True) -> None:
-        """Let one control period pass, with or without a state and a reference."""
+        """Advance by one control period, with or without a state and a reference."""
         if has_reference:
             self.send_reference()
         if has_state:
@@ -130,12 +130,12 @@ class CoreLoop:
         self.plant.advance(None if self.torque is None else self.drives(self.torque))
         self.tick += 1
 
-    def run(self, seconds: float, **what: bool) -> dict[str, np.ndarray]:
-        """Return position, velocity and torque (n, …) of the periods of so many seconds."""
+    def run(self, seconds: float, **options: bool) -> dict[str, np.ndarray]:
+        """Advance by a duration in s; return position, velocity and torque (n, …) by period."""
         signals: dict[str, list[np.ndarray]] = {'position': [], 'velocity': [], 'torque': []}
         joints = len(self.controller.torque)
         for _ in range(round(seconds / self.period)):
-            self.step(**what)
+            self.step(**options)
             signals['position'].append(self.plant.true_position.copy())
             signals['velocity'].append(self.plant.true_velocity.copy())
             torque = np.full(joints, np.nan) if self.torque is None else self.torque

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The closed loop on a busy machine: the real controller and plant, each held up at random.
+Closed loop on a busy machine: the controller and the plant, each delayed at random.
 
-What the nodes do by the wall clock, without the nodes: the plant wakes up late and makes up for
-the ticks that are due with the torque at hand; the controller takes the latest state once it is
-free, and its answer comes late.
+It reproduces the nodes' real-time mode without the nodes. The plant wakes up late and computes
+the ticks that are due with the current torque. The controller processes the latest state when
+it is free, and its answer arrives late.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Delay = Callable[[], float]
-"""Returns how much later than it should something happens, in s."""
+"""Returns the delay of an event in s."""
 
 _COMPUTING = 0.0003
 """Time in s from a state to its answer on a machine without other work."""
@@ -35,20 +35,20 @@ _COMPUTING = 0.0003
 @dataclass
 class DelayedRun:
     """
-    What a run leaves behind.
+    Results of a run.
 
     Attributes
     ----------
     error
         x - x_d (n, 4) of the true state in m, by tick.
     largest_torque
-        (4) N m.
+        largest applied torques (4) in N·m.
     late
-        ticks of the plant under a torque that answers an earlier state.
+        number of ticks of the plant under a torque that answers an earlier state.
     overdue
-        ticks that the plant made a period or more after they were due, as the plant counts them.
+        number of ticks that the plant computed one period or more after they were due.
     behind
-        time in s by which the robot's time fell behind the wall clock.
+        time in s by which the robot's time fell behind the real time.
 
     """
 
@@ -58,13 +58,13 @@ class DelayedRun:
     overdue: int
     behind: float
 
-    def most(self, axes: list[int], begin: int) -> float:
-        """Return the largest distance in mm on two axes, from a tick on."""
-        return float(1e3 * np.hypot(*self.error[begin:, axes].T).max())
+    def most(self, axes: list[int], start: int) -> float:
+        """Return the largest distance in mm on two axes after a tick."""
+        return float(1e3 * np.hypot(*self.error[start:, axes].T).max())
 
 
 class _Answering:
-    """The controller, which answers the state that is the latest when it is free."""
+    """Controller that answers the latest state when it is free."""
 
     def __init__(self, values: Values, reference: Array, delay: Delay) -> None:
         control = values['controller']
@@ -80,9 +80,9 @@ class _Answering:
     def answer(self, sent: float, tick: int, position: Array, velocity: Array) -> None:
         """Answer the state of a tick that was sent at a time in s."""
         if self._answered is not None:
-            left_out = tick - self._answered - 1
-            if left_out > 0:
-                self.controller.skip(left_out)
+            skipped = tick - self._answered - 1
+            if skipped > 0:
+                self.controller.skip(skipped)
         self._answered = tick
         stamp = round(1e9 * tick * self._period)
         reference = self._reference[tick].copy()
@@ -95,21 +95,21 @@ class _Answering:
         self._sent.append((self._free, tick, self.controller.torque.copy()))
 
     def is_free(self, now: float) -> bool:
-        """Tell whether it could take a state before a time in s."""
+        """Return True if the controller is free at a time in s."""
         return self._free <= now
 
     def latest(self, now: float) -> tuple[int, Array] | None:
-        """Return what came last until a time in s, None for nothing new: tick and torque (4)."""
+        """Return tick and torque (4) of the latest new answer at a time in s, or None."""
         arrived = [(tick, torque) for time, tick, torque in self._sent if time <= now]
-        self._sent = [each for each in self._sent if each[0] > now]
+        self._sent = [answer for answer in self._sent if answer[0] > now]
         return arrived[-1] if arrived else None
 
 
 def delayed_run(values: Values, seconds: float, plant_delay: Delay, delay: Delay) -> DelayedRun:
     """
-    Run for some time of the robot; both delays are asked for once for every tick.
+    Run for a duration of the robot's time; both delays are drawn once per tick.
 
-    Raises InputError where the robot's state is no longer finite.
+    Raises InputError if the robot's state is no longer finite.
     """
     period = values['plant']['control_period']
     plant = SimulatedRobot(robot_of(values['plant']), period, values['plant'])

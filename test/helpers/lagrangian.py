@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robot's equations derived anew with SymPy, body by body, from the Lagrangian.
+Robot equations derived from the Lagrangian with SymPy, independently of the package.
 
-Nothing of the package is used here. In the seven coordinates q of (8), x_C, y_C, phi,
-theta_R, theta_L, theta_1, theta_2, the kinetic energy of the five bodies gives H(q), its
-Christoffel symbols C(q, qdot), the rolling of the wheels A(q), and S(q) its null space.
+The seven coordinates q of (8) are x_C, y_C, phi, theta_R, theta_L, theta_1, theta_2. The
+kinetic energy of the five bodies yields H(q), its Christoffel symbols yield C(q, qdot), and
+the rolling of the wheels yields A(q). S(q) is the null space of A.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Matrices:
 
     @property
     def printed_coriolis(self) -> Array:
-        """S'HSdot, what (10) prints as V."""
+        """Return S'HSdot, which (10) prints as V."""
         return self.null_space.T @ self.inertia @ self.null_space_rate
 
     @property

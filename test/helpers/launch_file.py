@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The processes that launch/paper.launch.py starts, without the package `launch`."""
+"""Processes that launch/paper.launch.py starts, determined without the package `launch`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LAUNCH_FILE = ROOT / 'launch' / 'paper.launch.py'
 
 
 class Started(NamedTuple):
-    """A process: what `masmc run` takes."""
+    """Arguments of `masmc run` for one process."""
 
     executable: str
     arguments: list[str]
@@ -46,7 +46,7 @@ class _Function(NamedTuple):
 
 
 class _Node(dict[str, Any]):
-    """The arguments of a launch_ros Node."""
+    """Arguments of a launch_ros Node."""
 
 
 def _anything(*_: object, **__: object) -> None:
@@ -84,17 +84,17 @@ def launched(folder: Path, **arguments: str) -> list[Started]:
     """
     Return the processes of the launch file for launch arguments NAME=text.
 
-    As launch_ros of ROS 2 Jazzy starts them: settings of a node are a parameter file of their
-    own for `/**`, which is written to `folder`, after the files that are given by name.
+    launch_ros of ROS 2 Jazzy writes a node's settings into a separate parameter file for `/**`.
+    Here this file is in `folder`; it follows the files that the node names.
     """
     with _stand_ins():
         description = runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
-        declared = [each for each in description if isinstance(each, _Argument)]
-        unknown = arguments.keys() - {each.name for each in declared}
+        declared = [action for action in description if isinstance(action, _Argument)]
+        unknown = arguments.keys() - {argument.name for argument in declared}
         assert not unknown, unknown
-        context = {each.name: each.default_value for each in declared} | arguments
-        (function,) = (each.function for each in description if isinstance(each, _Function))
-        nodes = [each for each in function(context) if isinstance(each, _Node)]
+        context = {argument.name: argument.default_value for argument in declared} | arguments
+        (function,) = (a.function for a in description if isinstance(a, _Function))
+        nodes = [action for action in function(context) if isinstance(action, _Node)]
     return [_started(node, folder / f'launch_{n}.yaml') for n, node in enumerate(nodes)]
 
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A law at one state, as the package computes it and with what its formula is written from anew.
+A control law at one state: its output, and the terms for an independent implementation.
 
-The matrices are those of `lagrangian.py`, derived without the package, in the joints' own rates.
+The matrices in joint velocities are those of `lagrangian.py`, derived without the package.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lagrangian import matrices
+from helpers.lagrangian import matrices
+from helpers.robots import Array, DEFAULT
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from robots import Array, DEFAULT
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 
@@ -33,11 +33,11 @@ class Instant:
     position: Array
     """q (7)."""
     v: Array
-    """Rates of the joints (4)."""
+    """Joint velocities (4)."""
     desired: Array
     """x_d, xdot_d, xddot_d (3, 4)."""
     scale: float
-    """Of the nominal model."""
+    """Scale of the nominal model's masses."""
     sigma: Array
 
     @cached_property
@@ -47,51 +47,51 @@ class Instant:
     @property
     def jacobian(self) -> Array:
         """J (4, 4)."""
-        found: Array = self._matrices.jacobian
-        return found
+        result: Array = self._matrices.jacobian
+        return result
 
     @property
     def drift(self) -> Array:
         """Jdot v (4)."""
-        found: Array = self._matrices.jacobian_rate @ self.v
-        return found
+        result: Array = self._matrices.jacobian_rate @ self.v
+        return result
 
     @property
     def jacobian_rate(self) -> Array:
         """Jdot (4, 4)."""
-        found: Array = self._matrices.jacobian_rate
-        return found
+        result: Array = self._matrices.jacobian_rate
+        return result
 
     @property
     def inertia(self) -> Array:
         """H of the nominal model (4, 4)."""
-        found: Array = self.scale * self._matrices.reduced_inertia
-        return found
+        result: Array = self.scale * self._matrices.reduced_inertia
+        return result
 
     @property
     def coriolis(self) -> Array:
         """V of the nominal model (4, 4)."""
-        found: Array = self.scale * self._matrices.reduced_coriolis
-        return found
+        result: Array = self.scale * self._matrices.reduced_coriolis
+        return result
 
     @property
     def task_inertia(self) -> Array:
         """H_x of the nominal model (4, 4)."""
         inverse = np.linalg.inv(self.jacobian)
-        found: Array = inverse.T @ self.inertia @ inverse
-        return found
+        result: Array = inverse.T @ self.inertia @ inverse
+        return result
 
     @property
     def error(self) -> Array:
         """Error e (4)."""
-        found: Array = self._matrices.task_position - self.desired[0]
-        return found
+        result: Array = self._matrices.task_position - self.desired[0]
+        return result
 
     @property
     def error_rate(self) -> Array:
         """Edot (4)."""
-        found: Array = self.jacobian @ self.v - self.desired[1]
-        return found
+        result: Array = self.jacobian @ self.v - self.desired[1]
+        return result
 
     @property
     def surface(self) -> Array:
@@ -100,39 +100,39 @@ class Instant:
 
     @property
     def reference(self) -> tuple[Array, Array]:
-        """Velocity v_r and acceleration a_r of (14), (4) each."""
+        """Velocity v_r (4) and acceleration a_r (4) of (14)."""
         inverse = np.linalg.inv(self.jacobian)
         v_r = inverse @ (self.desired[1] - self.sigma * self.error)
-        rest = self.desired[2] - self.sigma * self.error_rate - self.jacobian_rate @ v_r
-        return v_r, inverse @ rest
+        a = self.desired[2] - self.sigma * self.error_rate - self.jacobian_rate @ v_r
+        return v_r, inverse @ a
 
     def model_torque(self, acceleration: Array) -> Array:
-        """H J^-1 (xddot - Jdot v) + V v for a task acceleration (4)."""
+        """Return H J^-1 (xddot - Jdot v) + V v for a task acceleration xddot (4)."""
         a = np.linalg.solve(self.jacobian, acceleration - self.drift)
-        found: Array = self.inertia @ a + self.coriolis @ self.v
-        return found
+        result: Array = self.inertia @ a + self.coriolis @ self.v
+        return result
 
 
 def at_random(seed: int, law: str, **values: Any) -> tuple[Controller, Instant]:
     """
-    Return a controller with a law, and a state and a reference for it, away from singularity.
+    Return a controller with a law, and a random regular state with a reference.
 
-    `values` are parameters, a dot in their names being two underscores.
+    `values` are parameters; two underscores in a name stand for a dot.
     """
     rng = np.random.default_rng(seed)
     named = {name.replace('__', '.'): value for name, value in values.items()}
-    given = load_scenario(PAPER, ())['controller']
-    controller = Controller(robot_of(given), given['control_period'], given)
+    parameters = load_scenario(PAPER, ())['controller']
+    controller = Controller(robot_of(parameters), parameters['control_period'], parameters)
     controller.change({**named, 'law': law})
     controller.estimate[:] = controller.nominal
     joints = rng.uniform(-2.0, 2.0, 4)
     joints[3] = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 2.6)
     instant = Instant(
-        given['control_period'],
+        parameters['control_period'],
         np.concatenate([rng.uniform(-1.0, 1.0, 3), joints]),
         rng.uniform(-0.6, 0.6, 4),
         np.zeros((3, 4)),
-        given['model_scale'],
+        parameters['model_scale'],
         np.array(controller.values['sigma']),
     )
     near = matrices(DEFAULT, instant.position, instant.v)
@@ -143,7 +143,7 @@ def at_random(seed: int, law: str, **values: Any) -> tuple[Controller, Instant]:
 
 
 def tick(controller: Controller, instant: Instant) -> Array:
-    """Return the torque (4) that the law asks for, in N m."""
+    """Return the torque (4) that the law requests, in N·m."""
     rates = matrices(DEFAULT, instant.position, instant.v).null_space @ instant.v
     controller.tick(instant.position, rates, instant.desired.ravel())
     return controller.raw_torque.copy()
@@ -151,7 +151,7 @@ def tick(controller: Controller, instant: Instant) -> Array:
 
 @dataclass(frozen=True)
 class Track:
-    """A run of the paper's experiment, or of what became of it; (ticks, ...) each, SI units."""
+    """Signals of a run of the paper's experiment, (ticks, ...) each, in SI units."""
 
     time: Array
     error: Array
@@ -159,21 +159,21 @@ class Track:
     torque: Array
     estimate: Array
     position: Array
-    """q as measured."""
+    """Measured q."""
     velocity: Array
-    """Its derivative."""
+    """Derivative of the measured q."""
     controller: Controller
 
     @property
     def settled(self) -> Array:
         """RMS error (axes) over the second half, m."""
         half = self.error[len(self.error) // 2:]
-        found: Array = np.sqrt((half**2).mean(axis=0))
-        return found
+        result: Array = np.sqrt((half**2).mean(axis=0))
+        return result
 
 
 def run(law: str, *settings: str, duration: float = 20.0) -> Track:
-    """Run the paper's experiment with a law, and settings as `masmc simulate --set` has them."""
+    """Run the paper's experiment with a law and settings as of `masmc simulate --set`."""
     values = load_scenario(
         PAPER, (f'duration={duration}', f'controller.law={law}', *settings)
     )

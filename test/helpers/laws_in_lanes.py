@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compare runs of every law in lanes with the runs alone; print the laws of which a bit differs.
+Comparison of single runs with lanes, for every law; prints the signals that differ.
 
-For NUMBA_DISABLE_JIT=1: lanes of all laws would take minutes to compile.
+It is meant for NUMBA_DISABLE_JIT=1, because compiling lanes of all laws takes minutes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LANES = 3
 
 
 def combinations() -> list[tuple[str, str]]:
-    """Return every law with the switching terms that it may ask for."""
+    """Return every law with every switching term that it can use."""
     return [
         (name, switching)
         for name, law in LAWS.items()
@@ -33,7 +33,7 @@ def combinations() -> list[tuple[str, str]]:
 
 
 def differing(law: str, switching: str) -> list[str]:
-    """Return the signals in which a lane is not the run alone; rates are limited on the way."""
+    """Return the signals in which a lane differs from the single run, with torque-rate limits."""
     settings = (
         'duration=0.008',
         f'controller.law={law}',
@@ -45,14 +45,14 @@ def differing(law: str, switching: str) -> list[str]:
     scenario = load_scenario(PAPER, settings)
     runs = [drawn(scenario, TWO_LINK, seed) for seed in range(LANES)]
     (signals,) = BatchSimulation(runs).run()
-    alone = [next(Simulation(run).run()) for run in runs]
+    single_runs = [next(Simulation(run).run()) for run in runs]
     return [
         f'{law} {switching}: {name}, lane {lane}'
-        for lane, run in enumerate(alone)
+        for lane, run in enumerate(single_runs)
         for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface')
         if not np.array_equal(signals[name][:, :, lane], getattr(run, name))
     ]
 
 
 if __name__ == '__main__':
-    print('\n'.join(line for each in combinations() for line in differing(*each)), end='')
+    print('\n'.join(line for pair in combinations() for line in differing(*pair)), end='')

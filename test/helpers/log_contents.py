@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A log as it stands in its file, for tests that compare bytes."""
+"""Contents of a log as serialised bytes, for comparisons."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcap.summary import Summary
 
 @dataclass(frozen=True)
 class LogContents:
-    """Everything in a log; topics without the robot's namespace, messages as serialised."""
+    """All contents of a log: topics without the robot's namespace, serialised messages."""
 
     summary: Summary
     types: dict[str, str]
@@ -31,7 +31,7 @@ class LogContents:
 
 
 def read_log(log: Path, namespace: str = '/') -> LogContents:
-    """Read a log, which must be complete, in the order in which it was written."""
+    """Return the contents of a complete log, in the order of writing."""
     with log.open('rb') as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()

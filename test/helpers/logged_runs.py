@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs of made-up numbers for the tests."""
+"""Logs of random numbers for tests of log readers and writers."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -40,14 +40,14 @@ class Numbers(NamedTuple):
     reference: NDArray[np.float64]
 
     def states(self) -> Messages:
-        """Return its joint states as they are sent."""
+        """Return the joint states as serialised messages."""
         return joint_state_layout().messages(
             stamp=self.stamps, position=self.position, velocity=self.velocity, effort=self.effort
         )
 
 
 def numbers(count: int, period_ns: int = 1_000_000, start: int = 0) -> Numbers:
-    """Return `count` ticks of different numbers."""
+    """Return `count` ticks of random numbers."""
     random = np.random.default_rng(count)
     effort = random.standard_normal((count, 7))
     effort[:, :3] = 0.0
@@ -65,7 +65,7 @@ def numbers(count: int, period_ns: int = 1_000_000, start: int = 0) -> Numbers:
 def write_run(
     path: Path, run: Numbers, namespace: str = '/', *, window: int = 50, everything: bool = True
 ) -> None:
-    """Write a run as `masmc simulate` would, the reference in windows of that many samples."""
+    """Write a run as `masmc simulate` does, with the reference in windows of `window` samples."""
     with LogWriter(path) as log:
         write_numbers(log, run, namespace, window=window, everything=everything)
         log.metadata('origin', {'law': 'smc'})

@@ -1,20 +1,20 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's derivative as one vector, for tests that derive it in another way."""
+"""State derivative of the plant as one vector, for comparison with other derivations."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from helpers.robots import Quad
 from masmc_ros.robot.plant import motion
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry
-from robots import Quad
 
 
 class PlantState(NamedTuple):
-    """Pose of the axle's middle O, wheel and arm angles, reduced velocity; SI, radians."""
+    """Pose of the axle's centre O, wheel and arm angles, reduced velocity; SI, radians."""
 
     x: float
     y: float
@@ -32,7 +32,7 @@ class PlantState(NamedTuple):
 def derivative(
     theta: BaseParameters, geometry: Geometry, state: PlantState, torque: Quad
 ) -> PlantState:
-    """Return the state's time derivative under a torque (4) in N m."""
+    """Return the state's time derivative under a torque (4) in N·m."""
     rates, accelerations = motion.derivative(
         geometry, tuple(theta), tuple(state[:7]), tuple(state[7:]), torque
     )

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Real nodes in processes of their own, and a node of the test beside them.
+Nodes in separate processes, and a node of the test process.
 
-Every test has a ROS domain of its own on this machine. Nothing here waits without a bound,
-and no process outlives its test.
+Every test has a separate ROS domain on this machine. Every wait has a timeout, and all
+processes end with their test.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ import sys
 import time
 from typing import Any
 
-from forked import Forked, PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables, ended
+from helpers.command_process import CommandProcess, PATIENCE
 from masmc_ros.messages.stamps import header_stamp
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -33,7 +34,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from surroundings import domain, domain_variables, ended, surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ROOT / 'config' / 'paper.yaml'
@@ -42,57 +42,57 @@ NODES = ('trajectory', 'controller', 'plant', 'recorder')
 BOUNDED = dict.fromkeys(
     ('plant__torque_limit', 'controller__torque_limit'), '[6.0, 6.0, 20.0, 10.0]'
 )
-"""Settings with which a run by the wall clock cannot diverge, however late commands come.
+"""Settings with which a run in real time cannot diverge, even if commands are very late.
 
-On a busy machine a node can be held up for many ticks, again and again.
+On a busy machine a node can be delayed repeatedly, for many ticks.
 """
 
 _RESPONSE = 5.0
 """Time in s after which a service is called again."""
 
 _LAST_WORDS = 5.0
-"""Time in s that a process takes at most to tell where it stands."""
+"""Maximum time in s until an aborted process has printed its stack."""
 
 _MIDDLEWARE = re.compile(r'RTPS_\w+ .*Error|open_and_lock_file|the middleware does not let go')
 """Lines about shared memory that killed processes left behind, and about Fast DDS hanging."""
 
 
 class NodeProcess:
-    """A process and what it printed; its standard output and error are files."""
+    """Process of a node, with its standard output and error in files."""
 
     def __init__(
-        self, name: str, process: subprocess.Popen[bytes] | Forked, out: Path, err: Path
+        self, name: str, process: subprocess.Popen[bytes] | CommandProcess, out: Path, err: Path
     ) -> None:
         self.name = name
         self.process = process
         self._out, self._err = out, err
 
     def stdout(self) -> str:
-        """Return what it printed so far."""
+        """Return the standard output so far."""
         return self._out.read_text(encoding='utf-8', errors='replace')
 
     def stderr(self) -> list[str]:
-        """Return the complete lines of its standard error so far, without the middleware's."""
+        """Return the complete lines of standard error so far, without the middleware's."""
         text = self._err.read_text(encoding='utf-8', errors='replace')
         complete = text[: text.rfind('\n') + 1]
         return [line for line in complete.splitlines() if line and not _MIDDLEWARE.search(line)]
 
     def logged(self, severity: str, part: str = '') -> list[str]:
-        """Return lines that its logger wrote with a severity and with `part` in them."""
+        """Return the log lines of a severity that contain `part`."""
         return [
             line for line in self.stderr() if line.startswith(f'[{severity}]') and part in line
         ]
 
     def complaints(self) -> list[str]:
-        """Return the lines of its standard error that no logger wrote."""
+        """Return the lines of standard error that are not log lines."""
         return [line for line in self.stderr() if not line.startswith('[')]
 
     def signal(self, number: signal.Signals) -> None:
-        """Send it a signal."""
+        """Send a signal to the process."""
         self.process.send_signal(number)
 
     def abort(self) -> None:
-        """End it where it stands; its standard error tells where that was."""
+        """Abort the process; faulthandler prints its stack to standard error."""
         if self.process.poll() is None:
             self.signal(signal.SIGCONT)
             self.signal(signal.SIGABRT)
@@ -100,16 +100,16 @@ class NodeProcess:
                 self.process.wait(_LAST_WORDS)
 
     def wait(self, limit: float | None = None) -> int:
-        """Wait for its end, until a time of the monotonic clock; return its exit status."""
-        left = PATIENCE if limit is None else max(0.1, limit - time.monotonic())
-        return self.process.wait(left)
+        """Wait until a time of the monotonic clock for the end; return the exit status."""
+        timeout = PATIENCE if limit is None else max(0.1, limit - time.monotonic())
+        return self.process.wait(timeout)
 
 
 class Processes:
     """
-    All processes of a domain.
+    All processes of a ROS domain.
 
-    They are forks, or, where `fresh`, started from nothing as by a command line.
+    They are forked, or with `fresh` started as by a command line.
     """
 
     def __init__(self, domain: int, folder: Path, *, fresh: bool = False) -> None:
@@ -121,13 +121,13 @@ class Processes:
     def start(
         self, name: str, *arguments: str, environment: Mapping[str, str] | None = None
     ) -> NodeProcess:
-        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        """Start `masmc run NAME ARGUMENTS`, with its output in the test's folder."""
         stem = f'{len(self._started)}_{name}'
         out, err = self._folder / f'{stem}.out', self._folder / f'{stem}.err'
         command = ['run', name, *arguments]
-        variables = {**surroundings(), **domain_variables(self.domain), **(environment or {})}
-        process: subprocess.Popen[bytes] | Forked
-        # Variables of the environment may be for what happens while modules are imported.
+        variables = {**child_environment(), **domain_variables(self.domain), **(environment or {})}
+        process: subprocess.Popen[bytes] | CommandProcess
+        # Environment variables may affect imports, which precede a fork.
         if self._fresh or environment:
             with out.open('wb') as to_out, err.open('wb') as to_err:
                 process = subprocess.Popen(
@@ -138,7 +138,7 @@ class Processes:
                     env=variables,
                 )
         else:
-            process = Forked(command, variables, out, err)
+            process = CommandProcess(command, variables, out, err)
         self._started.append(NodeProcess(name, process, out, err))
         return self._started[-1]
 
@@ -148,47 +148,47 @@ class Processes:
         nodes: tuple[str, ...] = NODES,
         environment: Mapping[str, str] | None = None,
     ) -> dict[str, NodeProcess]:
-        """Start nodes with the same arguments, each in a process of its own."""
+        """Start nodes with the same arguments, each in a separate process."""
         return {name: self.start(name, *arguments, environment=environment) for name in nodes}
 
     def wait(self) -> dict[str, int]:
-        """Wait for all processes; return the exit status of the last one of each name."""
+        """Wait for all processes; return the exit status of the last process of each name."""
         limit = time.monotonic() + PATIENCE
-        for each in self._started:
+        for node in self._started:
             try:
-                each.wait(limit)
+                node.wait(limit)
             except subprocess.TimeoutExpired:
-                raise AssertionError(f'{each.name} does not end') from None
-        return {each.name: each.process.returncode for each in self._started}
+                raise AssertionError(f'{node.name} does not end') from None
+        return {node.name: node.process.returncode for node in self._started}
 
     def output(self) -> str:
-        """Return everything that all processes printed."""
+        """Return the output of all processes."""
         return '\n'.join(
-            '\n'.join((f'--- {each.name}', each.stdout(), *each.stderr()))
-            for each in self._started
+            '\n'.join((f'--- {node.name}', node.stdout(), *node.stderr()))
+            for node in self._started
         )
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to all processes."""
-        for each in self._started:
-            each.signal(number)
+        for node in self._started:
+            node.signal(number)
 
-    def tell(self) -> None:
-        """Print what all processes printed, and where those that still run are."""
-        for each in self._started:
-            each.abort()
+    def print_output(self) -> None:
+        """Abort all processes, and print their output and stacks."""
+        for node in self._started:
+            node.abort()
         print(self.output())
 
     def end(self) -> None:
-        """End whatever still runs."""
-        for each in self._started:
-            if each.process.poll() is None:
-                each.process.kill()
-            each.process.wait()
+        """Kill all processes that still run."""
+        for node in self._started:
+            if node.process.poll() is None:
+                node.process.kill()
+            node.process.wait()
 
 
 class Peer:
-    """A node of the test's own process; its executor turns only while the test waits."""
+    """Node of the test process; its executor spins only while the test waits."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
@@ -199,19 +199,20 @@ class Peer:
     def until(
         self,
         holds: Callable[[], Any],
-        what: str | Callable[[], str] = 'what the test waits for',
+        awaited: str | Callable[[], str] = 'condition of the test',
     ) -> Any:
         """
-        Spin until something is true and return it; AssertionError where it never is.
+        Spin until `holds` returns a true value; return it. AssertionError after a timeout.
 
-        `what` is awaited, or a function that describes the state at the time of the failure.
+        `awaited` describes the condition, or returns a description at the time of the failure.
         """
         limit = time.monotonic() + PATIENCE
-        while not (found := holds()):
+        while not (value := holds()):
             if time.monotonic() > limit:
-                raise AssertionError(f'it never came: {what() if callable(what) else what}')
+                text = awaited() if callable(awaited) else awaited
+                raise AssertionError(f'timeout: {text}')
             self._executor.spin_once(timeout_sec=0.02)
-        return found
+        return value
 
     def watch_time(self, topic: str = 'odom') -> list[int]:
         """Return a list whose last entry is the stamp of the latest odometry in ns, or -1."""
@@ -220,17 +221,17 @@ class Peer:
         return stamps
 
     def wait_for_subscribers(self, publisher: Any, count: int = 1) -> None:
-        """Wait until so many subscriptions are matched with a publisher."""
+        """Wait until at least `count` subscriptions are matched with a publisher."""
         topic = publisher.topic_name
-        self.until(lambda: publisher.get_subscription_count() >= count, f'listeners on {topic}')
+        self.until(lambda: publisher.get_subscription_count() >= count, f'subscribers of {topic}')
 
     def collect(
         self, message_type: Any, topic: str, *, raw: bool = False, past: bool = True
     ) -> list[Any]:
-        """Return a list that grows by every message of a topic."""
-        found: list[Any] = []
-        self.subscribe(message_type, topic, found.append, raw=raw, past=past)
-        return found
+        """Return a list to which every message of a topic is appended."""
+        messages: list[Any] = []
+        self.subscribe(message_type, topic, messages.append, raw=raw, past=past)
+        return messages
 
     def subscribe(
         self,
@@ -241,22 +242,22 @@ class Peer:
         raw: bool = False,
         past: bool = True,
     ) -> Subscription:
-        """Subscribe reliably and deep, to what was sent before as well with `past`."""
+        """Subscribe reliably with a deep queue; `past` requests earlier messages as well."""
         return self.node.create_subscription(
             message_type, topic, callback, _qos(latched=past), raw=raw
         )
 
     def publisher(self, message_type: Any, topic: str, *, latched: bool = False) -> Any:
-        """Create a reliable publisher, volatile as rclpy's default is or latched."""
+        """Create a reliable publisher: volatile, as rclpy's default, or latched."""
         return self.node.create_publisher(message_type, topic, _qos(latched=latched))
 
     def call(self, service_type: Any, name: str, request: Any, *, again: bool = True) -> Any:
         """
         Call a service and return its response.
 
-        The middleware drops the response to a client that the server has not found within
-        0.1 s. Such a call is made `again`; where that would do more than the first alone, the
-        call is made once the server has found the client.
+        The middleware drops the response to a client that the server has not discovered within
+        0.1 s. Such a call is repeated with `again`. For requests that must not be repeated,
+        the call is made after the server has discovered the client.
         """
         find = self.client if again else self.known_client
         client = find(service_type, name)
@@ -274,14 +275,14 @@ class Peer:
         return self.until(answered, f'response of {name}').result()
 
     def change(self, node: str, **values: Any) -> None:
-        """Change parameters of a node at once; it must take them."""
+        """Change parameters of a node atomically; the change must be successful."""
         new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=new)
         name = f'{node}/set_parameters_atomically'
         assert self.call(SetParametersAtomically, name, request).result.successful
 
     def client(self, service_type: Any, name: str) -> Any:
-        """Return a client of a service, the same one every time."""
+        """Return the client of a service, the same one for every call."""
         key = (service_type, name)
         if key not in self._clients:
             self._clients[key] = self.node.create_client(service_type, name)
@@ -289,17 +290,17 @@ class Peer:
 
     def known_client(self, service_type: Any, name: str) -> Any:
         """
-        Return a client that the node of a service has found: no response to it is dropped.
+        Return a client that the node of a service has discovered: no response is dropped.
 
-        A participant tells of its endpoints in their order, so that a node that has answered a
-        client knows all earlier ones. The node must not be replaced by another later.
+        A participant announces its endpoints in their order. Therefore a node that has responded
+        to a client knows all earlier clients. The node must not be replaced by another later.
         """
         client = self.client(service_type, name)
         if (service_type, name) not in self._known:
-            asked = f'{name.rpartition("/")[0]}/get_parameters'
-            later = self.node.create_client(GetParameters, asked)
-            self._clients[GetParameters, asked] = later
-            self.call(GetParameters, asked, GetParameters.Request())
+            getter = f'{name.rpartition("/")[0]}/get_parameters'
+            later = self.node.create_client(GetParameters, getter)
+            self._clients[GetParameters, getter] = later
+            self.call(GetParameters, getter, GetParameters.Request())
             self._known.add((service_type, name))
         return client
 
@@ -312,9 +313,9 @@ def _qos(*, latched: bool) -> QoSProfile:
 @contextmanager
 def processes(folder: Path, *, fresh: bool = False) -> Iterator[Processes]:
     """
-    Yield a place to start nodes in, in a domain that nobody else uses meanwhile.
+    Yield an object that starts nodes in a ROS domain that no other process uses.
 
-    They tell what they printed where the test fails, and end with it.
+    The processes end with the test; their output is printed if the test fails.
     """
     with domain() as number, ended(Processes(number, folder, fresh=fresh)) as started:
         yield started
@@ -354,7 +355,7 @@ def ros_arguments(file: Path | None = PAPER, **settings: object) -> list[str]:
 
 
 def shortened(folder: Path, duration: float, source: Path = PAPER, **values: str) -> Path:
-    """Write a copy of a parameter file with another duration and other plain values."""
+    """Return a copy of a parameter file with another duration and other scalar values."""
     text = source.read_text(encoding='utf-8')
     for name, value in {'duration': str(float(duration)), **values}.items():
         text, count = re.subn(rf'(?m)^(\s*{name}:).*$', lambda m, v=value: f'{m[1]} {v}', text)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A report's page as a browser's parser takes it, for tests."""
+"""Parser of a report's HTML page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ADDRESSES = frozenset(('src', 'href', 'action', 'data', 'poster', 'srcset', 'for
 
 @dataclass
 class Element:
-    """An element: its name, attributes, text within and elements within, at any depth."""
+    """HTML element: name, attributes, and text and elements within at any depth."""
 
     tag: str
     attributes: dict[str, str]
@@ -28,14 +28,14 @@ class Element:
     within: list[Element] = field(default_factory=list)
 
     def find_all(self, tag: str, **attributes: str) -> list[Element]:
-        """Return the elements within of a name and with these attributes."""
+        """Return all elements within that have a name and these attributes."""
         return [
             e for e in self.within if e.tag == tag and attributes.items() <= e.attributes.items()
         ]
 
 
 class Page(HTMLParser):
-    """A page; raises AssertionError where elements are not nested."""
+    """Parsed page; raises AssertionError if elements are not nested."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -60,7 +60,7 @@ class Page(HTMLParser):
             outer.text += data
 
     def addresses(self) -> list[str]:
-        """Return everything that elements refer to."""
+        """Return all addresses in attributes of elements."""
         return [
             value
             for element in self.root.within
@@ -88,19 +88,19 @@ class Page(HTMLParser):
 
 
 def is_plot(element: Element) -> bool:
-    """Tell whether an element is the place of a plot."""
+    """Return True if an element contains a plot."""
     return 'plot' in element.attributes.get('class', '').split()
 
 
 def numbers(values: Any) -> np.ndarray:
-    """Return the numbers of a trace, which plotly writes as base64 or as a list."""
+    """Return the numbers of a trace that plotly writes as base64 or as a list."""
     if isinstance(values, dict):
         return np.frombuffer(base64.b64decode(values['bdata']), np.dtype(values['dtype']))
     return np.asarray(values, dtype=float)
 
 
 def lines(figure: dict[str, Any]) -> dict[str, dict[str, np.ndarray]]:
-    """Return the samples that the page has of every line: times in s, and float32."""
+    """Return the samples of every line in the page: times in s, and float32 values."""
     is_over_time = 'range' in figure['layout']['xaxis']
     return {
         trace['name']: {
@@ -113,7 +113,7 @@ def lines(figure: dict[str, Any]) -> dict[str, dict[str, np.ndarray]]:
 
 
 def unpacked(text: str, *, is_times: bool = False) -> np.ndarray:
-    """Return what the page's script reads: running sums of compressed differences."""
+    """Return the decoded samples: cumulative sums of compressed differences."""
     planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8)
     size = 8 if is_times else 4
     whole = np.ascontiguousarray(planes.reshape(size, -1).T)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs whose errors and torques are known, for the tests of the report."""
+"""Runs with known errors and torques, for tests of the report."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def none(width: int) -> Series:
     return series(np.zeros(0), np.zeros((0, width)))
 
 
-def telling(run: Run, **told: tuple[Floats, Floats]) -> Run:
-    """Return a run whose controller tells more signals, each as times and values."""
-    more = {name: series(*each) for name, each in told.items()}
+def telling(run: Run, **signals: tuple[Floats, Floats]) -> Run:
+    """Return a run with additional signals of the controller, each as times and values."""
+    more = {name: series(*samples) for name, samples in signals.items()}
     return replace(run, telemetry={**run.telemetry, **more})
 
 
@@ -57,7 +57,7 @@ def run_of(
     path: str = 'run.mcap',
     **parameters: Any,
 ) -> Run:
-    """Return a run with these errors (n, 4), the paper's reference and a robot that stands."""
+    """Return a run with these errors (n, 4), the paper's reference and a robot at rest."""
     n = len(times)
     reference = np.zeros((n, 12))
     reference[:, 0] = 0.3 + 0.2 * times
@@ -84,7 +84,7 @@ def run_of(
 
 
 def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any) -> Run:
-    """Return a run as the paper's: errors that decay to oscillations of some mm, scaled."""
+    """Return a run like the paper's: errors decay to oscillations of some mm, scaled."""
     t = ticks()
     decay = np.exp(-2.0 * t)
     error = np.stack(
@@ -98,7 +98,7 @@ def paper_like(path: str = 'run.mcap', *, scale: float = 1.0, **parameters: Any)
     )
     torque = scale * np.tile(2.0 + np.sin(t)[:, None], (1, 4))
     run = run_of(scale * error, t, path=path, torque=torque, **parameters)
-    # The robot follows the reference with its axle, so that it is drawn along the path.
+    # The axle follows the reference; therefore plots draw the robot along the path.
     position = run.position.copy()
     assert run.reference is not None
     position[:, :2] = run.reference[:, 2:4]
@@ -122,7 +122,7 @@ def later(run: Run, late: float) -> Run:
 
 
 def with_change(run: Run, time: float, node: str, **values: Any) -> Run:
-    """Return a run in which a node's parameters were changed, `time` in s from its start."""
+    """Return a run in which a node's parameters change at `time` in s from the start."""
     stamp = round((float(run.times[0]) + time) * 1e9)
     known = dict(run.parameters.get(node.rpartition('/')[2], {}))
     for earlier in run.changes:

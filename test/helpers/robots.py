@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random robots and states for property tests, and what the tests of the model share."""
+"""Random robots and states for property tests, and functions shared by tests of the model."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def task_positions(geometry: ArrayLike, position: NDArray[np.float64]) -> NDArra
 
 @dataclass(frozen=True)
 class Machine:
-    """A robot by its physical parameters, and as the formulas take it."""
+    """Robot: its physical parameters, and the arguments of compiled functions."""
 
     physical: dict[str, float]
 
@@ -83,13 +83,13 @@ class Machine:
 
 
 def between(low: float, high: float) -> st.SearchStrategy[float]:
-    """Numbers in [low, high]."""
+    """Return a strategy of numbers in [low, high]."""
     return st.floats(low, high, allow_nan=False)
 
 
 @st.composite
 def machines(draw: st.DrawFn) -> Machine:
-    """Draw a physically valid robot: positive masses, centres of mass anywhere on the links."""
+    """Draw a physically valid robot: positive masses, and centres of mass on the links."""
     p = {
         'wheel_radius': draw(between(0.03, 0.3)),
         'half_track': draw(between(0.1, 0.6)),
@@ -106,7 +106,7 @@ def machines(draw: st.DrawFn) -> Machine:
         'link_1_inertia': draw(between(1.0e-3, 0.5)),
         'link_2_inertia': draw(between(1.0e-3, 0.5)),
     }
-    # The arm's base may be ahead of the axle or behind it, not on it.
+    # The arm's base is in front of the axle or behind it, not on it.
     arm_base = draw(between(0.05, 0.8)) * draw(st.sampled_from((-1.0, 1.0)))
     p['arm_offset'] = arm_base - p['com_offset']
     p['link_1_com'] = p['link_1_length'] * draw(between(0.0, 1.0))
@@ -123,7 +123,7 @@ class Angles:
     arm_2: float
 
     def moving(self, rate: Quad) -> Posture:
-        """Posture whose imaginary part is STEP times its rate under a quasi-velocity."""
+        """Return the posture; its imaginary part is STEP times its rate for a quasi-velocity."""
         _, w, a, b = rate
         return trigonometry(
             self.yaw + 1j * STEP * w,
@@ -133,7 +133,7 @@ class Angles:
 
 
 def trigonometry(yaw: complex, arm_1: complex, arm_2: complex) -> Posture:
-    """Return sines and cosines from NumPy, real or complex."""
+    """Return sines and cosines computed by NumPy, real or complex."""
     c, s = np.cos, np.sin
     values = c(yaw), s(yaw), c(arm_1), s(arm_1), c(arm_2), s(arm_2)
     return Posture(*(v.item() for v in (*values, c(arm_1 + arm_2), s(arm_1 + arm_2))))
@@ -144,7 +144,7 @@ ANGLE = between(-4.0, 4.0)
 
 @st.composite
 def regular_angles(draw: st.DrawFn) -> Angles:
-    """Draw angles with an arm that is neither straight nor folded."""
+    """Draw angles of an arm that is neither straight nor folded."""
     bend = draw(between(1.01 * SINGULAR_SINE, math.pi - 1.01 * SINGULAR_SINE))
     sign = draw(st.sampled_from((-1.0, 1.0)))
     return Angles(draw(ANGLE), draw(ANGLE), sign * bend)
@@ -152,13 +152,13 @@ def regular_angles(draw: st.DrawFn) -> Angles:
 
 @st.composite
 def all_angles(draw: st.DrawFn) -> Angles:
-    """Draw any angles, straight and folded arms among them."""
+    """Draw any angles, including those of straight and folded arms."""
     near = st.sampled_from((0.0, -0.0, math.pi, -math.pi, 1.0e-12, 0.01, 0.02, -0.0199))
     return Angles(draw(ANGLE), draw(ANGLE), draw(st.one_of(ANGLE, near)))
 
 
 def quads(size: float = 3.0) -> st.SearchStrategy[Quad]:
-    """Four numbers: quasi-velocities, quasi-forces, task vectors."""
+    """Return a strategy of four numbers: quasi-velocities, quasi-forces, task vectors."""
     entry = between(-size, size)
     return st.tuples(entry, entry, entry, entry)
 
@@ -177,16 +177,16 @@ def columns(function: Any) -> NDArray[Any]:
 
 
 def quasi_map(geometry: Geometry) -> Array:
-    """Return the constant matrix (4 x 4) that makes quasi-velocities of the reduced ones."""
+    """Return the constant matrix (4 x 4) from reduced velocities to quasi-velocities."""
     return columns(lambda *v: quasi_velocity(geometry, *v))
 
 
 def assert_agree(actual: ArrayLike, expected: ArrayLike, rel: float, scale: float = 0.0) -> None:
-    """Hold two arrays against each other, relative to the larger of their size and `scale`."""
-    found, right = np.asarray(actual), np.asarray(expected)
-    assert found.shape == right.shape
-    assert np.isfinite(found).all()
-    assert np.isfinite(right).all()
-    size = max(scale, float(np.abs(right).max()), np.finfo(float).tiny)
-    difference = float(np.abs(found - right).max())
+    """Compare two arrays, relative to the larger of their size and `scale`."""
+    values, references = np.asarray(actual), np.asarray(expected)
+    assert values.shape == references.shape
+    assert np.isfinite(values).all()
+    assert np.isfinite(references).all()
+    size = max(scale, float(np.abs(references).max()), np.finfo(float).tiny)
+    difference = float(np.abs(values - references).max())
     assert difference <= rel * size, f'{difference / size:.2e} of {size:.3e}, limit {rel:.0e}'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How near runs come to limits of speed, position and torque: `run_limits.py FILE SETTING…`."""
+"""Margins of runs to limits of speed, position and torque: `run_limits.py FILE SETTING…`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 
 class Limits(NamedTuple):
-    """Of a whole run."""
+    """Extreme values of a whole run."""
 
     speed: float
     """Largest speed of a joint as a multiple of its limit."""
     beyond: float
-    """Largest distance of a joint beyond the ends of its range, negative inside, rad or m."""
+    """Largest distance of a joint beyond its range in rad or m, negative within the range."""
     torque: float
     """Largest torque as a multiple of the controller's limit; 0 without limits."""
     error: NDArray[np.float64]
@@ -32,7 +32,7 @@ class Limits(NamedTuple):
 
 
 def limits_of(file: str, settings: Sequence[str], *, approaches: bool = False) -> Limits:
-    """Run a scenario, on request with the approach to a path that starts elsewhere."""
+    """Run a scenario, optionally with an approach to a path that starts elsewhere."""
     changes: tuple[Change, ...] = ()
     if approaches:
         settings = (*settings, 'controller.active_on_start=false')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closed-loop runs of the compiled kernel, called as arrays: whole, in pieces, tick by tick."""
+"""Closed-loop runs of the compiled kernel: in one call, in two calls, and tick by tick."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+from helpers.robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, control_tick, plant_start, plant_tick
@@ -19,10 +20,9 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
-from robots import Array, AXES, BASE_PARAMETERS, DEFAULT, Machine
 
 PAPER_LAWS = ('smc', 'rasmc')
-"""Those that each switching term is tried with."""
+"""Laws that are tested with each switching term."""
 
 _GAINS = ('period', 'k_s1', 'k_s2', 'sigma', 'gamma', 'boundary_layer', 'observer_gain')
 
@@ -69,9 +69,9 @@ class Scenario:
     )
     """Offset, slope, amplitude, frequency and phase of each task axis (5, 4)."""
     extra: tuple[tuple[str, object], ...] = ()
-    """Further fields of the controller's SETTINGS: what lets adaptation last, limits."""
+    """Further fields of the controller's SETTINGS: robust adaptation, limits."""
     measured: tuple[tuple[str, object], ...] = ()
-    """Fields of the plant's PLANT_SETTINGS by which it is not measured exactly."""
+    """Fields of the plant's PLANT_SETTINGS for inexact measurements."""
 
     @property
     def reference(self) -> Array:
@@ -83,16 +83,16 @@ class Scenario:
 
 
 class Run:
-    """What a run leaves behind, each of SIGNALS by its name; rows are ticks."""
+    """Signals of a run, an attribute for each of SIGNALS; rows are ticks."""
 
     def __init__(self, signals: Any) -> None:
-        """Take the records of all ticks (n)."""
+        """Initialise the run from the records of all ticks (n)."""
         self.singular = int(signals['singular'].sum())
         for name in signals.dtype.names:
             if name != 'singular':
                 rows = np.ascontiguousarray(signals[name][:, :, 0])
                 if name in _AFTER_THE_LAST:
-                    # The last command is not applied: what it would lead to is not known.
+                    # The last command is not applied; its effect is unknown.
                     unknown = np.full((1, rows.shape[1]), _AFTER_THE_LAST[name])
                     rows = np.vstack([rows, unknown])
                 setattr(self, name, rows)
@@ -117,7 +117,7 @@ def law_records(scenario: Scenario, lanes: int = 1) -> tuple[Any, Any]:
 
 
 def write_law(settings: Any, memory: Any, scenario: Scenario, lane: int | None = None) -> None:
-    """Write what a scenario says of the law into one lane, or into all."""
+    """Write a scenario's settings of the law into one lane or into all."""
     nominal = scenario.model_scale * np.array(scenario.robot.theta)
     fill(settings, 'geometry', scenario.robot.geometry, lane)
     fill(settings, 'nominal', nominal, lane)
@@ -137,7 +137,7 @@ def plant_records(scenario: Scenario, lanes: int = 1) -> tuple[Any, Any]:
 
 
 def write_plant(plant: Any, memory: Any, scenario: Scenario, lane: int | None = None) -> None:
-    """Write what a scenario says of the plant into one lane, or into all."""
+    """Write a scenario's settings of the plant into one lane or into all."""
     fill(plant, 'geometry', scenario.robot.geometry, lane)
     fill(plant, 'theta', np.array(scenario.robot.theta), lane)
     for name in ('amplitude', 'frequency', 'phase', 'limit', 'period', 'steps'):
@@ -153,22 +153,22 @@ def write_plant(plant: Any, memory: Any, scenario: Scenario, lane: int | None = 
 
 
 class Loop:
-    """A run in progress."""
+    """Run in progress."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Start at tick 0."""
+        """Initialise the run of a scenario at tick 0."""
         self.scenario = scenario
         self._plant, self._plant_memory = plant_records(scenario)
         self._delayed = delay_line(self._plant, TWO_LINK)
         self._settings, self._memory = law_records(scenario)
-        self._now = records.signals(TWO_LINK)
+        self._tick_signals = records.signals(TWO_LINK)
         self._reference = scenario.reference
-        self.signals = np.zeros(scenario.ticks, self._now.dtype)
-        plant_start(self._plant, self._plant_memory, self._delayed, self._now)
+        self.signals = np.zeros(scenario.ticks, self._tick_signals.dtype)
+        plant_start(self._plant, self._plant_memory, self._delayed, self._tick_signals)
 
     @property
     def run(self) -> Run:
-        """Say what was computed so far."""
+        """Return the ticks computed so far."""
         return Run(self.signals)
 
     def run_ticks(self, first: int, last: int) -> None:
@@ -179,7 +179,7 @@ class Loop:
             self._delayed,
             self._settings,
             self._memory,
-            self._now,
+            self._tick_signals,
             first,
             last == self.scenario.ticks,
             self._reference[first:last],
@@ -187,13 +187,13 @@ class Loop:
         )
 
     def tick(self, k: int) -> None:
-        """Compute one tick as the nodes do: the controller's, then the plant's."""
-        self._now['reference'][0, :, 0] = self._reference[k]
-        control_tick(self._settings, self._memory, self._now, *inputs(self._now))
-        self.signals[k] = self._now[0]
+        """Compute one tick as the nodes do: the controller first, then the plant."""
+        self._tick_signals['reference'][0, :, 0] = self._reference[k]
+        control_tick(self._settings, self._memory, self._tick_signals, *inputs(self._tick_signals))
+        self.signals[k] = self._tick_signals[0]
         if k + 1 == self.scenario.ticks:
             return
-        plant_tick(self._plant, self._plant_memory, self._delayed, k, self._now)
+        plant_tick(self._plant, self._plant_memory, self._delayed, k, self._tick_signals)
 
 
 def whole(scenario: Scenario) -> Run:

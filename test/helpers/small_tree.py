@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A small robot on two wheels whose arm turns, lifts and bends: its URDF and its parameters."""
+"""URDF and parameters of a small robot on two wheels with an arm of five joints."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ START = (0.0, 0.0, 0.3, 0.1, 0.7, 0.9, -0.4)
 
 
 def parameters(urdf: str = URDF) -> dict[str, Any]:
-    """Return what chooses the robot."""
+    """Return the parameters that select the robot."""
     return {
         'robot.urdf': urdf,
         'robot.base': 'differential',
@@ -70,17 +70,18 @@ def hand_at_start() -> list[float]:
     values = parameters()
     mechanism = tree_mechanism(values)
     robot = robot_of({p.name: p.default for p in mechanism.parameters} | values)
-    found: list[float] = robot.task_positions(np.array([[0.0, 0.0, 0.0, *START]]))[0].tolist()
-    return found
+    pose: list[float] = robot.task_positions(np.array([[0.0, 0.0, 0.0, *START]]))[0].tolist()
+    return pose
 
 
 def write_scenario(
     folder: Path, tip: list[float], duration: float, task: str = 'pose'
 ) -> Path:
     """
-    Write URDF and scenario into a folder: what has the task goes ahead and turns a little.
+    Write URDF and scenario into a folder; the task frame moves forward and rotates slightly.
 
-    That is the hand, which is at `tip`; of the task `base` the base, which has no wheels then.
+    The task frame is the hand, which starts at `tip`. For the task `base` it is the base, which
+    then has no wheels.
     """
     wheels, start = 'wheels: [wheel_right_joint, wheel_left_joint]', START
     base = 'differential'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Digests of the dynamics of a tree and its adaptation, here or elsewhere: `tree_bits.py`."""
+"""Digests of a tree's dynamics and adaptation, to compare machines: `tree_bits.py`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _URDF = '<robot>{}</robot>'.format(
 def model_of(
     robot: TreeRobot | Tree, body: int = 0, point: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> TreeModel:
-    """Return a robot as formulas take it, with a body's point for its task."""
+    """Return a robot as the model of compiled functions, with a body's point as its task."""
     tree = robot if isinstance(robot, Tree) else robot.tree
     size = tree.base + len(tree.parent) - 1
     numbers = packed(
@@ -48,13 +48,13 @@ def model_of(
 
 
 def digest() -> str:
-    """Return the digest of everything that is computed of some states."""
+    """Return the digest of all dynamic quantities at some states."""
     robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text', base='omnidirectional', armature=0.01)
     point = (0.3, -0.2, 0.1)
     model = model_of(robot, 3, point)
     size, states = 7, 5
     grid = np.arange(size * states, dtype=float).reshape(states, size)
-    found = []
+    results = []
     for scale, *state in zip(
         np.linspace(0.5, 1.5, states),
         *((grid % step - step / 2.0) / 7.0 for step in (11.0, 13.0, 17.0, 19.0)),
@@ -65,7 +65,7 @@ def digest() -> str:
         posture = kinematics.place(model, *position[:3].tolist(), position, 3)
         of = model, posture, theta
         moved = velocity, reference, acceleration, 9.81
-        found += [
+        results += [
             posture.frames[:, :12].copy(),
             posture.motion_subspaces,
             dynamics.inverse_dynamics(*of, *moved),
@@ -75,20 +75,20 @@ def digest() -> str:
             kinematics.point_jacobian(model, posture, 3, point),
             kinematics.point_jacobian_rate(model, posture, velocity, 3, point),
         ]
-    return hashlib.sha256(b''.join(map(np.ndarray.tobytes, found))).hexdigest()
+    return hashlib.sha256(b''.join(map(np.ndarray.tobytes, results))).hexdigest()
 
 
 def adapted_digest() -> str:
-    """Return the digest of moments that are adapted for some steps, some of them too long."""
+    """Return the digest of moments adapted by a series of steps, some of them too long."""
     robot = tree_robot(read_urdf(_URDF, 'a text'), 'a text')
-    found = []
-    for each in robot.inertial_parameters:
-        inertial_parameters = tuple(each.tolist())
+    results = []
+    for row in robot.inertial_parameters:
+        inertial_parameters = tuple(row.tolist())
         for step in range(50):
             gradient = tuple(((step * 7 + i * 11) % 13 - 6.0) / 3.0 for i in range(10))
             inertial_parameters = natural_step(inertial_parameters, gradient, (step % 10) / 20.0)
-            found.append(inertial_parameters)
-    return hashlib.sha256(np.array(found).tobytes()).hexdigest()
+            results.append(inertial_parameters)
+    return hashlib.sha256(np.array(results).tobytes()).hexdigest()
 
 
 if __name__ == '__main__':

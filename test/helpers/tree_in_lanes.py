@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compare runs of a tree in lanes with the runs alone; print the signals of which a bit differs.
+Comparison of single runs of a tree with lanes; prints the signals that differ.
 
-The small tree, for NUMBA_DISABLE_JIT=1, unless a parameter file and a duration are given.
+Without a parameter file and a duration it uses the small tree, for NUMBA_DISABLE_JIT=1.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.loop.batch_simulation import BatchSimulation
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from small_tree import hand_at_start, write_scenario
 
 OF_LANES = (
     (),
@@ -31,25 +31,25 @@ OF_LANES = (
         'controller.observer_gain=0.2',
     ),
 )
-"""Settings of each lane: gains, masses, noise and the model's numbers differ."""
+"""Settings of each lane, with different gains, masses, noise and model parameters."""
 
 
 def differing(runs: list[Mapping[str, Mapping[str, Any]]]) -> list[str]:
-    """Return the signals in which a lane is not the run alone."""
+    """Return the signals in which a lane differs from the single run."""
     parts = list(BatchSimulation(runs).run())
-    alone = [list(Simulation(run).run()) for run in runs]
-    found = []
+    single_runs = [list(Simulation(run).run()) for run in runs]
+    differences = []
     for name in ('position', 'raw_torque', 'torque', 'estimate', 'surface', 'error'):
         lanes = np.concatenate([part[name] for part in parts])
-        for lane, run in enumerate(alone):
+        for lane, run in enumerate(single_runs):
             own = np.concatenate([getattr(part, name) for part in run])
             if not (np.isfinite(own).all() and np.array_equal(lanes[:, :, lane], own)):
-                found.append(f'{name}, lane {lane}')
-    return found
+                differences.append(f'{name}, lane {lane}')
+    return differences
 
 
 def main(file: str, duration: str) -> None:
-    """Compare runs of a parameter file."""
+    """Print the differences for a parameter file."""
     length = f'duration={duration}'
     runs = [load_scenario(file, (length, *settings)) for settings in OF_LANES]
     print('\n'.join(differing(runs)), end='')

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A short computed run for tests of what viewers show, and its messages decoded."""
+"""Short simulated run with decoded messages, for tests of viewers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAPER = ROOT / 'config' / 'paper.yaml'
 
 
 def computed_run(folder: Path, duration: float = 1.0) -> Path:
-    """Return the log of a run that `masmc simulate` computes into a folder."""
+    """Return the log that `masmc simulate` writes into a folder."""
     log = folder / 'run.mcap'
     settings = ['--set', f'duration={duration}', '--output', str(log)]
     assert main(['simulate', str(PAPER), *settings]) == 0

@@ -9,6 +9,8 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from helpers.robots import between, PROPERTY
+from helpers.scenario import axes, Scenario, whole
 from hypothesis import given
 from masmc_ros.law.parts.adaptation import beyond_dead_zone, pulled_estimate
 from masmc_ros.loop.simulation import Simulation
@@ -16,8 +18,6 @@ from masmc_ros.robot.gradient_step import gradient_step
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import between, PROPERTY
-from scenario import axes, Scenario, whole
 
 PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
 

@@ -5,14 +5,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
-from hypothesis import strategies as st
-from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
-from masmc_ros.robot.two_link.constants import base_parameters
-from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
-from masmc_ros.robot.two_link.geometry import Geometry, posture
-import numpy as np
-from robots import (
+from helpers.robots import (
     all_angles,
     Angles,
     Array,
@@ -23,6 +16,13 @@ from robots import (
     machines,
     PROPERTY,
 )
+from hypothesis import given
+from hypothesis import strategies as st
+from masmc_ros.robot.two_link.consistency import is_consistent, normal, weakest_motion
+from masmc_ros.robot.two_link.constants import base_parameters
+from masmc_ros.robot.two_link.dynamics import BaseParameters, inertia, inertia_times
+from masmc_ros.robot.two_link.geometry import Geometry, posture
+import numpy as np
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from law_bench import PAPER
+from helpers.law_bench import PAPER
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.law.registry import LAWS

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
+from helpers.robots import Array, assert_agree, between, PROPERTY
+from helpers.scenario import law_records, Scenario
 from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.law.reaching.implicit import disturbance_estimate, implicit_reaching, solution
@@ -18,8 +20,6 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
-from robots import Array, assert_agree, between, PROPERTY
-from scenario import law_records, Scenario
 
 MOST_AXES = 6
 

@@ -9,6 +9,8 @@ from dataclasses import replace
 import importlib
 from pathlib import Path
 
+from helpers.robots import Array, between, PROPERTY
+from helpers.scenario import axes, Scenario, whole
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.law.registry import SWITCHING
@@ -17,8 +19,6 @@ from masmc_ros.numerics.limits import limited
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array, between, PROPERTY
-from scenario import axes, Scenario, whole
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 

@@ -7,6 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from helpers.plant_state import derivative, PlantState
+from helpers.robots import (
+    Angles,
+    Array,
+    assert_agree,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+)
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from masmc_ros.law.plug_in import TickInput
@@ -19,19 +31,7 @@ from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_veloc
 from masmc_ros.robot.two_link.kinematics import task_drift, task_position
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
-from plant_state import derivative, PlantState
 import pytest
-from robots import (
-    Angles,
-    Array,
-    assert_agree,
-    DEFAULT,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-)
 
 
 @dataclass(frozen=True)

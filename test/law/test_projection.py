@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from helpers.robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
+from helpers.scenario import Scenario
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.law.parts.adaptation import MARGIN, projected
@@ -12,8 +14,6 @@ from masmc_ros.robot.two_link.consistency import is_consistent
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 import numpy as np
 import pytest
-from robots import all_angles, Angles, Array, between, Machine, machines, PROPERTY
-from scenario import Scenario
 from test_consistency import reduced_inertia, stretched
 
 SEEDS = st.integers(0, 2**32 - 1)

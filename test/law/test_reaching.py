@@ -8,6 +8,8 @@ from __future__ import annotations
 from fractions import Fraction
 import math
 
+from helpers.robots import between, PROPERTY
+from helpers.scenario import PAPER_LAWS, Scenario, whole
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.law.parts.surface import reference_acceleration, reference_velocity, sliding_surface
@@ -19,8 +21,6 @@ from masmc_ros.law.reaching.tanh import smooth
 from masmc_ros.law.registry import LAWS, REACHING, SWITCHING
 from masmc_ros.robot.gradient_step import gradient_step
 import pytest
-from robots import between, PROPERTY
-from scenario import PAPER_LAWS, Scenario, whole
 
 SIGN, SATURATION, TANH, SIGMOID = 'sign', 'saturation', 'tanh', 'sigmoid'
 SMOOTH = (SATURATION, TANH, SIGMOID)

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from lagrangian import matrices
+from helpers.lagrangian import matrices
+from helpers.robots import Array, DEFAULT
+from helpers.scenario import law_records, Scenario
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, MEASURED
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
@@ -14,8 +16,6 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
-from robots import Array, DEFAULT
-from scenario import law_records, Scenario
 
 SCALE = 0.05
 REFERENCE = [0.8, 0.6, 0.1, 0.0, 0.2, 0.1, 0.2, 0.0, 0.0, 0.1, 0.0, 0.0]

@@ -11,12 +11,12 @@ from pathlib import Path
 import sys
 from types import ModuleType
 
+from helpers.robots import Array, between, PROPERTY
+from helpers.scenario import Scenario, whole
 from hypothesis import given
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED, followed, gains
 import numpy as np
 import pytest
-from robots import Array, between, PROPERTY
-from scenario import Scenario, whole
 
 PERIOD = 1e-3
 

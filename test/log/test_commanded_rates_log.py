@@ -9,6 +9,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from helpers.report_html import lines, Page
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.qos import Qos
@@ -20,7 +21,6 @@ from masmc_ros.messages.platform_motion import TwistCdr, TwistStampedCdr
 from masmc_ros.messages.topics import FLOAT_ARRAY, TWIST, TWIST_STAMPED
 import numpy as np
 import pytest
-from report_html import lines, Page
 
 PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
 TICK = 1_000_000

@@ -12,7 +12,8 @@ from pathlib import Path
 import struct
 import time
 
-from damage import damaged
+from helpers.checked_reader import read
+from helpers.log_damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
 from masmc_ros.log.mcap import chunks
@@ -24,7 +25,6 @@ from mcap.records import Channel, Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk, StreamReader
 from mcap.writer import CompressionType, Writer
 import pytest
-from whole_log import read
 import zstandard
 
 ROOT = Path(__file__).resolve().parents[2]

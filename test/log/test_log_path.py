@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from helpers.robots import DEFAULT, task_positions
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.log.traced_paths import ActualPath, DesiredPath, MOST_POSES, thinned
@@ -16,7 +17,6 @@ from masmc_ros.robot.registry import DEFAULT as TWO_LINK
 from masmc_ros.robot.robot import robot_of
 import numpy as np
 import pytest
-from robots import DEFAULT, task_positions
 from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

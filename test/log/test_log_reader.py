@@ -9,7 +9,7 @@ import subprocess
 import sys
 from typing import Any
 
-from logged_runs import ARRAY, numbers, STATE, write_run
+from helpers.logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.write.writer import LogWriter

@@ -12,9 +12,9 @@ import sys
 import time
 import tracemalloc
 
+from helpers.logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
-from logged_runs import ARRAY, Numbers, numbers, STATE, write_numbers, write_run
 from masmc_ros import __version__
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, ChannelRows, COMPRESSIONS, indexed_chunk

@@ -14,7 +14,8 @@ from pathlib import Path
 import random
 import stat
 
-from logged_runs import ARRAY, numbers, STATE, write_run
+from helpers.checked_reader import Messages, read
+from helpers.logged_runs import ARRAY, numbers, STATE, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import ChannelRows, COMPRESSIONS
@@ -30,7 +31,6 @@ from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 import pytest
 from rosbags.highlevel import AnyReader
-from whole_log import Messages, read
 
 TICKS = 160
 COMMIT = 20

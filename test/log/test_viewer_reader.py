@@ -16,14 +16,14 @@ from pathlib import Path
 import struct
 from typing import Any
 
+from helpers.javascript_readers import read_log, run_read_log, SOURCES
+from helpers.robots import task_positions
+from helpers.viewed_run import computed_run, decoded, ROOT
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
-from node_readers import read_log, run_read_log, SOURCES
 import numpy as np
 import pytest
-from robots import task_positions
-from viewed_run import computed_run, decoded, ROOT
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 
@@ -78,7 +78,7 @@ def test_viewer_library_computed_run_equals_python(tmp_path: Path) -> None:
 
 def test_viewer_library_recorded_run_equals_python(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    from processes import processes, ros_arguments, shortened
+    from helpers.processes import processes, ros_arguments, shortened
 
     log = tmp_path / 'recorded.mcap'
     file = shortened(tmp_path, 0.5)

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from independent import base_parameters, Simulator
-from lagrangian import matrices
+from helpers.independent_simulation import base_parameters, Simulator
+from helpers.lagrangian import matrices
+from helpers.robots import Array, DEFAULT, Machine
+from helpers.scenario import PAPER_LAWS, Scenario, whole
 from masmc_ros.law.registry import SWITCHING
 import numpy as np
 import pytest
-from robots import Array, DEFAULT, Machine
-from scenario import PAPER_LAWS, Scenario, whole
 
 KINDS = [
     *((law, switching, 0.0) for law in PAPER_LAWS for switching in SWITCHING),

@@ -12,6 +12,9 @@ import subprocess
 import sys
 from typing import Any
 
+from helpers.child_environment import child_environment
+from helpers.robots import DEFAULT, Machine, machines
+from helpers.scenario import Scenario, whole, write_law, write_plant
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 from masmc_ros.law.parts.velocity_estimator import ESTIMATED
@@ -22,9 +25,6 @@ from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
 import pytest
-from robots import DEFAULT, Machine, machines
-from scenario import Scenario, whole, write_law, write_plant
-from surroundings import surroundings
 
 LANES = 16
 TICKS = 60
@@ -166,7 +166,7 @@ def test_lanes_equal_disturbance_waves_equal_single_runs(
 def test_lanes_every_law_interpreted_equal_single_runs() -> None:
     done = subprocess.run(
         [sys.executable, Path(__file__).parents[1] / 'helpers' / 'laws_in_lanes.py'],
-        env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},
+        env={**child_environment(), 'NUMBA_DISABLE_JIT': '1'},
         capture_output=True,
         text=True,
         timeout=300.0,

@@ -8,7 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from delayed_loop import Delay, delayed_run, DelayedRun
+from helpers.delayed_loop import Delay, delayed_run, DelayedRun
+from helpers.robots import DEFAULT, Machine
+from helpers.scenario import Scenario
 from masmc_ros.errors import InputError
 from masmc_ros.loop.layer_bound import least_task_inertia, longest_hold, thinnest_layer
 from masmc_ros.params.declaration import check_all
@@ -17,8 +19,6 @@ from masmc_ros.scenario.node_parameters import declared
 from masmc_ros.scenario.scenario import load_scenario, Values
 import numpy as np
 import pytest
-from robots import DEFAULT, Machine
-from scenario import Scenario
 from test_stability_bounds import CHATTERING, SMOOTH, variation
 
 CONFIG = Path(__file__).parents[2] / 'config'

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from helpers.processes import PAPER
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.names import DRIVEN_JOINTS
@@ -15,7 +16,6 @@ from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER
 import pytest
 
 PERIOD = 1e-3

@@ -8,14 +8,14 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from cart_arm import CART_ARM, constants, Posture, regressor, regressor_times
-from log_contents import read_log
+from helpers.cart_arm import CART_ARM, constants, Posture, regressor, regressor_times
+from helpers.log_contents import read_log
+from helpers.processes import processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.robot.registry import ENTRY_POINTS
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import processes, ros_arguments
 import pytest
 import sympy as sp
 
@@ -39,7 +39,9 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package = tmp_path / 'site' / 'cart_arm-1.0.dist-info'
     package.mkdir(parents=True)
     (package / 'METADATA').write_text('Name: cart_arm\nVersion: 1.0\n')
-    (package / 'entry_points.txt').write_text(f'[{ENTRY_POINTS}]\ncart_arm = cart_arm:CART_ARM\n')
+    (package / 'entry_points.txt').write_text(
+        f'[{ENTRY_POINTS}]\ncart_arm = helpers.cart_arm:CART_ARM\n'
+    )
     monkeypatch.syspath_prepend(package.parent)
     path = tmp_path / 'cart.yaml'
     path.write_text(FILE)

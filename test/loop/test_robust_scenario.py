@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from helpers.robots import Array
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array
 
 ROBUST = str(Path(__file__).parents[2] / 'config' / 'robust.yaml')
 

@@ -14,12 +14,12 @@ import subprocess
 import sys
 from typing import Any
 
-import closed_loop_bits
-from closed_loop_bits import digest, scenarios
+from helpers import closed_loop_bits
+from helpers.closed_loop_bits import digest, scenarios
+from helpers.scenario import in_pieces, Run, tick_by_tick, whole
+from helpers.target_cpus import host_has, OTHERS
 import numpy as np
-from other_machines import host_has, OTHERS
 import pytest
-from scenario import in_pieces, Run, tick_by_tick, whole
 
 SCRIPT = Path(closed_loop_bits.__file__)
 ROOT = Path(__file__).parents[2]

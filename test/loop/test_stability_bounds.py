@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lagrangian import matrices
+from helpers.lagrangian import matrices
+from helpers.robots import DEFAULT
+from helpers.scenario import Run, Scenario, whole
 import numpy as np
 import pytest
-from robots import DEFAULT
-from scenario import Run, Scenario, whole
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

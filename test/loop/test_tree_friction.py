@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from small_tree import hand_at_start, write_scenario
 
 FRICTION = (
     'robot.friction=parameters',

@@ -10,6 +10,8 @@ from pathlib import Path
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
+from helpers.small_tree import hand_at_start, parameters, START, write_scenario
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.robot.robot import robot_of
@@ -20,8 +22,6 @@ from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from small_tree import hand_at_start, parameters, START, write_scenario
-from surroundings import surroundings
 
 TIAGO = Path(__file__).resolve().parents[2] / 'config' / 'tiago.yaml'
 TICKS = 40
@@ -43,7 +43,7 @@ def test_tree_frames_hand_equals_task_position() -> None:
 def test_tree_run_urdf_deleted_is_reported_and_exported(tmp_path: Path) -> None:
     """The processes are interpreted; the URDF is deleted before the log is read."""
     path = write_scenario(tmp_path, hand_at_start(), 1e-3 * TICKS)
-    environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
+    environment = {**child_environment(), 'NUMBA_DISABLE_JIT': '1'}
     run = [sys.executable, '-m', 'masmc_ros.cli.main']
     log = tmp_path / 'run.mcap'
     subprocess.run(
@@ -82,7 +82,7 @@ def test_tree_run_partial_pose_task_is_tracked(task: str, tmp_path: Path) -> Non
     log = tmp_path / 'run.mcap'
     subprocess.run(
         [sys.executable, '-m', 'masmc_ros.cli.main', 'simulate', path, '--output', log],
-        env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'}, check=True, timeout=300.0,
+        env={**child_environment(), 'NUMBA_DISABLE_JIT': '1'}, check=True, timeout=300.0,
     )  # fmt: skip
     error = read_run(log).telemetry['error'].values
     assert error.shape == (TICKS + 1, len(OUTPUTS[task]))

@@ -10,11 +10,11 @@ from pathlib import Path
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
+from helpers.run_limits import limits_of
+from helpers.small_tree import hand_at_start, write_scenario
 from masmc_ros.scenario.scenario import load_scenario
 import pytest
-from run_limits import limits_of
-from small_tree import hand_at_start, write_scenario
-from surroundings import surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 HELPER = ROOT / 'test' / 'helpers' / 'run_limits.py'
@@ -54,7 +54,7 @@ def test_speed_limits_disturbed_small_tree_are_kept(tmp_path: Path) -> None:
     for rate in ('0.0', '50.0'):
         done = subprocess.run(
             [sys.executable, HELPER, path, *settings, f'robot.drift_rate={rate}'],
-            env={**surroundings(), 'NUMBA_DISABLE_JIT': '1'},
+            env={**child_environment(), 'NUMBA_DISABLE_JIT': '1'},
             stdout=subprocess.PIPE, text=True, timeout=300.0, check=True,
         )  # fmt: skip
         speeds.append(float(done.stdout.split()[0]))

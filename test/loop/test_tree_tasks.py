@@ -10,7 +10,9 @@ import subprocess
 import sys
 from typing import Any
 
-from log_contents import read_log
+from helpers.child_environment import child_environment
+from helpers.log_contents import read_log
+from helpers.small_tree import START, URDF
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.messages.names import ACTUAL_PATH_TOPIC, DESIRED_PATH_TOPIC
@@ -19,15 +21,13 @@ from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from small_tree import START, URDF
-from surroundings import surroundings
 import yaml
 
 pytestmark = pytest.mark.slow
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
 CLI = [sys.executable, '-m', 'masmc_ros.cli.main']
-INTERPRETED = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
+INTERPRETED = {**child_environment(), 'NUMBA_DISABLE_JIT': '1'}
 TICKS = 300
 LAST = 50
 SIGMA = 10.0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Real nodes: who commands, whose reference is followed, and joints by names of their own."""
+"""Nodes: enabling of the controller, source of the reference, and custom joint names."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.messages.commands import EffortCdr
 import numpy as np
-from processes import NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -28,15 +28,15 @@ PERIOD = 0.001
 
 
 class Lockstep:
-    """A run of the paper in lock-step, which the test disturbs on its way."""
+    """Run of the paper in lockstep, with interventions of the test."""
 
     def __init__(self, tester: Peer) -> None:
         self.tester = tester
         self.stamps = tester.watch_time()
 
-    def goes_on(self, seconds: float) -> None:
-        begun = self.stamps[-1]
-        self.tester.until(lambda: self.stamps[-1] > begun + 1e9 * seconds, 'the run to go on')
+    def wait_for_progress(self, seconds: float) -> None:
+        start = self.stamps[-1]
+        self.tester.until(lambda: self.stamps[-1] > start + 1e9 * seconds, 'progress of the run')
 
     def enable(self, value: bool) -> None:
         answer = self.tester.call(SetBool, '/controller/enable', SetBool.Request(data=value))
@@ -44,7 +44,7 @@ class Lockstep:
 
 
 @pytest.mark.slow
-def test_in_lockstep_disabled_enabled_and_given_a_set_point(
+def test_lockstep_enable_and_set_point_run_reproducible(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
@@ -63,34 +63,34 @@ def test_in_lockstep_disabled_enabled_and_given_a_set_point(
                 **{'robot.joint_names': f'[{", ".join(NAMES)}]'},
             )
         )
-        run.goes_on(2.0)
+        run.wait_for_progress(2.0)
         tester.known_client(SetBool, '/controller/enable')
         for value in (False, True, False, True):
             run.enable(value)
-        run.goes_on(1.0)
-        # Beside a running trajectory: refused, told, and nothing is different.
+        run.wait_for_progress(1.0)
+        # A set-point during a trajectory is rejected with a message and changes nothing.
         points = tester.publisher(Float64MultiArray, 'reference')
         tester.wait_for_subscribers(points, 2)
         points.publish(Float64MultiArray(data=[0.3, 0.5, 0.0, 0.0]))
-        refused = 'reference refused: a set-point beside a trajectory'
-        tester.until(lambda: nodes['controller'].logged('ERROR', refused), refused)
+        rejection = 'reference refused: a set-point beside a trajectory'
+        tester.until(lambda: nodes['controller'].logged('ERROR', rejection), rejection)
         run.enable(False)
-        run.goes_on(1.5)
+        run.wait_for_progress(1.5)
         run.enable(True)
         assert set(started.wait().values()) == {0}, started.output()
         assert 'Traceback' not in started.output()
         assert tuple(states[0].name) == NAMES
         joints = ElementTree.fromstring(description[0].data).findall('joint')
-        assert [each.get('name') for each in joints][:4] == list(NAMES[3:])
+        assert [joint.get('name') for joint in joints][:4] == list(NAMES[3:])
     logged = read_run(log)
     assert logged.joint_names == NAMES
     events = [change.event for change in logged.changes]
-    # Who was off and on again between two ticks was told to be on alone.
+    # A controller that was disabled and enabled between two ticks reports only the latter.
     assert events.count(ACTIVATED) >= 2
     assert (DEACTIVATED, DEACTIVATED) not in pairwise(events)
     assert events[-2:] == [DEACTIVATED, ACTIVATED]
-    stands_and_comes_back(log)
-    # The last of what was off its way is forgotten.
+    check_stop_and_return(log)
+    # The deviation has decayed at the end.
     assert np.abs(logged.telemetry['error'].values[-1]).max() < 0.05
 
     again = tmp_path / 'again.mcap'
@@ -107,8 +107,8 @@ def test_in_lockstep_disabled_enabled_and_given_a_set_point(
     assert 'velocity_elbow_rad_per_s' in header
 
 
-def stands_and_comes_back(log: Path) -> None:
-    """Check what was commanded and what the robot did meanwhile."""
+def check_stop_and_return(log: Path) -> None:
+    """Check the commands and the motion of the robot while the controller is disabled."""
     run = read_run(log)
     message = EffortCdr()
     before, longest = np.zeros(4), 0
@@ -121,7 +121,7 @@ def stands_and_comes_back(log: Path) -> None:
             held.append(k)
         else:
             if k > 1:
-                # From rest it begins at zero.
+                # The torque starts at zero when the robot is at rest.
                 assert (np.abs(torque - before) <= RATE_LIMIT * PERIOD + 1e-9).all(), k
             assert k < 1000 or (np.abs(torque) < [4.0, 4.0, 10.0, 8.0]).all(), k
             longest = max(longest, len(held))
@@ -133,8 +133,8 @@ def stands_and_comes_back(log: Path) -> None:
     assert longest > 1000
 
 
-def test_by_the_wall_clock_the_drives_hold_where_no_command_is_in_force(tmp_path: Path) -> None:
-    """Before the first command, and when the last is too old; under a command they let go."""
+def test_real_time_drives_without_command_hold_velocity(tmp_path: Path) -> None:
+    """The drives hold before the first command and after a command timeout."""
     with processes(tmp_path) as started, peer(started.domain) as tester:
         states = tester.collect(JointState, 'joint_states')
         node = started.start(
@@ -162,11 +162,11 @@ def test_by_the_wall_clock_the_drives_hold_where_no_command_is_in_force(tmp_path
             commands.publish(zero)
             return bool(np.abs(np.array(states[-1].velocity[5:])).max() > 1.0)
 
-        tester.until(is_free, 'an arm that nobody holds')
-        said = 'no command on effort_commands for 0.3 s; the drives hold until one comes'
-        tester.until(lambda: node.logged('WARN', said), said)
-        # For a second, in which a free arm turns by more.
-        tester.until(lambda: np.ptp(arm(-100), axis=0).max() < 0.1, 'an arm that is held again')
+        tester.until(is_free, 'a free arm')
+        warning = 'no command on effort_commands for 0.3 s; the drives hold until one comes'
+        tester.until(lambda: node.logged('WARN', warning), warning)
+        # Within one second a free arm turns by more.
+        tester.until(lambda: np.ptp(arm(-100), axis=0).max() < 0.1, 'a held arm')
         assert all(not any(state.effort) for state in states)
         node.signal(2)  # SIGINT
         assert node.wait() == 0, started.output()
@@ -175,7 +175,7 @@ def test_by_the_wall_clock_the_drives_hold_where_no_command_is_in_force(tmp_path
 @pytest.mark.parametrize(
     'names', ["''", '[a, b, c]', '[a, b, c, c]', "[a, b, c, '']", '[x, b, z, w, a, c, x]']
 )
-def test_names_that_are_none_are_refused(
+def test_simulate_invalid_joint_names_rejected(
     names: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['simulate', str(PAPER), '--set', f'robot.joint_names={names}']) == 2

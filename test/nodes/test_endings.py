@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How runs end: quietly when they are over, with one line and status 2 where they cannot go on."""
+"""Ends of runs: without messages at the regular end, with one line and status 2 on failure."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import subprocess
 import sys
 import time
 
-from log_contents import read_log
+from helpers.child_environment import child_environment
+from helpers.log_contents import read_log
+from helpers.processes import PATIENCE, peer, processes, ros_arguments
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.process.ending import ENDING
 from masmc_ros.nodes.process.runtime import StopSignals
 from masmc_ros.nodes.recorder.listening import take_rest
-from processes import PATIENCE, peer, processes, ros_arguments
 import pytest
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from surroundings import surroundings
 
 ALL = '[controller, trajectory, recorder]'
 
 
 @pytest.mark.slow
-def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> None:
-    """While the recorder of the same process takes what is under way, nothing is late or lost."""
+def test_real_time_run_after_its_end_logs_nothing(tmp_path: Path) -> None:
+    """While the recorder receives the last messages, no node warns of late or missing ones."""
     log = tmp_path / 'run.mcap'
     with processes(tmp_path, fresh=True) as started:
         arguments = ros_arguments(
@@ -45,8 +45,8 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
         composed = started.start('composed', '--record', *arguments)
         assert started.wait() == {'composed': 0}, started.output()
         lines = composed.stderr()
-    (over,) = (i for i, line in enumerate(lines) if ' ticks in ' in line)
-    assert len(lines[over + 1:]) == 1, lines[over:]
+    (end,) = (i for i, line in enumerate(lines) if ' ticks in ' in line)
+    assert len(lines[end + 1:]) == 1, lines[end:]
     assert 'messages in' in lines[-1]
     contents = read_log(log)
     assert contents.stamps('joint_states')[-1] == 500_000_000
@@ -54,10 +54,10 @@ def test_a_run_in_real_time_that_is_over_says_nothing_more(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
+def test_real_time_nodes_delayed_at_the_end_exit(
     tmp_path: Path,
 ) -> None:
-    """The last state is the next one that they see, far ahead of the one before."""
+    """The first state that they receive after the delay is the last one of the run."""
     last = 2_000_000_000
     with processes(tmp_path, fresh=True) as started, peer(started.domain) as tester:
         stamps = [-1]
@@ -84,8 +84,8 @@ def test_nodes_that_are_held_up_at_the_end_of_a_run_in_real_time_end_with_it(
     assert read_log(tmp_path / 'run.mcap').stamps('effort_commands')[-1] == last
 
 
-def test_who_is_held_up_takes_what_has_come_meanwhile() -> None:
-    """Of a long time in which nothing was heard only the time of listening counts."""
+def test_take_rest_after_delay_processes_all_messages() -> None:
+    """Only the time spent on listening counts towards the timeout."""
     arrivals = [time.monotonic() - 60.0]
     spins = iter(range(100))
 
@@ -101,7 +101,7 @@ def test_who_is_held_up_takes_what_has_come_meanwhile() -> None:
 
 
 @pytest.mark.parametrize('pacing', ['realtime', 'lockstep'])
-def test_a_robot_that_diverges_ends_the_plant_with_one_line(pacing: str, tmp_path: Path) -> None:
+def test_plant_robot_diverges_exits_with_one_line(pacing: str, tmp_path: Path) -> None:
     with processes(tmp_path, fresh=True) as started, peer(started.domain) as tester:
         states = tester.collect(JointState, 'joint_states', raw=True)
         commands = tester.publisher(Float64MultiArray, 'effort_commands')
@@ -110,17 +110,17 @@ def test_a_robot_that_diverges_ends_the_plant_with_one_line(pacing: str, tmp_pat
         )
         tester.wait_for_subscribers(commands)
         tester.until(lambda: states, 'the first state')
-        wild = EffortCdr()
-        wild.data[:] = 1e308
-        wild.set_stamp(0)
-        commands.publish(wild.to_bytes())
+        huge = EffortCdr()
+        huge.data[:] = 1e308
+        huge.set_stamp(0)
+        commands.publish(huge.to_bytes())
         assert plant.wait() == 2, started.output()
         (line,) = plant.complaints()
     assert line.startswith('plant: the closed loop diverged at t = 0.001 s; expected gains and a')
     assert ('ticks were late' in line) == (pacing == 'realtime')
 
 
-def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_path: Path) -> None:
+def test_composed_loop_diverges_exits_with_one_line(tmp_path: Path) -> None:
     with processes(tmp_path, fresh=True) as started:
         arguments = ros_arguments(
             controller__switching='implicit',
@@ -134,7 +134,7 @@ def test_a_loop_that_diverges_ends_all_nodes_of_its_process_with_one_line(tmp_pa
     assert 'the closed loop diverged at t = ' in line
 
 
-HELD = """
+BLOCKED = """
 import ctypes
 from masmc_ros.nodes.process import exit_timer
 exit_timer._PATIENCE = 0.2
@@ -149,15 +149,15 @@ with exit_timer.bounded_ending({status}):
 @pytest.mark.parametrize('status', [0, 2])
 @pytest.mark.parametrize('library', ['CDLL', 'PyDLL'])  # PyDLL holds the interpreter
 def test_bounded_ending_blocked_keeps_status_and_output(library: str, status: int) -> None:
-    ended = subprocess.run(
-        [sys.executable, '-c', HELD.format(library=library, status=status)],
-        env=surroundings(),
+    result = subprocess.run(
+        [sys.executable, '-c', BLOCKED.format(library=library, status=status)],
+        env=child_environment(),
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         check=False,
     )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (status, 'complete\n', '')
+    assert (result.returncode, result.stdout, result.stderr) == (status, 'complete\n', '')
 
 
 WAITING = (
@@ -168,11 +168,11 @@ WAITING = (
     ('plant', {'wait_for': '[controller]'}, 'waiting for controller'),
     ('plant', {'wait_for': '[]'}, "waiting for the controller's command (effort_commands)"),
 )
-"""Nodes, their settings, and what they say that they wait for when each is alone."""
+"""Nodes, their settings, and the message about the awaited node when each runs alone."""
 
 
 @pytest.mark.slow
-def test_a_node_alone_says_what_it_waits_for(tmp_path: Path) -> None:
+def test_node_alone_logs_what_it_waits_for(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         alone = []
         for number, (node, settings, reason) in enumerate(WAITING):
@@ -186,8 +186,8 @@ def test_a_node_alone_says_what_it_waits_for(tmp_path: Path) -> None:
         assert set(started.wait().values()) == {0}, started.output()
 
 
-def test_signal_does_not_wait_for_a_lock_of_the_interrupted_thread() -> None:
-    """The executor completes its future after signals that came while the future was locked."""
+def test_signal_during_lock_of_future_does_not_block() -> None:
+    """The executor completes its future after signals that arrive while the future is locked."""
     handlers = {number: signal.getsignal(number) for number in ENDING}
     try:
         stop = StopSignals()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults brought into a run of real nodes: it goes on, and never applies a wild torque."""
+"""Faults injected into a run of nodes: the run continues, and torques stay within limits."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import signal
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from checked_log import check_log
-from live_run import live_run, LiveRun
+from helpers.checked_log import check_log
+from helpers.live_run import live_run, LiveRun
+from helpers.processes import NODES
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.names import JOINTS
@@ -22,18 +23,17 @@ from masmc_ros.messages.platform_motion import OdometryCdr
 from masmc_ros.messages.reference_window import ReferenceWindow
 from nav_msgs.msg import Odometry
 import numpy as np
-from processes import NODES
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 from std_srvs.srv import SetBool
 
 GARBAGE = b'\x00\x01\x00\x00\xff\xff\xff\x7f'
-"""A message that promises more than it holds."""
+"""Message that is shorter than its length field states."""
 
 
 def joint_state(stamp: int, *, joint: str = '', **fields: Any) -> JointState:
-    """Return a state at rest, with another name for the last joint if one is given."""
+    """Return a state at rest, optionally with another name of the last joint."""
     message = JointState(name=[*JOINTS[:6], joint or JOINTS[6]])
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
     message.position = message.velocity = [0.0] * 7
@@ -43,7 +43,7 @@ def joint_state(stamp: int, *, joint: str = '', **fields: Any) -> JointState:
 
 
 def ours_with(stamp: int, **numbers: float) -> bytes:
-    """Return a state in the controller's own layout with numbers that are not right."""
+    """Return a state in the controller's own layout with invalid numbers."""
     state = JointStateCdr()
     for field, number in numbers.items():
         getattr(state, field)[5] = number
@@ -76,10 +76,10 @@ def labelled(label: str) -> Float64MultiArray:
 
 
 Input = tuple[str, str, type]
-"""A node, a topic that it listens to, and its type."""
+"""Node, topic that it subscribes to, and type of the topic."""
 
 Bad = tuple[Callable[[int], Any], str]
-"""What makes a message that is not right at a stamp in ns, and part of why it is refused."""
+"""Function from a stamp in ns to an invalid message, and part of the reason for its rejection."""
 
 BAD: dict[Input, list[Bad]] = {
     ('controller', 'joint_states', JointState): [
@@ -123,11 +123,11 @@ BAD: dict[Input, list[Bad]] = {
     ('plant', 'recorder/progress', Time): [(lambda t: GARBAGE, 'recorder/progress refused')],
     ('trajectory', 'controller/state', String): [(lambda t: GARBAGE, 'controller/state refused')],
 }
-"""What is sent to a node on a topic, one after the other; topics go beside each other."""
+"""Invalid messages for each node and topic, sent in sequence; all topics in parallel."""
 
 
-def test_bad_messages_on_every_input(tmp_path: Path) -> None:
-    """Every one is refused by name, one line a second; the run goes on as if it had not come."""
+def test_nodes_invalid_message_rejected_and_run_continues(tmp_path: Path) -> None:
+    """Each node rejects the message with its reason, and the run continues unchanged."""
     settings = {
         'pose_source': 'odom',
         'trajectory__start_time': -1.0,
@@ -135,47 +135,47 @@ def test_bad_messages_on_every_input(tmp_path: Path) -> None:
     }
     with live_run(tmp_path, **settings) as run:
         run.injected |= {GARBAGE, command(math.nan)}
-        run.goes_on()
+        run.wait_for_progress()
         publishers = {
-            # A plant listens to recorders of its own kind alone, which are latched.
+            # The plant subscribes with the durability of the recorder: transient local.
             key: run.tester.publisher(key[2], key[1], latched=key[1] == 'recorder/progress')
             for key in BAD
         }
         for turn in range(max(map(len, BAD.values()))):
-            are_refused(run, publishers, {k: b[turn] for k, b in BAD.items() if turn < len(b)})
+            check_rejected(run, publishers, {k: b[turn] for k, b in BAD.items() if turn < len(b)})
         states = publishers['controller', 'joint_states', JointState]
 
         for bad_state, reason in ((GARBAGE, 'no stamp'), (joint_state(-1), 'is negative')):
 
-            def follower_refuses(state: Any = bad_state, part: str = reason) -> bool:
+            def trajectory_rejects(state: Any = bad_state, part: str = reason) -> bool:
                 states.publish(state)
                 run.spin(0.02)
-                told = lines(run, ('trajectory', 'joint_states', JointState))
-                return any(part in line for line in told)
+                messages = lines(run, ('trajectory', 'joint_states', JointState))
+                return any(part in line for line in messages)
 
-            run.tester.until(follower_refuses, f'a trajectory that refuses a state: {reason}')
-        run.goes_on()
+            run.tester.until(trajectory_rejects, f'a state rejected by the trajectory: {reason}')
+        run.wait_for_progress()
         for (node, topic, _), bad in BAD.items():
             if node != 'trajectory':
                 counts_at_least(run, node, f'{topic} refused', len(bad))
         run.end()
-        # A recorder writes what comes, and says what it cannot read.
+        # The recorder writes every message, and logs an error for those that it cannot read.
         assert run.nodes['recorder'].logged('ERROR', 'plant/parameters')
 
 
 def counts_at_least(run: LiveRun, node: str, key: str, count: int) -> None:
-    """Wait until a node reports so many of something."""
+    """Wait until a node reports a value of at least `count` for a key."""
     run.tester.until(
         lambda: int(run.health.get(node, {}).get(key, '0')) >= count, f'{count} {key} of {node}'
     )
 
 
-def are_refused(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, Bad]) -> None:
-    """Send bad messages, one kind to each input, until every one was refused for its reason."""
+def check_rejected(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, Bad]) -> None:
+    """Send one invalid message to each input until each is rejected for its reason."""
     seen = {key: len(lines(run, key)) for key in bad}
 
-    def is_refused() -> bool:
-        # Again and again: of messages at once only the last counts.
+    def is_rejected() -> bool:
+        # Sending is repeated, because a node may process only the latest message.
         for key, (make, _) in bad.items():
             publishers[key].publish(make(run.stamp + 2_000_000))
         run.spin(0.02)
@@ -184,33 +184,33 @@ def are_refused(run: LiveRun, publishers: dict[Input, Any], bad: dict[Input, Bad
             for key, (_, reason) in bad.items()
         )
 
-    run.tester.until(is_refused, f'one of {[(*key[:2], bad[key][1]) for key in bad]}')
+    run.tester.until(is_rejected, f'one of {[(*key[:2], bad[key][1]) for key in bad]}')
     assert run.wrong == []
 
 
 def lines(run: LiveRun, key: Input) -> list[str]:
-    """Return what a node has said of messages that it refused."""
+    """Return a node's log lines about rejected messages of a topic."""
     node, topic, _ = key
     return [line for line in run.nodes[node].logged('ERROR', ' refused: ') if topic in line]
 
 
-def test_states_in_any_order_and_clocks_that_jump(tmp_path: Path) -> None:
-    """A second sender of states, in another order of joints, whose stamps are out of order."""
+def test_controller_foreign_states_and_clock_jumps_run_continues(tmp_path: Path) -> None:
+    """A second publisher sends states with another joint order and wrong stamps."""
     with live_run(tmp_path) as run:
         states = run.tester.publisher(JointState, 'joint_states')
         odometry = run.tester.publisher(Odometry, 'odom')
-        run.goes_on()
+        run.wait_for_progress()
         latest = JointStateCdr()
 
-        def note(raw: bytes) -> None:
+        def store(raw: bytes) -> None:
             latest.load(raw)
 
-        run.tester.subscribe(JointState, 'joint_states', note, raw=True)
+        run.tester.subscribe(JointState, 'joint_states', store, raw=True)
         run.tester.until(lambda: latest.stamp_ns > 0, 'a state')
         order = [6, 3, 0, 5, 1, 4, 2]
 
         def send(shift: int) -> None:
-            """Send the present state, in another order and with another stamp."""
+            """Send the current state with another joint order and another stamp."""
             message = joint_state(
                 max(0, latest.stamp_ns + shift),
                 name=[JOINTS[i] for i in order],
@@ -220,18 +220,18 @@ def test_states_in_any_order_and_clocks_that_jump(tmp_path: Path) -> None:
             states.publish(message)
 
         def counted(key: str, *shifts: int) -> None:
-            before = int(run.health['controller'][key])
+            previous = int(run.health['controller'][key])
             shift = itertools.cycle(shifts)
 
             def has_counted() -> bool:
                 send(next(shift))
                 run.spin(0.02)
-                return int(run.health['controller'][key]) > before
+                return int(run.health['controller'][key]) > previous
 
             run.tester.until(has_counted, f'{key}: {run.health}')
 
-        run.reports('controller', 'state', 'active')
-        # Late, again and again; where the test lags behind, the other of the two is.
+        run.wait_for_report('controller', 'state', 'active')
+        # Late states; the second shift applies if the test itself is late.
         counted('late states', -50_000_000, 100_000_000)
         counted('gaps in states', 3_600 * 10**9)  # a clock an hour ahead, and back
         for shift in (-(10**12), 10**12, 0):
@@ -240,24 +240,24 @@ def test_states_in_any_order_and_clocks_that_jump(tmp_path: Path) -> None:
         far = OdometryCdr()
         far.set_stamp(10**15)
         odometry.publish(far.to_bytes())
-        run.goes_on()
+        run.wait_for_progress()
         run.end()
 
 
 @pytest.mark.slow
-def test_nodes_that_hang_or_are_killed_in_a_run(tmp_path: Path) -> None:
+def test_nodes_stopped_or_killed_run_continues(tmp_path: Path) -> None:
     logs = []
     with live_run(tmp_path, reference_timeout=0.5) as run:
-        run.goes_on()
+        run.wait_for_progress()
         for name in NODES:
             run.nodes[name].signal(signal.SIGSTOP)
-            wait_for_the_lack_of(run, name)
+            wait_for_missing_node(run, name)
             run.nodes[name].signal(signal.SIGCONT)
-            run.goes_on()
+            run.wait_for_progress()
             kill_and_restart(run, name)
-            run.goes_on()
+            run.wait_for_progress()
             logs.append(run.log)
-        # What a killed recorder has written is completed by the next, and as fine as the rest.
+        # The new recorder completes the log of the killed one.
         recorder = run.nodes['recorder']
         run.tester.until(lambda: recorder.logged('WARN', 'completed with'), 'a recovery')
         run.end()
@@ -266,26 +266,26 @@ def test_nodes_that_hang_or_are_killed_in_a_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_with_nodes_that_were_killed_comes_to_its_end(tmp_path: Path) -> None:
-    """All but the plant, which stands still meanwhile: everything else takes up the run."""
+def test_run_with_restarted_nodes_ends_regularly(tmp_path: Path) -> None:
+    """All nodes but the paused plant are killed and restarted; they continue the run."""
     last = 8_000_000_000
     with live_run(tmp_path, duration=last * 1e-9) as run:
-        run.goes_on()
+        run.wait_for_progress()
         pause(run, on=True)
-        # What the controller has told before is here by then; the pause is no fault.
+        # All earlier states of the controller have arrived then; the pause is no fault.
         run.spin(0.5)
-        assert run.told[-1] == 'active'
+        assert run.states[-1] == 'active'
         for name in ('trajectory', 'controller', 'recorder'):
             run.nodes[name].signal(signal.SIGKILL)
             run.nodes[name].wait()
-        assert 0 < run.stamp < last, 'killed too late to show anything'
-        activations = run.told.count('active')
-        # The dead do not send their past to a new listener.
+        assert 0 < run.stamp < last, 'the run ended before the nodes were killed'
+        activations = run.states.count('active')
+        # Killed nodes do not send earlier messages to a new subscriber.
         records = run.tester.collect(String, 'trajectory/parameters')
         progress = run.tester.collect(Time, 'recorder/progress')
         for name in ('trajectory', 'controller', 'recorder'):
             run.start(name)
-        run.tester.until(lambda: run.told.count('active') > activations, 'a new controller')
+        run.tester.until(lambda: run.states.count('active') > activations, 'a new controller')
         run.tester.until(lambda: records and progress, 'a new trajectory and a new recorder')
         pause(run, on=False)
         for name, node in run.nodes.items():
@@ -297,23 +297,23 @@ def test_a_run_with_nodes_that_were_killed_comes_to_its_end(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_two_controllers_at_once(tmp_path: Path) -> None:
-    """Both compute the same law; whichever torque acts is fine, and everybody warns of it."""
-    # The second one starts with an approach, against which the first one pushes to its limits.
+def test_second_controller_torques_limited_and_reported(tmp_path: Path) -> None:
+    """Both compute the same law; all torques are valid, and all nodes warn of the second one."""
+    # The second controller starts with an approach; the first one opposes it up to its limits.
     with live_run(tmp_path, runaway_detection='false') as run:
-        run.goes_on()
+        run.wait_for_progress()
         first = run.nodes['controller']
         run.start('controller')
-        run.reports('controller', 'others on effort_commands', '/controller')
-        run.reports('plant', 'senders of commands', '/controller, /controller')
-        run.reports('plant', 'message', 'more than one node commands the robot')
-        run.goes_on(1.0)
+        run.wait_for_report('controller', 'others on effort_commands', '/controller')
+        run.wait_for_report('plant', 'senders of commands', '/controller, /controller')
+        run.wait_for_report('plant', 'message', 'more than one node commands the robot')
+        run.wait_for_progress(1.0)
         first.signal(signal.SIGINT)
         assert first.wait() == 0
         run.tester.until(
-            lambda: 'senders of commands' not in run.health['plant'], 'a controller alone'
+            lambda: 'senders of commands' not in run.health['plant'], 'a single controller'
         )
-        run.goes_on()
+        run.wait_for_progress()
         run.end(in_order=False)
 
 
@@ -321,39 +321,39 @@ def pause(run: LiveRun, *, on: bool) -> None:
     assert run.tester.call(SetBool, '/plant/pause', SetBool.Request(data=on)).success
 
 
-def wait_for_the_lack_of(run: LiveRun, name: str) -> None:
-    """Wait until it shows, as documented, that a node does nothing any more."""
+def wait_for_missing_node(run: LiveRun, name: str) -> None:
+    """Wait for the documented effect of a missing node."""
     if name == 'trajectory':
-        run.is_told('fault: no reference for 0.5 s')
+        run.wait_for_state('fault: no reference for 0.5 s')
     if name == 'plant':
-        run.is_told('fault: no usable joint_states for 0.2 s')
+        run.wait_for_state('fault: no usable joint_states for 0.2 s')
     if name == 'controller':
         run.tester.until(lambda: not run.torque.any(), 'no torque')
     if name == 'recorder':
-        run.spin(0.5)  # in real time nobody waits for it
+        run.spin(0.5)  # in real time no node waits for the recorder
 
 
 def kill_and_restart(run: LiveRun, name: str) -> None:
-    """Kill a node, wait until that shows, start it again and wait until it takes part."""
-    answered = run.tester.collect(Time, 'recorder/progress', past=False)
+    """Kill a node, wait for the effect, restart it and wait until it participates."""
+    progress = run.tester.collect(Time, 'recorder/progress', past=False)
     run.nodes[name].signal(signal.SIGKILL)
     run.nodes[name].wait()
-    wait_for_the_lack_of(run, name)
-    activations, killed = run.told.count('active'), run.stamp
+    wait_for_missing_node(run, name)
+    activations, killed = run.states.count('active'), run.stamp
     run.start(name)
     if name == 'recorder':
         run.tester.until(
-            lambda: any(t.sec * 10**9 + t.nanosec > killed for t in answered), 'a recorder'
+            lambda: any(t.sec * 10**9 + t.nanosec > killed for t in progress), 'a recorder'
         )
     else:
-        run.tester.until(lambda: run.told.count('active') > activations, f'a new {name}')
+        run.tester.until(lambda: run.states.count('active') > activations, f'a new {name}')
 
 
 @pytest.mark.slow
-def test_to_a_plant_that_was_held_up_its_command_is_not_old(tmp_path: Path) -> None:
-    """The robot's time stood still; what was commanded holds, and no zeros come in between."""
+def test_plant_delayed_last_command_still_valid(tmp_path: Path) -> None:
+    """Robot time does not advance during the delay; the last torque remains active."""
     with live_run(tmp_path, state_timeout=5.0) as run:
-        run.goes_on()
+        run.wait_for_progress()
         plant = run.nodes['plant']
         for _ in range(5):
             plant.signal(signal.SIGSTOP)
@@ -362,6 +362,6 @@ def test_to_a_plant_that_was_held_up_its_command_is_not_old(tmp_path: Path) -> N
             plant.signal(signal.SIGCONT)
             run.tester.until(lambda: len(run.torques) > 5, 'motion')
             assert all(np.any(torque) for torque in run.torques)
-            run.goes_on(0.1)
+            run.wait_for_progress(0.1)
         assert plant.logged('WARN', 'no command') == []
         run.end()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random requests and messages to all services and topics of all nodes: none of them ends."""
+"""Random requests and messages to all services and topics of all nodes: no node exits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import tracemalloc
 from benchmarks.hostile import RandomInput
 from benchmarks.hostile_client import HostileClient
 from builtin_interfaces.msg import Time
+from helpers.processes import BOUNDED, Peer, peer, processes, ros_arguments
 from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.nodes.middleware.past import _Once
 from masmc_ros.nodes.recorder.attachments import Attachments
-from processes import BOUNDED, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
@@ -25,11 +25,11 @@ from rosgraph_msgs.msg import Clock
 NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
 
 COMPILED = ('law', 'switching', 'velocity_source')
-"""Parameters of which another value compiles code: that takes minutes, and is tested elsewhere."""
+"""Parameters whose changes compile code, which takes minutes; other tests change them."""
 
 
 def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> None:
-    """Send random input to a run of all nodes; each lives, responds, and ends with status 0."""
+    """Send random input to all nodes; all continue, respond, and exit with status 0."""
     with processes(folder) as started, peer(started.domain) as tester:
         arguments = ros_arguments(
             duration=0.0,
@@ -49,16 +49,16 @@ def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> N
                 client.learn_parameters(name)
                 tester.until(lambda n=name: client.is_known(n), f'parameters of {name}')
             client.discover()
-            assert {each.node for each in client.services} == set(NODES)
+            assert {service.node for service in client.services} == set(NODES)
             end, number = time.monotonic() + seconds, 0
             while time.monotonic() < end:
                 actions.append(_act(client, number))
                 _spin(tester, 0.005)
                 number += 1
                 for name, node in nodes.items():
-                    assert node.process.poll() is None, f'{name} ended by itself'
-            untried = {each.name for each in client.services} - client.requests.keys()
-            untried |= {each.name for each in client.topics} - client.messages.keys()
+                    assert node.process.poll() is None, f'{name} has exited'
+            untried = {service.name for service in client.services} - client.requests.keys()
+            untried |= {topic.name for topic in client.topics} - client.messages.keys()
             assert untried == set()
             for name in NODES:
                 request = GetParameters.Request(names=['use_sim_time'])
@@ -72,7 +72,7 @@ def survive(folder: Path, *, seed: int, seconds: float, **settings: object) -> N
 
 
 def _act(client: HostileClient, number: int) -> str:
-    """Send one request or message; the first ones go to every service and topic in turn."""
+    """Send one request or message; the first ones cover all services and topics."""
     if number < len(client.services):
         return client.request(client.services[number])
     number -= len(client.services)
@@ -98,7 +98,7 @@ def test_nodes_long_random_input_stay_alive(pacing: str, seed: int, tmp_path: Pa
 
 
 def test_set_parameters_unknown_type_rejected(tmp_path: Path) -> None:
-    """Each parameter of a request has its result, the valid ones behind the wrong one too."""
+    """Each parameter of a request has a result; valid ones after an invalid one are set."""
     wrong = Parameter(name='start_time', value=ParameterValue(type=77))
     missing = Parameter(name='nothing', value=ParameterValue(type=2))
     with processes(tmp_path) as started, peer(started.domain) as tester:
@@ -112,22 +112,22 @@ def test_set_parameters_unknown_type_rejected(tmp_path: Path) -> None:
             'trajectory/set_parameters',
             SetParameters.Request(parameters=[wrong, missing, right]),
         )
-        told = [(each.successful, each.reason) for each in response.results]
-        assert told[0][1].startswith('start_time: type 77 is unknown; expected one of')
-        assert told[1][1].startswith("unknown parameter 'nothing'")
-        assert [successful for successful, _ in told] == [False, False, True]
+        results = [(result.successful, result.reason) for result in response.results]
+        assert results[0][1].startswith('start_time: type 77 is unknown; expected one of')
+        assert results[1][1].startswith("unknown parameter 'nothing'")
+        assert [successful for successful, _ in results] == [False, False, True]
         result = tester.call(
             SetParametersAtomically,
             'trajectory/set_parameters_atomically',
             SetParametersAtomically.Request(parameters=[right, wrong]),
         ).result
-        assert (result.successful, result.reason) == (False, told[0][1])
+        assert (result.successful, result.reason) == (False, results[0][1])
         node.signal(signal.SIGINT)
         assert node.wait() == 0, started.output()
 
 
 def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
-    """With `use_sim_time`, a negative time and bytes that are no message leave the node alive."""
+    """With `use_sim_time`, the node rejects a negative time and bytes that are no message."""
     with processes(tmp_path) as started, peer(started.domain) as tester:
         node = started.start('trajectory', *ros_arguments(use_sim_time='true'))
         clock = tester.publisher(Clock, '/clock')
@@ -150,24 +150,24 @@ def test_clock_wrong_time_rejected(tmp_path: Path) -> None:
 
 
 def test_once_large_messages_are_not_kept() -> None:
-    """What two subscriptions received is remembered, however large the messages are."""
+    """Large messages of two subscriptions are recognised without storing them."""
     passed: list[int] = []
     once = _Once(lambda raw: passed.append(raw[0]), most=200)
     tracemalloc.start()
     try:
         for number in range(100):
             once.take(bytes([number]) * 10**6, once.by_volatile, once.by_past)
-        now, _ = tracemalloc.get_traced_memory()
+        used, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert now < 2 * 10**6
+    assert used < 2 * 10**6
     for number in range(100):
         once.take(bytes([number]) * 10**6, once.by_past, once.by_volatile)
     assert passed == list(range(100))
 
 
 def test_attachments_keep_only_changed_parameters() -> None:
-    """A recorder that hears of many changes holds what it writes at its end, and no more."""
+    """The recorder keeps only changed parameters, which it writes at its end."""
     kept = Attachments({}, dict)
     everything = {f'parameter_{number}': float(number) for number in range(200)}
     start = ParameterRecord('/controller', 0, 0, everything, ())

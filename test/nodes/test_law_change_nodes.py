@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A live change of the law whose code must be compiled first: the law in force continues."""
+"""Live change to a law whose code must be compiled first: the active law continues."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from pathlib import Path
 import time
 from typing import Any
 
+from helpers.child_environment import child_environment
+from helpers.processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.errors import UserError
 from masmc_ros.law.registry import LAWS
@@ -19,23 +21,21 @@ from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
 from masmc_ros.scenario.scenario import load_scenario
-from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from surroundings import surroundings
 
 TIAGO = PAPER.parent / 'tiago.yaml'
 RESPONSE = 1.0
-"""Longest time in s until a service answers; a law takes several times as long to compile."""
+"""Maximum response time of a service in s; compiling a law takes several times as long."""
 
 GAP = 1.0
-"""Longest time in s until a state is answered, on a machine that compiles and runs other tests."""
+"""Maximum time in s until a state is answered, on a machine that compiles and runs tests."""
 
 PATIENT = {'controller__state_timeout': 10.0, 'plant__command_timeout': 10.0}
-"""Timeouts with which a machine that is held up is no fault."""
+"""Timeouts with which delays of a busy machine raise no fault."""
 
 CHANGED_TOGETHER = 'law = broken, k_s1 = [7.0, '
 
@@ -57,7 +57,7 @@ BROKEN = register(replace(SMC, name='broken', torque=torque))
 
 
 class Watched:
-    """A running controller, whose commands, states and records the test watches."""
+    """Running controller with its commands, states and records."""
 
     def __init__(self, tester: Peer, node: NodeProcess) -> None:
         self.node = node
@@ -65,7 +65,7 @@ class Watched:
         self.states: list[str] = []
         self.records: list[ParameterRecord] = []
         self.gaps: list[float] = []
-        """Times in s until a state was answered."""
+        """Times in s from a state to its answer."""
         self._stamp = 0
         self._unanswered_since: float | None = None
         tester.subscribe(String, 'controller/state', self._on_state, raw=True)
@@ -76,7 +76,7 @@ class Watched:
         )
 
     def set_parameters(self, **values: Any) -> tuple[bool, str]:
-        """Return whether a request is successful, and the reason; the response comes soon."""
+        """Return success and reason of a request; check the response time."""
         new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         client = self._tester.known_client(
             SetParametersAtomically, '/controller/set_parameters_atomically'
@@ -89,29 +89,29 @@ class Watched:
         return result.successful, result.reason
 
     def law(self) -> str:
-        """Return the value that the parameter service has for the law."""
+        """Return the parameter `law` as reported by the parameter service."""
         request = GetParameters.Request(names=['law'])
         response = self._tester.call(GetParameters, '/controller/get_parameters', request)
         value: str = response.values[0].string_value
         return value
 
     def continues(self, seconds: float) -> None:
-        """Wait until it has commanded for a while of the robot's time."""
+        """Wait until the controller has sent commands for a duration of the robot's time."""
         self._tester.until(lambda: self._stamp > 0, 'a state')
         end, count = self._stamp + seconds * 1e9, len(self.gaps)
         self._tester.until(lambda: self._stamp > end and len(self.gaps) > count + 2, 'commands')
 
-    def until(self, holds: Any, what: str) -> None:
-        self._tester.until(holds, what)
+    def until(self, holds: Any, awaited: str) -> None:
+        self._tester.until(holds, awaited)
 
     def uses(self, **values: Any) -> None:
-        """Wait until a tick has been computed with values of parameters."""
+        """Wait until the controller has computed a tick with parameter values."""
 
         def holds() -> bool:
             if not self.records:
                 return False
-            found = self.records[-1].parameters
-            return all(found[name] == value for name, value in values.items())
+            parameters = self.records[-1].parameters
+            return all(parameters[name] == value for name, value in values.items())
 
         self._tester.until(holds, f'{values}')
 
@@ -133,7 +133,7 @@ class Watched:
 
 
 def cold_environment(folder: Path) -> dict[str, str]:
-    """Return variables with which a node finds no compiled code, and a law that is broken."""
+    """Return variables for a node without cached code, and with a broken law."""
     site = folder / 'site'
     package = site / 'broken-1.0.dist-info'
     package.mkdir(parents=True)
@@ -142,13 +142,13 @@ def cold_environment(folder: Path) -> dict[str, str]:
     (package / 'entry_points.txt').write_text('[masmc_ros.laws]\nbroken = broken:BROKEN\n')
     return {
         'XDG_CACHE_HOME': str(folder / 'cache'),
-        'PYTHONPATH': os.pathsep.join([str(site), surroundings()['PYTHONPATH']]),
+        'PYTHONPATH': os.pathsep.join([str(site), child_environment()['PYTHONPATH']]),
     }
 
 
 @contextmanager
 def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watched]:
-    """Yield a controller in real time that finds the compiled code of no law on the disk."""
+    """Yield a controller in real time without cached code of any law."""
     arguments = ros_arguments(
         file, pacing='realtime', control_period=0.01, duration=0.0, **PATIENT, **settings
     )
@@ -165,15 +165,15 @@ def running(folder: Path, file: Path | None, **settings: Any) -> Iterator[Watche
 
 
 def check_changes(controller: Watched) -> None:
-    """Change the law to one that must be compiled, others meanwhile, and to a broken one."""
+    """Change the law while code is compiled; also change other parameters and try a broken law."""
     controller.uses(law='rasmc')
     text = 'law = {}: compiling; rasmc continues until the code is ready'
     assert controller.set_parameters(law='terminal') == (True, text.format('terminal'))
-    # A later change replaces it; a request that is repeated is answered as the first was.
+    # A later change replaces it; a repeated request gets the same response.
     for _ in range(2):
         assert controller.set_parameters(law='pid') == (True, text.format('pid'))
     assert controller.law() == 'pid'
-    # Other parameters count at once, for the law in force and for the one that comes.
+    # Other parameters apply immediately, to the active law and to the next one.
     assert controller.set_parameters(observer_gain=0.25) == (True, '')
     controller.uses(observer_gain=0.25, law='rasmc')
     controller.uses(observer_gain=0.25, law='pid')
@@ -184,11 +184,11 @@ def check_changes(controller: Watched) -> None:
     successful, reason = controller.set_parameters(law='broken', k_s1=7.0)
     assert successful
     assert reason.startswith(CHANGED_TOGETHER)
-    controller.until(lambda: controller.law() == 'pid', 'the law in force')
+    controller.until(lambda: controller.law() == 'pid', 'the active law')
     (line,) = controller.node.logged('WARN', CHANGED_TOGETHER)
     assert 'no_such_name' in line
     assert 'pid continues' in line
-    # Its code is loaded: nothing is to be waited for.
+    # The code of this law is already loaded.
     assert controller.set_parameters(law='rasmc') == (True, '')
     controller.uses(law='rasmc')
     assert controller.records[-1].parameters['k_s1'] != [7.0] * 4
@@ -198,15 +198,15 @@ def check_changes(controller: Watched) -> None:
     assert not controller.node.logged('ERROR', 'fault: ')
 
 
-def test_law_to_compile_previous_law_continues(tmp_path: Path) -> None:
+def test_law_change_to_compile_previous_law_continues(tmp_path: Path) -> None:
     with running(tmp_path, None) as controller:
         check_changes(controller)
-    # What a tick may need for the first time later is compiled at the start.
+    # Functions that a later tick may need are compiled at the start.
     assert list((tmp_path / 'cache').rglob('windows._between*'))
 
 
 @pytest.mark.slow
-def test_law_to_compile_in_lockstep_next_tick_waits(
+def test_law_change_lockstep_next_tick_waits_for_code(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
@@ -225,7 +225,7 @@ def test_law_to_compile_in_lockstep_next_tick_waits(
         controller.continues(0.1)
         text = 'law = {}: compiling; the run waits until the code is ready'
         assert controller.set_parameters(law='pid') == (True, text.format('pid'))
-        # The service answers while the run waits, and nothing is computed.
+        # The service responds while the run waits; no tick is computed.
         count = len(controller.gaps)
         assert controller.set_parameters(k_s1=90.0) == (True, '')
         assert controller.law() == 'pid'
@@ -240,18 +240,18 @@ def test_law_to_compile_in_lockstep_next_tick_waits(
 
 
 @pytest.mark.slow
-def test_law_of_tree_robot_previous_law_continues(tmp_path: Path) -> None:
+def test_law_change_tree_robot_previous_law_continues(tmp_path: Path) -> None:
     try:
         load_scenario(str(TIAGO))
     except UserError as missing:
         pytest.skip(str(missing))
-    # At 100 Hz the torso is faster than its limit at the start.
+    # At 100 Hz the torso exceeds its speed limit at the start.
     with running(tmp_path, TIAGO, controller__runaway_detection='false') as controller:
         check_changes(controller)
 
 
 @pytest.mark.slow
-def test_all_laws_in_turn_each_is_used(tmp_path: Path) -> None:
+def test_law_change_through_all_laws_each_used(tmp_path: Path) -> None:
     with running(tmp_path, None) as controller:
         for law in (*LAWS, *LAWS):
             successful, _ = controller.set_parameters(law=law)

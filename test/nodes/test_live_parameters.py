@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gains change while a run goes on: checked, applied between two ticks, told with the tick."""
+"""Parameter changes during a run: checked, applied between two ticks, recorded with the tick."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.law.registry import LAWS
 from masmc_ros.scenario.node_parameters import declared
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
@@ -24,7 +24,7 @@ Call = Callable[[Any, str, Any], Any]
 
 @pytest.fixture(scope='module')
 def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Call]:
-    """Yield how to call services of a controller that runs alone."""
+    """Yield a function that calls parameter services of a single controller."""
     folder = tmp_path_factory.mktemp('nodes')
     with processes(folder) as started, peer(started.domain) as tester:
         started.start('controller', *ros_arguments(None, k_s1=120.0))
@@ -56,7 +56,7 @@ def read(call: Call, name: str) -> Any:
     return value.string_value
 
 
-def test_the_command_line_is_in_force(controller: Call) -> None:
+def test_controller_command_line_value_active(controller: Call) -> None:
     assert read(controller, 'k_s1') == 120.0
 
 
@@ -69,12 +69,14 @@ def test_the_command_line_is_in_force(controller: Call) -> None:
         ([150, 150, 80, 80], [150.0, 150.0, 80.0, 80.0]),
     ],
 )
-def test_a_gain_is_a_number_or_an_array(controller: Call, value: Any, stored: Any) -> None:
+def test_set_parameters_gain_number_or_array_accepted(
+    controller: Call, value: Any, stored: Any
+) -> None:
     assert change(controller, k_s1=value).successful
     assert read(controller, 'k_s1') == stored
 
 
-def test_an_integer_is_a_double_everywhere(controller: Call) -> None:
+def test_set_parameters_integer_converted_to_double(controller: Call) -> None:
     assert change(controller, observer_gain=1).successful
     assert read(controller, 'observer_gain') == 1.0
 
@@ -94,32 +96,32 @@ def test_an_integer_is_a_double_everywhere(controller: Call) -> None:
         ('control_period', 0.02, ('control_period', 'read-only')),
     ],
 )
-def test_a_refused_change_says_why_and_changes_nothing(
+def test_set_parameters_invalid_value_rejected_with_reason(
     controller: Call, name: str, value: Any, expected: tuple[str, ...]
 ) -> None:
-    before = read(controller, name)
+    previous = read(controller, name)
     result = change(controller, **{name: value})
     assert not result.successful
     for part in expected:
         assert part in result.reason
-    assert read(controller, name) == before
+    assert read(controller, name) == previous
     described = controller(DescribeParameters, 'names', [name]).descriptors[0].type
     assert described == controller(GetParameters, 'names', [name]).values[0].type
 
 
-def test_a_change_is_taken_as_a_whole(controller: Call) -> None:
-    before = read(controller, 'k_s1'), read(controller, 'sigma')
+def test_set_parameters_one_invalid_value_nothing_changed(controller: Call) -> None:
+    previous = read(controller, 'k_s1'), read(controller, 'sigma')
     assert not change(controller, k_s1=77.0, sigma=-1.0).successful
-    assert (read(controller, 'k_s1'), read(controller, 'sigma')) == before
+    assert (read(controller, 'k_s1'), read(controller, 'sigma')) == previous
     assert change(controller, k_s1=77.0, sigma=3.0).successful
     assert (read(controller, 'k_s1'), read(controller, 'sigma')) == (77.0, 3.0)
 
 
-def test_every_parameter_is_described(controller: Call) -> None:
+def test_describe_parameters_all_match_declaration(controller: Call) -> None:
     parameters = declared('controller')
     names = [parameter.name for parameter in parameters]
-    found = controller(DescribeParameters, 'names', names).descriptors
-    for parameter, descriptor in zip(parameters, found, strict=True):
+    descriptors = controller(DescribeParameters, 'names', names).descriptors
+    for parameter, descriptor in zip(parameters, descriptors, strict=True):
         assert parameter.description in descriptor.description
         assert parameter.unit in descriptor.description
         assert descriptor.additional_constraints == parameter.expected
@@ -127,23 +129,23 @@ def test_every_parameter_is_described(controller: Call) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_through_all_laws_can_be_computed_again(
+def test_run_through_all_laws_equals_recomputed_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """`ros2 param set law NAME` while the robot moves: live is offline, bit for bit, for each."""
+    """After live changes to every law, the recomputed run is bitwise identical."""
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
         _run_with_changes(started, tester, log, *({'law': law} for law in LAWS), {'law': 'smc'})
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
     assert 'are the same bits' in capfd.readouterr().out
-    told = read_log(tmp_path / 'again.mcap').messages['controller/parameters']
-    assert len(told) >= len(LAWS) + 1
+    records = read_log(tmp_path / 'again.mcap').messages['controller/parameters']
+    assert len(records) >= len(LAWS) + 1
 
 
 def _run_with_changes(
     started: Processes, tester: Peer, log: Path, *changes: dict[str, Any]
 ) -> None:
-    """Run in lock-step and change parameters on the way."""
+    """Run in lockstep with changes of parameters."""
     stamps = tester.watch_time()
     started.start_all(
         *ros_arguments(
@@ -165,7 +167,7 @@ def _run_with_changes(
     assert set(started.wait().values()) == {0}, started.output()
 
 
-def test_a_run_with_changes_can_be_computed_again(
+def test_run_with_parameter_changes_equals_recomputed_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
@@ -178,11 +180,11 @@ def test_a_run_with_changes_can_be_computed_again(
             {'switching': 'implicit', 'observer_gain': 0.5},
             {'law': 'smc'},
         )
-    # What the command does, and a user sees.
+    # The command prints the comparison.
     assert main(['simulate', str(log), '--output', str(tmp_path / 'again.mcap')]) == 0
     printed = capfd.readouterr().out
     assert f'all 20001 states and 20001 commands of {log} are the same bits' in printed
-    # Message by message, the changes at their ticks among them.
+    # All messages are equal, including the changes at their ticks.
     recorded, again = read_log(log).messages, read_log(tmp_path / 'again.mcap').messages
     assert len(recorded['controller/parameters']) == 4
     for topic in ('joint_states', 'effort_commands', 'controller/parameters'):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Four processes in lock-step give the bits of the simulation, whatever happens on the way."""
+"""Nodes in lockstep: their messages are bitwise identical to the simulation's."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 import signal
 
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.scenario.scenario import load_scenario
-from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest
 from std_msgs.msg import String
 
@@ -53,19 +53,19 @@ SHOWN_TOPICS = ('robot_description', 'path/desired', 'path/actual')
 
 
 def simulated(file: Path, log: Path, *settings: str) -> dict[str, list[bytes]]:
-    """Return the messages of the simulation of a file."""
+    """Return the messages of a simulation of a parameter file."""
     options = [word for setting in settings for word in ('--set', setting)]
     assert main(['simulate', str(file), '--output', str(log), *options]) == 0
     return read_log(log).messages
 
 
 def settings_of(settings: dict[str, str]) -> list[str]:
-    """Return ROS settings as those of the simulation."""
+    """Convert settings of `ros_arguments` to those of the simulation."""
     return [f'{name.replace("__", ".")}={value}' for name, value in settings.items()]
 
 
 def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -> None:
-    """Hold every message of every topic that has the same ones against the other's."""
+    """Compare all messages of the topics that a run and a simulation have in common."""
     for topic in (*TICK_TOPICS, *DECIMATED_TOPICS, *SHOWN_TOPICS):
         assert len(live[topic]) == len(computed[topic]), topic
         assert live[topic] == computed[topic], topic
@@ -74,11 +74,11 @@ def check_same(live: dict[str, list[bytes]], computed: dict[str, list[bytes]]) -
 def check_transforms(
     live: dict[str, list[bytes]], computed: dict[str, list[bytes]], file: Path
 ) -> None:
-    """Hold the transforms made of recorded states against the computed ones."""
+    """Compare the transforms of recorded states with the simulated ones."""
     transforms = StateTransforms(load_scenario(str(file))['plant'])
-    made = [transforms.of_state(raw) for raw in live['joint_states']]
-    assert len(made) == len(computed['tf'])
-    assert made == computed['tf']
+    of_states = [transforms.of_state(raw) for raw in live['joint_states']]
+    assert len(of_states) == len(computed['tf'])
+    assert of_states == computed['tf']
 
 
 @pytest.fixture(scope='module')
@@ -88,12 +88,12 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[bytes]]:
 
 
 def of_every_node(**settings: object) -> dict[str, object]:
-    """Return settings as `ros_arguments` takes those that all nodes are to have."""
+    """Return settings of all nodes as arguments of `ros_arguments`."""
     return {f'{node}__{name}': value for name, value in settings.items() for node in NODES}
 
 
 def separate(folder: Path, duration: float, *remap: str, **settings: object) -> Path:
-    """Run the paper's scenario in a process for each node; return the log."""
+    """Run the paper's scenario with one process for each node; return the log."""
     log = folder / 'live.mcap'
     with processes(folder) as started:
         arguments = ros_arguments(
@@ -110,9 +110,9 @@ def separate(folder: Path, duration: float, *remap: str, **settings: object) -> 
 
 def two_robots(folder: Path, **settings: str) -> Iterator[tuple[str, LogContents]]:
     """
-    Run two robots at once, each in a namespace and a process; yield each with its log.
+    Run two robots at once, each in its namespace and process; yield each with its log.
 
-    `settings` are of every node, with {robot} for the robot's name.
+    `settings` are those of every node, with {robot} for the robot's name.
     """
     with processes(folder) as started:
         for robot in ('left', 'right'):
@@ -130,14 +130,16 @@ def two_robots(folder: Path, **settings: str) -> Iterator[tuple[str, LogContents
 
 
 @pytest.mark.parametrize('namespace', ['', '/left'])
-def test_separate_processes(paper: dict[str, list[bytes]], tmp_path: Path, namespace: str) -> None:
+def test_lockstep_separate_processes_equal_simulation(
+    paper: dict[str, list[bytes]], tmp_path: Path, namespace: str
+) -> None:
     remap = ['-r', f'__ns:={namespace}'] if namespace else []
     live = read_log(separate(tmp_path, 1.5, *remap), namespace or '/').messages
     check_same(live, paper)
     check_transforms(live, paper, PAPER)
 
 
-def test_another_robot_law_and_period(tmp_path: Path) -> None:
+def test_lockstep_other_robot_law_period_equal_simulation(tmp_path: Path) -> None:
     file = tmp_path / 'other.yaml'
     file.write_text(OTHER)
     log = tmp_path / 'live.mcap'
@@ -155,7 +157,9 @@ def test_another_robot_law_and_period(tmp_path: Path) -> None:
         assert all(b'left/odom' in raw for raw in live[topic]), topic
 
 
-def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
+def test_lockstep_composed_equals_simulation(
+    paper: dict[str, list[bytes]], tmp_path: Path
+) -> None:
     log = tmp_path / 'live.mcap'
     with processes(tmp_path) as started:
         arguments = ros_arguments(
@@ -169,21 +173,21 @@ def test_composed_in_one_process(paper: dict[str, list[bytes]], tmp_path: Path) 
     check_same(read_log(log).messages, paper)
 
 
-def check_a_successor_takes_up_the_run(
+def check_restarted_controller(
     folder: Path, commands: tuple[str, ...], **settings: str
 ) -> None:
     """
-    Kill the controller of a run and start it again: states and commands stay what they are.
+    Kill and restart the controller of a run: states and commands equal the simulation's.
 
-    `settings` are parameters as of `ros_arguments`, `commands` the topics that answer states.
+    `settings` are those of `ros_arguments`; `commands` are the topics that answer states.
     """
     log = folder / 'live.mcap'
     with processes(folder) as started, peer(started.domain) as tester:
         arguments = ros_arguments(
             PAPER,
-            # Without an end, so that it cannot be over before the controller is killed.
+            # Without an end: the run must not end before the controller is killed.
             **{f'{node}__duration': 0.0 for node in NODES},
-            # Discovery can take seconds; a run begins when its observer is known as well.
+            # Discovery can take seconds; the run must not start before its observer is known.
             plant__wait_for='[controller, trajectory, recorder, peer]',
             recorder__output=log,
             **settings,
@@ -193,11 +197,11 @@ def check_a_successor_takes_up_the_run(
         tester.until(lambda: stamps[-1] >= 1_000_000_000)
         running['controller'].signal(signal.SIGKILL)
         running['controller'].wait()
-        said = tester.collect(String, 'controller/parameters')
+        parameters = tester.collect(String, 'controller/parameters')
         started.start('controller', *arguments)
-        tester.until(lambda: said, 'the successor')
-        taken_up = stamps[-1]
-        tester.until(lambda: stamps[-1] >= taken_up + 3_000_000_000, 'three more seconds')
+        tester.until(lambda: parameters, 'the new controller')
+        restart_stamp = stamps[-1]
+        tester.until(lambda: stamps[-1] >= restart_stamp + 3_000_000_000, 'three more seconds')
         started.signal(signal.SIGINT)
         assert set(started.wait().values()) == {0}, started.output()
     live = read_log(log)
@@ -211,31 +215,32 @@ def check_a_successor_takes_up_the_run(
     )
     assert live.messages['joint_states'] == computed['joint_states']
     for topic in commands:
-        # States of the recent past are answered again by the successor, with the same
-        # commands; the last state may have found it ended. What the killed one sent last may
-        # have reached the plant alone.
+        # The new controller answers recent states again, with the same commands. The last
+        # state may have no answer. The last command of the killed one may be missing in the log.
         answers = computed[topic]
         assert set(live.messages[topic]) <= set(answers), topic
         assert len(set(answers[:-1]) - set(live.messages[topic])) <= 1, topic
 
 
 @pytest.mark.slow
-def test_a_killed_and_restarted_controller(tmp_path: Path) -> None:
-    """Under smc nothing is lost with the controller: its successor takes up the run."""
-    check_a_successor_takes_up_the_run(tmp_path, ('effort_commands',), controller__law='smc')
+def test_lockstep_controller_restarted_run_continues(tmp_path: Path) -> None:
+    """The law smc has no state; therefore a new controller continues the run identically."""
+    check_restarted_controller(tmp_path, ('effort_commands',), controller__law='smc')
 
 
 @pytest.mark.slow
-def test_two_robots_side_by_side(paper: dict[str, list[bytes]], tmp_path: Path) -> None:
+def test_lockstep_two_robots_in_namespaces_independent(
+    paper: dict[str, list[bytes]], tmp_path: Path
+) -> None:
     for _, log in two_robots(tmp_path, duration='1.5'):
-        # Each has its own: nothing of the other one's time and frames.
+        # Each robot has separate topics, clock and frames.
         for topic in ('joint_states', 'clock', 'tf'):
             assert log.messages[topic] == paper[topic], topic
 
 
 @pytest.mark.slow
-def test_two_robots_in_one_tree_of_frames(tmp_path: Path) -> None:
-    """They share /tf, and a log holds those of its own robot."""
+def test_lockstep_two_robots_share_tf_log_has_own_frames(tmp_path: Path) -> None:
+    """Both robots publish on /tf; a log contains the frames of its own robot only."""
     for robot, log in two_robots(tmp_path, duration='0.5', frame_prefix='{robot}/'):
         assert '/tf' in {channel.topic for channel in log.summary.channels.values()}
         frames = f'{robot}/base_link'.encode()

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""In lock-step every node may hang or be killed: the run waits, goes on, and has the same bits."""
+"""Nodes stopped or killed in lockstep: the run waits and remains bitwise identical."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import signal
 import time
 
 from builtin_interfaces.msg import Time
-from log_contents import LogContents, read_log
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import NodeProcess, NODES, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.cli.main import main
-from processes import NodeProcess, NODES, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 DURATION = 16.0
 SETTINGS = ('controller.law=smc', f'duration={DURATION}')
-"""Under smc nothing is lost with the controller: its successor has the same bits."""
+"""The law smc has no state; therefore a new controller continues the run identically."""
 
 
 class Lockstep:
-    """A run in lock-step of four nodes, stood still wherever the test wants it."""
+    """Run of four nodes in lockstep, which the test can pause."""
 
     def __init__(self, tester: Peer, start: Callable[[str], NodeProcess]) -> None:
         self.tester = tester
@@ -33,29 +33,29 @@ class Lockstep:
         self.stamps = tester.watch_time()
         self.nodes = {name: start(name) for name in NODES}
 
-    def goes_on(self) -> None:
-        """Wait until the robot has moved on."""
+    def wait_for_progress(self) -> None:
+        """Wait until the robot has moved further."""
         seen = len(self.stamps)
         self.tester.until(lambda: len(self.stamps) > seen + 1, 'motion')
-        assert self.stamps[-1] < DURATION * 1e9, 'too late to show anything'
+        assert self.stamps[-1] < DURATION * 1e9, 'the run ended before the test'
 
     def pause(self, *, on: bool) -> None:
         answer = self.tester.call(SetBool, '/plant/pause', SetBool.Request(data=on))
         assert answer.success
 
     def replace(self, name: str, message_type: type, topic: str) -> None:
-        """Kill a node, start it again and wait for what its successor says first of all."""
+        """Kill and restart a node, and wait for the first message of the new one."""
         self.nodes[name].signal(signal.SIGKILL)
         self.nodes[name].wait()
-        # The dead do not send their past to a new listener.
-        said = self.tester.collect(message_type, topic)
+        # A killed node does not send earlier messages to a new subscriber.
+        messages = self.tester.collect(message_type, topic)
         self.nodes[name] = self.start(name)
-        self.tester.until(lambda: said, f'a new {name}')
+        self.tester.until(lambda: messages, f'a new {name}')
 
 
 @contextmanager
 def lockstep(folder: Path) -> Iterator[Lockstep]:
-    """Yield a run that has begun; all of its nodes must end by themselves, with status 0."""
+    """Yield a started run; all of its nodes must end without a signal, with status 0."""
     with processes(folder) as started, peer(started.domain) as tester:
 
         def start(name: str) -> NodeProcess:
@@ -85,14 +85,14 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> LogContents:
 
 
 @pytest.mark.slow
-def test_every_node_hangs_in_turn(computed: LogContents, tmp_path: Path) -> None:
-    """Nothing is lost and nothing is different: nobody goes on without the other."""
+def test_lockstep_any_node_stopped_run_identical(computed: LogContents, tmp_path: Path) -> None:
+    """The other nodes wait for the stopped one; no message is lost or changed."""
     with lockstep(tmp_path) as run:
         for name in NODES:
-            run.goes_on()
+            run.wait_for_progress()
             run.nodes[name].signal(signal.SIGSTOP)
-            # The reference is 2 s ahead, and the recorder's queue 0.8 s long.
-            stands_still(run)
+            # The run uses up the reference (2 s ahead) and fills the recorder's queue (0.8 s).
+            wait_for_standstill(run)
             run.nodes[name].signal(signal.SIGCONT)
     live = read_log(tmp_path / '0.mcap')
     for topic in ('joint_states', 'effort_commands', 'controller/tracking_error', 'odom', 'tf'):
@@ -100,8 +100,8 @@ def test_every_node_hangs_in_turn(computed: LogContents, tmp_path: Path) -> None
         assert live.messages[topic] == computed.messages[topic], topic
 
 
-def stands_still(run: Lockstep) -> None:
-    """Wait until nothing has come for a while."""
+def wait_for_standstill(run: Lockstep) -> None:
+    """Wait until no state has arrived for 0.3 s."""
     seen, since = -1, 0.0
 
     def has_stood() -> bool:
@@ -110,31 +110,33 @@ def stands_still(run: Lockstep) -> None:
             seen, since = len(run.stamps), time.monotonic()
         return time.monotonic() > since + 0.3
 
-    run.tester.until(has_stood, 'a run that stands still')
+    run.tester.until(has_stood, 'standstill of the run')
 
 
 @pytest.mark.slow
-def test_every_node_is_killed_in_turn(computed: LogContents, tmp_path: Path) -> None:
-    """Each successor takes up the run; a new plant begins it again; all come to their end."""
+def test_lockstep_any_node_restarted_run_ends_regularly(
+    computed: LogContents, tmp_path: Path
+) -> None:
+    """A new plant restarts the run; the other new nodes continue it. All nodes exit."""
     with lockstep(tmp_path) as run:
-        run.goes_on()
+        run.wait_for_progress()
         run.pause(on=True)
         run.replace('trajectory', String, 'trajectory/parameters')
         run.pause(on=False)
-        run.goes_on()
-        # In mid-run: the plant waits for its successor.
+        run.wait_for_progress()
+        # During the run the plant waits for the new controller.
         run.replace('controller', String, 'controller/parameters')
-        run.goes_on()
+        run.wait_for_progress()
         run.pause(on=True)
         run.replace('recorder', Time, 'recorder/progress')
         run.pause(on=False)
-        run.goes_on()
+        run.wait_for_progress()
         run.replace('plant', String, 'plant/parameters')
     live = read_log(tmp_path / '1.mcap')
     stamps = live.stamps('joint_states')
-    begin = len(stamps) - stamps[::-1].index(0) - 1
-    assert live.messages['joint_states'][begin:] == computed.messages['joint_states']
-    # Before that, too, every state and every torque is that of the run.
+    start = len(stamps) - stamps[::-1].index(0) - 1
+    assert live.messages['joint_states'][start:] == computed.messages['joint_states']
+    # All earlier states and torques are those of the run, too.
     for log in ('0.mcap', '1.mcap'):
         contents = read_log(tmp_path / log)
         for topic in ('joint_states', 'effort_commands'):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a line that is logged costs, in calls of functions."""
+"""Cost of a log line, measured in function calls."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ print(*counts)
 
 
 def calls(kind: str) -> list[int]:
-    """Return how many functions the first and the second line call."""
+    """Return the number of function calls of the first and of the second line."""
     program = [sys.executable, '-c', _PROGRAM, kind]
-    ended = subprocess.run(program, check=True, capture_output=True, text=True, timeout=120)
-    return [int(each) for each in ended.stdout.split()]
+    result = subprocess.run(program, check=True, capture_output=True, text=True, timeout=120)
+    return [int(count) for count in result.stdout.split()]
 
 
-def test_the_first_line_costs_no_more_than_others() -> None:
-    """A node is not held up by its first warning; without what it prepares it would be."""
+def test_prepared_logging_first_line_not_expensive() -> None:
+    """The first warning does not delay a node; without the preparation it would."""
     first, second = calls('prepared')
     assert first < 3 * second
-    first, second = calls('as it is')
+    first, second = calls('unprepared')
     assert first > 5 * second

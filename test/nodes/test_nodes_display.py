@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A viewer that joins an endless run late sees the robot, its path and where it is to go."""
+"""Display topics: robot description, paths and frames for viewers that join late."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path as File
 import signal
 import sys
 
+from helpers.processes import BOUNDED, PAPER, peer, processes, ros_arguments
 from masmc_ros.nodes.live.state_transforms import StateTransforms
 from masmc_ros.robot.robot import robot_description
 from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Path
-from processes import BOUNDED, PAPER, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -27,7 +27,7 @@ def stamp(message: Path, pose: int | None = None) -> int:
     return int(header.stamp.sec * 10**9 + header.stamp.nanosec)
 
 
-def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
+def test_display_late_joining_viewer_gets_robot_and_paths(tmp_path: File) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         run = started.start(
             'composed',
@@ -43,10 +43,10 @@ def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
         )
         driven = tester.collect(Path, 'path/actual')
         tester.until(lambda: driven and stamp(driven[-1]) >= 1_000_000_000, 'a second of path')
-        # Late: the description and the desired path were published before.
+        # The description and the desired path were published before.
         described = tester.collect(String, 'robot_description')
         desired = tester.collect(Path, 'path/desired')
-        tester.until(lambda: described and desired, 'what is latched')
+        tester.until(lambda: described and desired, 'latched messages')
         assert len(described) == 1
         values = load_scenario(str(PAPER), ['frame_prefix=left/'])['plant']
         assert described[0].data == robot_description(values, 'left/')
@@ -56,22 +56,22 @@ def test_an_endless_run_is_shown_to_who_joins_late(tmp_path: File) -> None:
             assert path.header.frame_id == 'left/odom'
             assert {pose.header.frame_id for pose in path.poses} == {'left/odom'}
         for piece in desired:
-            # Ahead of the robot's time, by the horizon or nearly.
+            # The desired path is ahead of the robot's time by about the horizon.
             assert stamp(piece, -1) > stamp(piece)
         for path in driven:
             assert stamp(path, -1) == stamp(path)
             assert stamp(path, 0) == 0
-        before = len(driven)
+        count = len(driven)
         assert tester.call(Trigger, 'plant/reset', Trigger.Request(), again=False).success
-        anew = tester.until(lambda: [p for p in driven[before:] if stamp(p) == 0], 'the new path')
-        assert len(anew[0].poses) == 1
+        new = tester.until(lambda: [p for p in driven[count:] if stamp(p) == 0], 'the new path')
+        assert len(new[0].poses) == 1
         run.signal(signal.SIGINT)
         assert started.wait() == {'composed': 0}, started.output()
 
 
 @pytest.mark.slow
-def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
-    """The wheels have no tf2_msgs: another type stands in for it, which raw bytes do not mind."""
+def test_display_tf2_msgs_installed_frames_published(tmp_path: File) -> None:
+    """PyPI has no tf2_msgs; another type replaces it, because the messages are raw bytes."""
     package = tmp_path / 'tf2_msgs'
     package.mkdir()
     (package / '__init__.py').touch()
@@ -92,7 +92,7 @@ def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
         )
         tester.until(lambda: len(states) == 301, 'every state')
         transforms = StateTransforms(load_scenario(str(PAPER), settings)['plant'])
-        expected = [made for raw in states if (made := transforms.of_state(raw)) is not None]
+        expected = [tf for raw in states if (tf := transforms.of_state(raw)) is not None]
         tester.until(lambda: len(frames) == len(expected), 'all frames')
         assert len(expected) == 44
         assert frames == expected
@@ -100,9 +100,9 @@ def test_frames_are_sent_where_their_type_is_installed(tmp_path: File) -> None:
 
 
 @pytest.mark.parametrize('node', ['plant', 'trajectory'])
-def test_a_prefix_that_tf2_would_not_take_is_refused(tmp_path: File, node: str) -> None:
+def test_frame_prefix_invalid_for_tf2_rejected(tmp_path: File, node: str) -> None:
     with processes(tmp_path) as started:
-        refused = started.start(node, *ros_arguments(frame_prefix='/left'))
-        assert refused.wait() == 2, started.output()
-        assert [line for line in refused.stderr() if 'frame_prefix' in line] == refused.stderr()
-        assert len(refused.stderr()) == 1
+        rejected = started.start(node, *ros_arguments(frame_prefix='/left'))
+        assert rejected.wait() == 2, started.output()
+        assert [line for line in rejected.stderr() if 'frame_prefix' in line] == rejected.stderr()
+        assert len(rejected.stderr()) == 1

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live node shows a run to viewers and turns its gains, on real nodes."""
+"""Live node: display of a run in viewers, and changes of parameters by viewers."""
 
 from __future__ import annotations
 
@@ -16,19 +16,9 @@ import sys
 import time
 from typing import Any
 
-from foxglove_client import Viewer, viewer
-from masmc_ros.loop.simulation import Simulation
-from masmc_ros.messages.definitions import definition
-from masmc_ros.messages.joint_state import JointStateCdr
-from masmc_ros.messages.stamps import header_stamp, transforms_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
-from masmc_ros.nodes.live.node import SAMPLED
-from masmc_ros.nodes.middleware.qos import publisher_qos
-from masmc_ros.scenario.scenario import load_scenario
-from nav_msgs.msg import Path as Path_
-import numpy as np
-from processes import (
+from helpers.child_environment import child_environment, domain_variables
+from helpers.foxglove_client import Viewer, viewer
+from helpers.processes import (
     BOUNDED,
     NodeProcess,
     PAPER,
@@ -40,6 +30,17 @@ from processes import (
     ros_arguments,
     shortened,
 )
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.messages.definitions import definition
+from masmc_ros.messages.joint_state import JointStateCdr
+from masmc_ros.messages.stamps import header_stamp, transforms_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
+from masmc_ros.nodes.live.node import SAMPLED
+from masmc_ros.nodes.middleware.qos import publisher_qos
+from masmc_ros.scenario.scenario import load_scenario
+from nav_msgs.msg import Path as Path_
+import numpy as np
 import pytest
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters
@@ -47,7 +48,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from surroundings import domain_variables, surroundings
 
 NODES = ('trajectory', 'controller', 'plant')
 PERIOD = 1_000_000
@@ -55,13 +55,13 @@ RATE = 10.0
 
 
 def listening(tester: Peer, node: NodeProcess) -> int:
-    """Return the port on which a live node says that it listens."""
-    found = tester.until(lambda: re.search(r'ws://127\.0\.0\.1:(\d+)', '\n'.join(node.stderr())))
-    return int(found[1])
+    """Return the port in a live node's log."""
+    address = tester.until(lambda: re.search(r'ws://127\.0\.0\.1:(\d+)', '\n'.join(node.stderr())))
+    return int(address[1])
 
 
 class Run:
-    """A run by the wall clock with a live node, and a node of the test."""
+    """Run in real time with a live node, and a node of the test."""
 
     def __init__(self, started: Processes, tester: Peer, live: NodeProcess) -> None:
         self.tester = tester
@@ -70,16 +70,16 @@ class Run:
         self.processes = started
 
     def value(self, name: str) -> Any:
-        """Return a parameter of the controller, asked of itself."""
+        """Return a parameter of the controller, requested from the controller."""
         request = GetParameters.Request(names=[name])
         response = self.tester.call(GetParameters, '/controller/get_parameters', request)
-        found = parameter_value_to_python(response.values[0])
-        return found if isinstance(found, float | str) else list(found)
+        value = parameter_value_to_python(response.values[0])
+        return value if isinstance(value, float | str) else list(value)
 
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    """Yield an endless run by the wall clock that is shown ten times a second."""
+    """Yield an endless run in real time that the live node displays ten times per second."""
     with processes(tmp_path_factory.mktemp('run')) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0', '-p', f'rate:={RATE}')
         started.start_all(
@@ -87,7 +87,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
         )
         run = Run(started, tester, live)
         with viewer(run.port) as first:
-            # The node may find the controller's topics before its services.
+            # The node may discover the controller's topics before its services.
             first.until(
                 lambda: first.set_parameter('/controller.k_s2', 100.0) == 100.0,
                 'a parameter that can be set',
@@ -97,15 +97,15 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
 
 @pytest.fixture
 def shown(run: Run) -> Iterator[Viewer]:
-    """Yield a viewer that sees the controller's parameters."""
-    with viewer(run.port) as found:
-        found.until(lambda: '/controller.k_s1' in found.parameters(), 'parameters')
-        yield found
+    """Yield a viewer that has received the controller's parameters."""
+    with viewer(run.port) as client:
+        client.until(lambda: '/controller.k_s1' in client.parameters(), 'parameters')
+        yield client
 
 
-def test_every_topic_is_offered_with_its_definition(shown: Viewer) -> None:
+def test_live_all_topics_advertised_with_definition(shown: Viewer) -> None:
     every = (topic for topic in (*TOPICS, *SYSTEM_TOPICS) if not topic.turns_up)
-    topics = {f'/{each.name.lstrip("/")}': each for each in every}
+    topics = {f'/{topic.name.lstrip("/")}': topic for topic in every}
     shown.until(lambda: len(shown.channels) >= len(topics), 'all channels')
     assert set(shown.channels) == set(topics)
     for name, channel in shown.channels.items():
@@ -115,8 +115,8 @@ def test_every_topic_is_offered_with_its_definition(shown: Viewer) -> None:
         assert channel['schema'] == definition(topics[name].type_name).text
 
 
-def test_messages_come_with_the_robots_time(shown: Viewer) -> None:
-    expected = {f'/{each.name.lstrip("/")}' for each in TOPICS if not each.turns_up}
+def test_live_messages_stamped_with_robot_time(shown: Viewer) -> None:
+    expected = {f'/{topic.name.lstrip("/")}' for topic in TOPICS if not topic.turns_up}
     shown.until(lambda: set(shown.messages) >= expected, 'a message of every topic')
     shown.until(lambda: len(shown.messages['/joint_states']) > 5, 'motion')
     for stamp, raw in shown.messages['/joint_states']:
@@ -128,15 +128,15 @@ def test_messages_come_with_the_robots_time(shown: Viewer) -> None:
     frames = [stamp for stamp, _ in shown.messages['/tf']]
     for stamp, raw in shown.messages['/tf']:
         assert stamp == transforms_stamp(raw)
-    # One of the two subscriptions came first; the frames of a state are sent before it.
+    # The two subscriptions start at different times; the frames of a state precede it.
     both = max(stamps[0], frames[0])
     assert {s for s in frames if both <= s <= stamps[-1]} == {s for s in stamps if s >= both}
     assert '<robot' in text_of(shown.last('/robot_description'))
 
 
-def test_what_comes_every_tick_is_thinned(run: Run) -> None:
-    """To the rate at which the node shows it, however fast the robot's time goes."""
-    begin = time.monotonic()
+def test_live_topics_of_every_tick_sent_at_display_rate(run: Run) -> None:
+    """The display rate limits messages independently of the speed of robot time."""
+    start = time.monotonic()
     with viewer(run.port) as shown:
         topics = SAMPLED & {'joint_states', 'effort_commands', 'controller/tracking_error'}
         for topic in topics:
@@ -145,12 +145,12 @@ def test_what_comes_every_tick_is_thinned(run: Run) -> None:
             )
         for topic in topics:
             stamps = {stamp for stamp, _ in shown.messages[f'/{topic}']}
-            # The one before it came, and ten a second.
-            assert len(stamps) <= 2 + RATE * (time.monotonic() - begin)
-            assert max(stamps) - min(stamps) > 2 * PERIOD * len(stamps), 'nothing to be thinned'
+            # The latest earlier message, and ten messages per second.
+            assert len(stamps) <= 2 + RATE * (time.monotonic() - start)
+            assert max(stamps) - min(stamps) > 2 * PERIOD * len(stamps), 'all messages were sent'
 
 
-def test_a_gain_is_set_and_shown_as_it_is_in_force(run: Run, shown: Viewer) -> None:
+def test_live_set_parameter_shows_active_value(run: Run, shown: Viewer) -> None:
     assert shown.set_parameter('/controller.k_s1', 150) == 150.0
     assert run.value('k_s1') == 150.0
     assert shown.set_parameter('/controller.sigma', [1, 2.5, 3, 4]) == [1.0, 2.5, 3.0, 4.0]
@@ -172,43 +172,43 @@ def test_a_gain_is_set_and_shown_as_it_is_in_force(run: Run, shown: Viewer) -> N
         ('/controller.k_s1', {'a': 1}, ('no value',)),
         ('/controller.k_s3', 1.0, ('k_s3',)),
         ('/controller.model_scale', 1.0, ('model_scale',)),
-        ('/somebody.k_s1', 1.0, ('/somebody', '/controller')),
+        ('/missing.k_s1', 1.0, ('/missing', '/controller')),
     ],
 )
-def test_a_refusal_is_told_and_the_old_value_shown(
+def test_live_set_parameter_invalid_reports_and_keeps_value(
     run: Run, shown: Viewer, name: str, value: Any, words: tuple[str, ...]
 ) -> None:
-    before = shown.parameters(name)
-    told = len(run.live.logged('ERROR'))
-    in_force = shown.set_parameter(name, value)
-    assert in_force == before.get(name)
-    assert shown.parameters(name) == before
+    previous = shown.parameters(name)
+    error_count = len(run.live.logged('ERROR'))
+    active = shown.set_parameter(name, value)
+    assert active == previous.get(name)
+    assert shown.parameters(name) == previous
     shown.until(shown.statuses, 'the reason')
-    run.tester.until(lambda: len(run.live.logged('ERROR')) > told, 'a line in the log')
+    run.tester.until(lambda: len(run.live.logged('ERROR')) > error_count, 'a line in the log')
     for text in (shown.statuses()[-1], run.live.logged('ERROR')[-1]):
         for word in (name, *words):
             assert word in text
 
     def logged() -> bool:
         logs = [deserialize_message(raw, Log) for _, raw in shown.messages.get('/rosout', ())]
-        return any(each.name == 'live' and name in each.msg for each in logs)
+        return any(log.name == 'live' and name in log.msg for log in logs)
 
     shown.until(logged, 'the line on /rosout')
 
 
-def test_changes_of_others_are_shown(run: Run, shown: Viewer) -> None:
+def test_live_parameter_changed_by_other_node_shown(run: Run, shown: Viewer) -> None:
     shown.follow_parameters('/controller.k_s2', '/controller.boundary_layer')
-    # The answer to a request tells that the subscription was taken.
+    # The response to a request confirms that the subscription exists.
     shown.parameters()
     run.tester.change('/controller', k_s2=0.25, boundary_layer=0.25)
     for name in ('/controller.k_s2', '/controller.boundary_layer'):
         shown.until(lambda name=name: 0.25 in shown.changes(name), name)
-    found = shown.parameters()
-    assert found['/controller.k_s2'] == found['/controller.boundary_layer'] == 0.25
-    assert found['/plant.robot.link_1_length'] == 0.514
+    parameters = shown.parameters()
+    assert parameters['/controller.k_s2'] == parameters['/controller.boundary_layer'] == 0.25
+    assert parameters['/plant.robot.link_1_length'] == 0.514
 
 
-def test_who_comes_late_is_told_what_was_said_once(run: Run, shown: Viewer) -> None:
+def test_live_late_viewer_gets_latched_messages(run: Run, shown: Viewer) -> None:
     shown.set_parameter('/controller.observer_gain', 0.125)
     shown.until(
         lambda: any(
@@ -218,33 +218,33 @@ def test_who_comes_late_is_told_what_was_said_once(run: Run, shown: Viewer) -> N
     )
     with viewer(run.port) as late:
 
-        def told() -> list[str]:
+        def records() -> list[str]:
             return [text_of(raw) for _, raw in late.messages.get('/controller/parameters', ())]
 
-        late.until(lambda: any('0.125' in text for text in told()), 'the change')
-        assert '"k_s1"' in told()[0]
+        late.until(lambda: any('0.125' in text for text in records()), 'the change')
+        assert '"k_s1"' in records()[0]
         for topic in ('/robot_description', '/path/desired', '/plant/parameters'):
             assert late.last(topic)
 
 
-def test_viewers_come_and_go(run: Run) -> None:
+def test_live_viewers_connect_repeatedly_all_served(run: Run) -> None:
     for _ in range(3):
         with viewer(run.port) as passing:
             assert passing.last('/joint_states')
 
 
-def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_path: Path) -> None:
-    # Without an end: the node may take its time to find the plant.
+def test_live_lockstep_run_unchanged_and_end_shown_later(tmp_path: Path) -> None:
+    # Without an end: discovery of the plant may take long.
     file = shortened(tmp_path, 0.0)
     state = JointStateCdr()
 
     def positions(viewer: Viewer) -> dict[int, list[float]]:
-        """Return all that a viewer was shown, by tick."""
-        found = {}
+        """Return all positions that a viewer has received, by tick."""
+        by_tick = {}
         for _, raw in viewer.messages['/joint_states']:
             assert state.load(raw)
-            found[state.stamp_ns // PERIOD] = state.position.tolist()
-        return found
+            by_tick[state.stamp_ns // PERIOD] = state.position.tolist()
+        return by_tick
 
     with processes(tmp_path) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0')
@@ -252,9 +252,9 @@ def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_pat
         nodes = started.start_all(
             *ros_arguments(file, plant__wait_for='[controller,trajectory,live]'), nodes=NODES
         )
-        with viewer(port) as looking:
-            looking.until(lambda: len(looking.messages.get('/joint_states', ())) > 10, 'motion')
-            seen = positions(looking)
+        with viewer(port) as client:
+            client.until(lambda: len(client.messages.get('/joint_states', ())) > 10, 'motion')
+            seen = positions(client)
         for node in nodes.values():
             node.signal(signal.SIGINT)
         for node in nodes.values():
@@ -269,13 +269,13 @@ def test_a_lock_step_run_has_the_same_bits_and_its_end_can_be_seen_later(tmp_pat
     assert max(shown_late) >= max(seen) > 0
     seen |= shown_late
     settings = [f'duration={max(seen) * 1e-3:.3f}']
-    tick_blocks = Simulation(load_scenario(str(file), settings)).run()
-    expected = np.concatenate([tick_block.position for tick_block in tick_blocks])
+    blocks = Simulation(load_scenario(str(file), settings)).run()
+    expected = np.concatenate([block.position for block in blocks])
     for tick, position in seen.items():
         assert position == expected[tick].tolist(), tick
 
 
-def test_viewers_are_given_the_meshes_of_the_robot_and_no_other_file(tmp_path: Path) -> None:
+def test_live_asset_only_meshes_of_robot_sent(tmp_path: Path) -> None:
     mesh = tmp_path / 'arm.stl'
     mesh.write_bytes(bytes(range(256)) * 1000)
     (tmp_path / 'other.stl').write_bytes(b'of another robot')
@@ -285,14 +285,14 @@ def test_viewers_are_given_the_meshes_of_the_robot_and_no_other_file(tmp_path: P
         live = started.start('live', '--ros-args', '-p', 'port:=0')
         description = tester.node.create_publisher(String, 'robot_description', publisher_qos(1))
         description.publish(String(data=urdf))
-        with viewer(listening(tester, live)) as looking:
-            assert text_of(looking.last('/robot_description')) == urdf
-            assert looking.asset(f'file://{mesh}') == mesh.read_bytes()
-            assert looking.asset(f'file://{tmp_path}/other.stl') is None
+        with viewer(listening(tester, live)) as client:
+            assert text_of(client.last('/robot_description')) == urdf
+            assert client.asset(f'file://{mesh}') == mesh.read_bytes()
+            assert client.asset(f'file://{tmp_path}/other.stl') is None
 
 
 def test_live_too_many_viewers_first_ones_served(tmp_path: Path) -> None:
-    """A viewer beyond the limit learns why it gets nothing, and all when another has left."""
+    """A viewer beyond the limit gets the reason, and all messages after another disconnects."""
     with processes(tmp_path) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0', '-p', 'max_viewers:=1')
         port = listening(tester, live)
@@ -303,22 +303,22 @@ def test_live_too_many_viewers_first_ones_served(tmp_path: Path) -> None:
             message.header.stamp.sec = stamp
             paths.publish(message)
 
-        def shown(looking: Viewer) -> list[int]:
-            return [time // 10**9 for time, _ in looking.messages.get('/path/desired', ())]
+        def shown(client: Viewer) -> list[int]:
+            return [time // 10**9 for time, _ in client.messages.get('/path/desired', ())]
 
         publish(1)
         with viewer(port) as waiting, viewer(port) as third:
             with viewer(port) as first:
-                # Each has subscribed to all before the next one looks.
+                # Each viewer has subscribed to all topics before the next one connects.
                 first.until(lambda: 1 in shown(first), 'a message')
-                for looking in (waiting, third):
-                    looking.until(looking.statuses, 'the reason')
-                    assert 'max_viewers' in looking.statuses()[-1]
+                for client in (waiting, third):
+                    client.until(client.statuses, 'the reason')
+                    assert 'max_viewers' in client.statuses()[-1]
                 publish(2)
                 first.until(lambda: 2 in shown(first), 'another message')
                 third.parameters()
                 assert shown(waiting) == shown(third) == []
-            waiting.until(lambda: shown(waiting), 'what was sent before')
+            waiting.until(lambda: shown(waiting), 'earlier messages')
             publish(3)
             waiting.until(lambda: 3 in shown(waiting), 'a message')
             third.parameters()
@@ -330,21 +330,23 @@ def test_live_too_many_viewers_first_ones_served(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_well_with_viewers_looking(tmp_path: Path, number: signal.Signals) -> None:
+def test_live_signal_with_connected_viewer_exits_cleanly(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         live = started.start('live', '--ros-args', '-p', 'port:=0')
-        with viewer(listening(tester, live)) as looking:
-            looking.until(lambda: len(looking.channels) > 10, 'channels')
+        with viewer(listening(tester, live)) as client:
+            client.until(lambda: len(client.channels) > 10, 'channels')
             live.signal(number)
             assert live.wait() == 0
         assert [line for line in live.stderr() if not line.startswith('[INFO]')] == []
 
 
-def test_a_port_that_is_taken_is_told_in_one_line(tmp_path: Path) -> None:
-    with socket.socket() as taken, processes(tmp_path) as started:
-        taken.bind(('127.0.0.1', 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+def test_live_port_in_use_exits_with_one_line(tmp_path: Path) -> None:
+    with socket.socket() as other, processes(tmp_path) as started:
+        other.bind(('127.0.0.1', 0))
+        other.listen()
+        port = other.getsockname()[1]
         live = started.start('live', '--ros-args', '-p', f'port:={port}')
         assert live.wait() == 2
         assert len(live.stderr()) == 1
@@ -352,13 +354,13 @@ def test_a_port_that_is_taken_is_told_in_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_without_the_library_it_says_what_to_install(tmp_path: Path) -> None:
+def test_live_without_foxglove_sdk_names_remedy(tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text("raise ImportError('not here')", encoding='utf-8')
     with processes(tmp_path) as started:
         environment = {
-            **surroundings(),
+            **child_environment(),
             **domain_variables(started.domain),
-            'PYTHONPATH': os.pathsep.join([str(tmp_path), surroundings()['PYTHONPATH']]),
+            'PYTHONPATH': os.pathsep.join([str(tmp_path), child_environment()['PYTHONPATH']]),
         }
         result = subprocess.run(
             [sys.executable, '-m', 'masmc_ros.cli.main', 'run', 'live'],

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages of other senders: read by name and by meaning, or refused with one line."""
+"""Messages of third-party publishers: read by joint names and labels, or rejected in one line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from helpers.processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.loop.controller import Controller
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
@@ -20,7 +21,6 @@ from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
-from processes import NodeProcess, PAPER, Peer, peer, processes, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
@@ -32,7 +32,7 @@ SAMPLE = np.array([0.3, 0.5, 0.05, 0.1, 0.2, -0.1, 0.15, 0.05, 0.4, -0.3, 0.2, 0
 
 
 class Controlled:
-    """A controller node alone; the test is its robot and its trajectory."""
+    """Single controller node; the test publishes its states and references."""
 
     def __init__(self, node: NodeProcess, tester: Peer) -> None:
         self.node = node
@@ -54,12 +54,12 @@ class Controlled:
         return self._tick * 1_000_000
 
     def next_stamp(self) -> int:
-        """Let a millisecond pass."""
+        """Advance the robot's time by one millisecond; return the stamp in ns."""
         self._tick += 1
         return self.stamp
 
     def answer(self, stamp: int) -> NDArray[np.float64]:
-        """Wait for the command that answers a stamp."""
+        """Wait for the command that answers a stamp; return its torque."""
         command = EffortCdr()
 
         def arrived() -> bool:
@@ -69,7 +69,7 @@ class Controlled:
         return command.data
 
     def send(self, message: JointState, after: int = 0) -> int:
-        """Send a state with a new stamp, after another one in ns, and return it."""
+        """Send a state with a new stamp in ns, later than `after`; return the stamp."""
         self._tick = max(self._tick, after // 1_000_000)
         stamp = self.next_stamp()
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
@@ -81,7 +81,7 @@ class Controlled:
         return list(self.answer(self.send(message)).tolist())
 
     def computed(self, reference: NDArray[np.float64]) -> list[float]:
-        """Return the torque that the law gives at the state of these tests."""
+        """Return the torque that the law computes at the state of these tests."""
         self._law.tick(POSITION, VELOCITY, reference)
         return list(self._law.torque.tolist())
 
@@ -116,7 +116,7 @@ def state(order: list[int] | None = None, **fields: Any) -> JointState:
     return message
 
 
-SERVED = {
+VALID_STATES = {
     'as ours': state(),
     'other order': state([6, 2, 0, 5, 1, 3, 4]),
     'a frame': state(frame_id='world'),
@@ -131,11 +131,11 @@ SERVED = {
 }
 
 
-@pytest.mark.parametrize('message', SERVED.values(), ids=SERVED.keys())
-def test_every_sender_of_states_gets_the_same_torque(
+@pytest.mark.parametrize('message', VALID_STATES.values(), ids=VALID_STATES.keys())
+def test_controller_valid_state_of_any_form_same_torque(
     controlled: Controlled, message: JointState
 ) -> None:
-    """To the last bit: a message is only read in another way."""
+    """The torque is bitwise identical for all forms of the same state."""
     expected = controlled.computed(SAMPLE)
     controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
     ours = JointStateCdr()
@@ -147,7 +147,7 @@ def test_every_sender_of_states_gets_the_same_torque(
     assert controlled.answer(stamp).tolist() == expected
 
 
-REFUSED = {
+INVALID_STATES = {
     'missing joint': (state([0, 1, 2, 3, 4, 5]), "'arm_joint_2' is missing"),
     'no joints': (JointState(), "'base_x_joint' is missing"),
     'a joint twice': (state([0, 1, 2, 3, 4, 5, 6, 6]), "'arm_joint_2' is given 2 times"),
@@ -168,28 +168,29 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(('message', 'reason'), REFUSED.values(), ids=REFUSED.keys())
-def test_states_that_cannot_be_read_are_refused(
+@pytest.mark.parametrize(('message', 'reason'), INVALID_STATES.values(), ids=INVALID_STATES.keys())
+def test_controller_invalid_state_rejected(
     controlled: Controlled, message: JointState, reason: str
 ) -> None:
     stamp = controlled.next_stamp()
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
 
-    def is_refused() -> bool:
-        # Again: one line a second is written, and of states at once only the last counts.
+    def is_rejected() -> bool:
+        # Sending is repeated: log lines are throttled to one per second, and of several states
+        # the controller may process only the latest.
         controlled.states.publish(message)
         return bool(controlled.node.logged('ERROR', reason))
 
-    controlled.tester.until(is_refused, reason)
+    controlled.tester.until(is_rejected, reason)
     assert len(controlled.node.logged('ERROR', reason)[-1].splitlines()) == 1
-    # The controller goes on, and has not answered what it refused.
+    # The controller continues, and has not answered the rejected state.
     controlled.torque(state())
     assert stamp not in controlled.answers_in_order()
     assert 'Traceback' not in '\n'.join(controlled.node.stderr())
 
 
 @pytest.mark.parametrize('count', [4, 8, 12])
-def test_bare_numbers_are_a_set_point(controlled: Controlled, count: int) -> None:
+def test_controller_unlabelled_reference_is_set_point(controlled: Controlled, count: int) -> None:
     numbers = (SAMPLE + 0.01 * count)[:count]
     full = np.zeros(12)
     full[:count] = numbers
@@ -198,7 +199,7 @@ def test_bare_numbers_are_a_set_point(controlled: Controlled, count: int) -> Non
     controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
 
 
-def test_labels_do_not_matter_to_a_set_point(controlled: Controlled) -> None:
+def test_controller_set_point_with_other_label_followed(controlled: Controlled) -> None:
     layout = MultiArrayLayout(dim=[MultiArrayDimension(label='axis', size=4, stride=4)])
     numbers = SAMPLE[:4] - 0.02
     expected = controlled.computed(np.concatenate([numbers, np.zeros(8)]))
@@ -206,31 +207,31 @@ def test_labels_do_not_matter_to_a_set_point(controlled: Controlled) -> None:
     controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
 
 
-def test_a_window_is_followed_on_and_off_its_grid(controlled: Controlled) -> None:
-    """Samples 4 ms apart: used as they are at their times, interpolated between them."""
+def test_controller_reference_window_samples_interpolated(controlled: Controlled) -> None:
+    """Samples with a period of 4 ms are used unmodified at their times, interpolated between."""
     first = controlled.next_stamp()
     rows = SAMPLE + 1e-3 * np.sin(np.arange(500))[:, None]
     controlled.references.publish(ReferenceWindow(first, 0.004, rows.reshape(-1, 3, 4)).to_bytes())
 
     def is_followed() -> bool:
-        """Send states until one stands on the grid; tell whether its sample is followed."""
+        """Send a state at a time of a sample; return True if the sample is followed."""
         while (controlled.next_stamp() + 1_000_000 - first) % 4_000_000:
             pass
-        found = controlled.torque(state())
-        return found == controlled.computed(rows[(controlled.stamp - first) // 4_000_000])
+        torque = controlled.torque(state())
+        return torque == controlled.computed(rows[(controlled.stamp - first) // 4_000_000])
 
     controlled.tester.until(is_followed, 'the window')
     for quarter in (1, 2, 3):
-        found = controlled.torque(state())
-        k, rest = divmod(controlled.stamp - first, 4_000_000)
-        assert rest == quarter * 1_000_000
+        torque = controlled.torque(state())
+        k, remainder = divmod(controlled.stamp - first, 4_000_000)
+        assert remainder == quarter * 1_000_000
         before, after = rows[k].reshape(3, 4), rows[k + 1].reshape(3, 4)
         axes = [
             quintic(tuple(before[:, i]), tuple(after[:, i]), 0.004, quarter / 4) for i in range(4)
         ]
         expected = controlled.computed(np.array(axes).T.reshape(-1))
-        assert found == pytest.approx(expected, rel=1e-9)
-    # Beside a trajectory a set-point is refused; a state after its end waits for one.
+        assert torque == pytest.approx(expected, rel=1e-9)
+    # During a trajectory a set-point is rejected; a state after its end waits for a set-point.
     stamp = controlled.send(state(), after=first + 4_000_000 * len(rows))
 
     def is_answered() -> bool:
@@ -243,7 +244,7 @@ def test_a_window_is_followed_on_and_off_its_grid(controlled: Controlled) -> Non
 
 BAD_REFERENCES = {
     'five numbers': (Float64MultiArray(data=[0.0] * 5), 'a set-point of 5 numbers'),
-    'nothing': (Float64MultiArray(), 'a set-point of 0 numbers'),
+    'no numbers': (Float64MultiArray(), 'a set-point of 0 numbers'),
     'not a number': (
         Float64MultiArray(data=[0.3, math.nan, 0.0, 0.0]),
         'number 1 is not finite',
@@ -256,11 +257,11 @@ BAD_REFERENCES = {
         ReferenceWindow(0, 0.0, np.zeros((1, 3, 4))).to_bytes(),
         'sample period 0 s',
     ),
-    'a period without end': (
+    'a period that is too long': (
         ReferenceWindow(0, 1e300, np.zeros((2, 3, 4))).to_bytes(),
         'sample period 1e+300 s',
     ),
-    'a stamp beyond all clocks': (
+    'a stamp out of range': (
         Float64MultiArray(
             layout=MultiArrayLayout(
                 dim=[
@@ -278,25 +279,25 @@ BAD_REFERENCES = {
 
 
 @pytest.mark.parametrize(('message', 'reason'), BAD_REFERENCES.values(), ids=BAD_REFERENCES.keys())
-def test_references_that_cannot_be_read_are_refused(
+def test_controller_invalid_reference_rejected(
     controlled: Controlled, message: Float64MultiArray | bytes, reason: str
 ) -> None:
     controlled.references.publish(Float64MultiArray(data=SAMPLE.tolist()))
     expected = controlled.computed(SAMPLE)
     controlled.tester.until(lambda: controlled.torque(state()) == expected, 'its torque')
 
-    told = len(controlled.node.logged('ERROR', reason))
+    error_count = len(controlled.node.logged('ERROR', reason))
 
-    def is_refused() -> bool:
+    def is_rejected() -> bool:
         controlled.references.publish(message)
-        return len(controlled.node.logged('ERROR', reason)) > told
+        return len(controlled.node.logged('ERROR', reason)) > error_count
 
-    controlled.tester.until(is_refused, reason)
+    controlled.tester.until(is_rejected, reason)
     assert controlled.torque(state()) == expected
 
 
-def test_the_plant_takes_any_four_numbers_by_the_wall_clock(tmp_path: Path) -> None:
-    """As ros2_control's effort controllers do; a label must name a state of late."""
+def test_plant_real_time_four_unlabelled_numbers_applied(tmp_path: Path) -> None:
+    """ros2_control's effort controllers send no label; a label must name a recent state."""
     labelled = EffortCdr()
     with processes(tmp_path) as started, peer(started.domain) as tester:
         raw = tester.collect(JointState, 'joint_states', raw=True)
@@ -325,16 +326,16 @@ def test_the_plant_takes_any_four_numbers_by_the_wall_clock(tmp_path: Path) -> N
             (Float64MultiArray(data=[1.0] * 7), '7 numbers; it takes 4'),
         ):
 
-            def is_refused(bad: Float64MultiArray = bad, reason: str = reason) -> bool:
+            def is_rejected(bad: Float64MultiArray = bad, reason: str = reason) -> bool:
                 commands.publish(bad)
                 return bool(plant.logged('ERROR', reason))
 
-            tester.until(is_refused, reason)
+            tester.until(is_rejected, reason)
         assert applies([-0.1, -0.2, -0.3, -0.4])
 
 
-def test_lockstep_takes_only_what_answers_its_state(tmp_path: Path) -> None:
-    """A stale command, one ahead of its time and one without a label are dropped."""
+def test_plant_lockstep_other_commands_dropped(tmp_path: Path) -> None:
+    """The plant drops commands for an earlier or later state, and commands without a label."""
     command = EffortCdr()
     with processes(tmp_path) as started, peer(started.domain) as tester:
         raw = tester.collect(JointState, 'joint_states', raw=True)
@@ -352,7 +353,7 @@ def test_lockstep_takes_only_what_answers_its_state(tmp_path: Path) -> None:
             command.data[:] = [0.1 * tick, 0.0, 0.0, 0.5]
 
             def has_moved(tick: int = tick) -> bool:
-                # Again: of commands at once only the last counts.
+                # Sending is repeated: of several commands only the latest may be processed.
                 commands.publish(command.to_bytes())
                 return len(raw) > tick + 1
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's services pause, step and reset, in lock-step and by the wall clock."""
+"""Services of the plant: pause, step and reset, in lockstep and in real time."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import signal
 import time
 from typing import Any, NamedTuple
 
-from log_contents import read_log
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
 from masmc_ros.cli.main import main
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.stamps import header_stamp
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments, shortened
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -26,28 +26,28 @@ PERIOD = 1_000_000
 
 
 class Robot(NamedTuple):
-    """A plant and what it publishes; the test itself is its controller."""
+    """Plant and its messages; the test is its controller."""
 
     tester: Peer
     commands: Any
     states: list[bytes]
-    """Without those that came again."""
-    told: list[bytes]
-    """All of them."""
+    """States without repetitions."""
+    all_states: list[bytes]
+    """States with repetitions."""
 
     def call(self, name: str, request: Any) -> Any:
         kind = Trigger if isinstance(request, Trigger.Request) else SetBool
         return self.tester.call(kind, f'/plant/{name}', request, again=name == 'pause')
 
     def pause(self) -> int:
-        """Let time stand still; return the last tick, once its state and all before are here."""
+        """Pause the plant; return the last tick when its state and all earlier have arrived."""
         answer = self.call('pause', SetBool.Request(data=True))
         assert answer.success
         tick = round(paused_at(answer.message) / (1e-9 * PERIOD))
         self.wait_for_state(tick)
         return tick
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         assert self.call('pause', SetBool.Request(data=False)).success
 
     def step(self) -> Any:
@@ -75,22 +75,22 @@ class Robot(NamedTuple):
 
 
 def paused_at(message: str) -> float:
-    """Return the time in s that the response to a pause tells."""
-    words, _, rest = message.partition(' = ')
+    """Return the time in s in the response to a pause."""
+    words, _, time_text = message.partition(' = ')
     assert words == 'paused at t'
-    return float(rest.removesuffix(' s'))
+    return float(time_text.removesuffix(' s'))
 
 
 @contextmanager
 def robot(folder: Path, pacing: str, **settings: object) -> Iterator[tuple[Processes, Robot]]:
-    """Yield a plant alone that has begun, at tick 0 in lock-step."""
+    """Yield a single plant that has started, at tick 0 in lockstep."""
     with processes(folder) as started, peer(started.domain) as tester:
         states: list[bytes] = []
-        told: list[bytes] = []
+        all_states: list[bytes] = []
 
         def on_state(raw: bytes) -> None:
-            told.append(raw)
-            # While its time stands still the plant sends the same one again and again.
+            all_states.append(raw)
+            # A paused plant repeats its state.
             if states[-1:] != [raw]:
                 states.append(raw)
 
@@ -100,10 +100,10 @@ def robot(folder: Path, pacing: str, **settings: object) -> Iterator[tuple[Proce
         started.start('plant', *ros_arguments(PAPER, duration=0.0, **arguments))
         tester.wait_for_subscribers(commands)
         tester.until(lambda: states, 'the first state')
-        yield started, Robot(tester, commands, states, told)
+        yield started, Robot(tester, commands, states, all_states)
 
 
-def test_lockstep_goes_by_steps_while_it_is_paused(tmp_path: Path) -> None:
+def test_plant_lockstep_paused_advances_by_steps(tmp_path: Path) -> None:
     with robot(tmp_path, 'lockstep') as (_, plant):
         assert not plant.step().success
         plant.wait_for_state(0)
@@ -111,22 +111,22 @@ def test_lockstep_goes_by_steps_while_it_is_paused(tmp_path: Path) -> None:
         plant.send(0, 1.0, 2.0, 3.0, 4.0)
         assert plant.step().success
         assert plant.wait_for_state(1).effort.tolist()[3:] == [1.0, 2.0, 3.0, 4.0]
-        # A step that comes before its command waits for it.
+        # A step that is requested before its command waits for it.
         assert plant.step().success
         plant.send(1, 5.0, 6.0, 7.0, 8.0)
         assert plant.wait_for_state(2).effort.tolist()[3:] == [5.0, 6.0, 7.0, 8.0]
         plant.send(2, 1.0, 1.0, 1.0, 1.0)
-        # What the plant did with that command shows in what it answers afterwards.
+        # The response to the pause shows the effect of that command.
         plant.pause()
-        plant.go_on()
+        plant.resume()
         plant.wait_for_state(3)
         plant.send(3, 0.0, 0.0, 0.0, 0.0)
         plant.wait_for_state(4)
         assert plant.stamps() == [tick * PERIOD for tick in range(5)]
 
 
-def test_a_run_that_is_paused_before_it_begins_waits_at_its_first_state(tmp_path: Path) -> None:
-    """Nothing is lost meanwhile: the answer to that state is taken once the run goes on."""
+def test_plant_paused_before_start_waits_at_first_state(tmp_path: Path) -> None:
+    """The answer to the first state is applied after the run continues."""
     file = shortened(tmp_path, 0.3, wait_for='[controller, trajectory, peer]')
     with processes(tmp_path) as started:
         started.start('plant', *ros_arguments(file))
@@ -145,8 +145,8 @@ def test_a_run_that_is_paused_before_it_begins_waits_at_its_first_state(tmp_path
         assert set(started.wait().values()) == {0}, started.output()
 
 
-def test_a_pause_tells_when_it_took_effect(tmp_path: Path) -> None:
-    """A request sent before a run begins may arrive later; nothing moves once it is answered."""
+def test_plant_pause_response_has_time_of_standstill(tmp_path: Path) -> None:
+    """A request before the start may arrive later; the robot stands when it is answered."""
     file = shortened(tmp_path, 30.0, wait_for='[controller, trajectory, peer]')
     with processes(tmp_path) as started, peer(started.domain) as tester:
         states = tester.collect(JointState, 'joint_states', raw=True)
@@ -154,12 +154,12 @@ def test_a_pause_tells_when_it_took_effect(tmp_path: Path) -> None:
         message = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True)).message
         stamp = 0.0 if message == 'paused before the run has begun' else paused_at(message)
         tester.until(lambda: states and header_stamp(states[-1]) == round(1e9 * stamp), message)
-        begin = time.monotonic()
-        tester.until(lambda: time.monotonic() > begin + 0.2)
+        start = time.monotonic()
+        tester.until(lambda: time.monotonic() > start + 0.2)
         assert header_stamp(states[-1]) == round(1e9 * stamp)
 
 
-def test_lockstep_takes_an_answer_that_was_sent_before_the_plant_was_found(tmp_path: Path) -> None:
+def test_plant_lockstep_command_before_discovery_applied(tmp_path: Path) -> None:
     command = EffortCdr()
     command.data[:] = [1.0, 2.0, 3.0, 4.0]
     command.set_stamp(0)
@@ -176,7 +176,7 @@ def test_lockstep_takes_an_answer_that_was_sent_before_the_plant_was_found(tmp_p
     assert state.effort.tolist()[3:] == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_reset_sets_lockstep_back_to_its_beginning(tmp_path: Path) -> None:
+def test_plant_lockstep_reset_restarts_run(tmp_path: Path) -> None:
     with robot(tmp_path, 'lockstep', initial_velocity='[0.5, 0.1, 0.2, 0.3]') as (_, plant):
         for tick in range(3):
             plant.wait_for_state(tick)
@@ -192,9 +192,9 @@ def test_reset_sets_lockstep_back_to_its_beginning(tmp_path: Path) -> None:
         assert plant.states[:4] == plant.states[4:]
 
 
-def test_a_reset_run_has_the_bits_of_a_new_one(tmp_path: Path) -> None:
+def test_lockstep_run_after_reset_equals_simulation(tmp_path: Path) -> None:
     """Controller and trajectory follow the plant back to t = 0."""
-    # Without an end, so that it cannot be over before the reset.
+    # Without an end: the run must not end before the reset.
     file = shortened(tmp_path, 0.0, wait_for='[controller, trajectory, recorder, peer]')
     log, computed = tmp_path / 'run.mcap', tmp_path / 'computed.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
@@ -213,24 +213,24 @@ def test_a_reset_run_has_the_bits_of_a_new_one(tmp_path: Path) -> None:
     assert main(['simulate', str(file), *settings]) == 0
     expected = read_log(computed)
     for topic in ('joint_states', 'effort_commands', 'controller/parameter_estimate'):
-        beginnings = [i for i, stamp in enumerate(live.stamps(topic)) if stamp == 0]
-        assert len(beginnings) == 2, topic
-        again = live.messages[topic][beginnings[1]:]
-        # The last state may have found its controller ended.
+        starts = [i for i, stamp in enumerate(live.stamps(topic)) if stamp == 0]
+        assert len(starts) == 2, topic
+        again = live.messages[topic][starts[1]:]
+        # The last state may have no answer.
         assert len(expected.messages[topic]) - len(again) <= (topic != 'joint_states'), topic
         assert again == expected.messages[topic][: len(again)], topic
 
 
-def test_by_the_wall_clock_nothing_moves_while_it_is_paused(tmp_path: Path) -> None:
+def test_plant_real_time_paused_state_repeated(tmp_path: Path) -> None:
     with robot(tmp_path, 'realtime') as (_, plant):
         plant.send(0, 0.0, 0.0, 0.0, 0.0)
         plant.tester.until(lambda: len(plant.states) > 20, 'motion')
         plant.pause()
-        count, told = len(plant.states), len(plant.told)
-        plant.tester.until(lambda: len(plant.told) > told + 5, 'the state at which it stands')
+        count, first = len(plant.states), len(plant.all_states)
+        plant.tester.until(lambda: len(plant.all_states) > first + 5, 'repeated states')
         assert len(plant.states) == count
-        assert set(plant.told[told:]) == {plant.states[-1]}
-        plant.go_on()
+        assert set(plant.all_states[first:]) == {plant.states[-1]}
+        plant.resume()
         plant.tester.until(lambda: len(plant.states) > count + 50, 'motion again')
         stamps = plant.stamps()
         assert stamps == [tick * PERIOD for tick in range(len(stamps))]
@@ -238,9 +238,9 @@ def test_by_the_wall_clock_nothing_moves_while_it_is_paused(tmp_path: Path) -> N
         plant.tester.until(lambda: plant.stamps().count(0) == 2, 'the state at t = 0')
 
 
-def test_by_the_wall_clock_a_step_holds_the_last_command(tmp_path: Path) -> None:
-    """A command does not grow old while the robot's time stands still."""
-    timeout = 0.5  # longer than a busy machine holds up the plant
+def test_plant_real_time_step_keeps_last_command(tmp_path: Path) -> None:
+    """The age of a command does not increase while the plant is paused."""
+    timeout = 0.5  # longer than the delays of the plant on a busy machine
     with robot(tmp_path, 'realtime', command_timeout=timeout) as (_, plant):
         plant.send(0, 0.0, 0.0, 0.0, 0.0)
         plant.tester.until(lambda: len(plant.states) > 5, 'motion')
@@ -248,27 +248,27 @@ def test_by_the_wall_clock_a_step_holds_the_last_command(tmp_path: Path) -> None
         state = JointStateCdr()
 
         def applied() -> list[float]:
-            """Make one step, and return the torque in it."""
-            before = len(plant.states)
+            """Advance by one step; return its torque."""
+            count = len(plant.states)
             assert plant.step().success
-            plant.tester.until(lambda: len(plant.states) > before, 'a state')
+            plant.tester.until(lambda: len(plant.states) > count, 'a state')
             assert state.load(plant.states[-1])
             return state.effort.tolist()[3:]
 
         plant.tester.until(lambda: applied() == [0.5, 0.25, 1.0, -1.0], 'the command')
-        taken = time.monotonic()
-        plant.tester.until(lambda: time.monotonic() > taken + 1.5 * timeout)
+        start = time.monotonic()
+        plant.tester.until(lambda: time.monotonic() > start + 1.5 * timeout)
         for _ in range(3):
             assert applied() == [0.5, 0.25, 1.0, -1.0]
-        before = len(plant.states) - 3
-        plant.go_on()
-        plant.tester.until(lambda: len(plant.states) > before + 3, 'motion again')
-        assert state.load(plant.states[before + 3])
+        first = len(plant.states) - 3
+        plant.resume()
+        plant.tester.until(lambda: len(plant.states) > first + 3, 'motion again')
+        assert state.load(plant.states[first + 3])
         assert state.effort.tolist()[3:] == [0.5, 0.25, 1.0, -1.0]
 
 
-def test_by_the_wall_clock_old_commands_give_way_to_no_torque(tmp_path: Path) -> None:
-    # Longer than a busy machine holds up the plant, lest the command is old before it is used.
+def test_plant_real_time_command_timeout_ends_torque(tmp_path: Path) -> None:
+    # Longer than the delays on a busy machine: the command must not time out before its use.
     with robot(tmp_path, 'realtime', command_timeout=0.5) as (started, plant):
         plant.send(0, 0.5, 0.25, 1.0, -1.0)
 

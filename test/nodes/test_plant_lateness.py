@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant reports the share of late ticks, the time that it fell behind, and a remedy."""
+"""Lateness of the plant: share of late ticks, lost time, and the remedy in the report."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import peer, processes, ros_arguments
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import Health, OK, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.plant.lateness import BEARABLE_SHARE, Lateness
-from processes import peer, processes, ros_arguments
 import pytest
 
 SHARE = 'late ticks in the last second (%)'
@@ -30,28 +30,28 @@ def report(health: PlantHealth, ticks: int) -> Health:
 
 
 @pytest.mark.parametrize(('late', 'level'), [(0, OK), (2, OK), (3, WARN), (100, WARN)])
-def test_lateness_above_the_share_warns(late: int, level: bytes) -> None:
+def test_lateness_above_limit_warns(late: int, level: bytes) -> None:
     assert BEARABLE_SHARE == 0.02
     lateness = Lateness(0.01)
     health = PlantHealth(0.01, lateness)
     for _ in range(100):
         lateness.add_tick(is_older=False)
     lateness.add_late(late)
-    told = report(health, 100)
-    assert told.level == level
-    assert told.values['late ticks'] == str(late)
-    assert told.values[SHARE] == f'{late:.1f}'
+    diagnostics = report(health, 100)
+    assert diagnostics.level == level
+    assert diagnostics.values['late ticks'] == str(late)
+    assert diagnostics.values[SHARE] == f'{late:.1f}'
     if level == WARN:
         for words in (f'late ticks: {late:.1f} %', 'expected at most 2 %', 'control_period'):
-            assert words in told.message
-        assert len(told.message.splitlines()) == 1
+            assert words in diagnostics.message
+        assert len(diagnostics.message.splitlines()) == 1
     # The next second is punctual; the total stays.
     lateness.add_tick(is_older=False)
     after = report(health, 101)
     assert (after.level, after.values['late ticks'], after.values[SHARE]) == (OK, str(late), '0.0')
 
 
-def test_lateness_states_the_time_given_up() -> None:
+def test_lateness_time_given_up_reported() -> None:
     lateness = Lateness(0.01)
     for number in range(60):
         lateness.add_tick(is_older=number < 15)
@@ -62,7 +62,7 @@ def test_lateness_states_the_time_given_up() -> None:
     assert 'fell behind by 0.400 s' in warning
 
 
-def test_lateness_of_a_plant_that_stands_is_zero() -> None:
+def test_lateness_paused_plant_zero() -> None:
     figures, warning = Lateness(0.001).report(1.0)
     assert (figures[SHARE], figures[BEHIND], figures[OLDER], warning) == (
         '0.0',
@@ -72,7 +72,7 @@ def test_lateness_of_a_plant_that_stands_is_zero() -> None:
     )
 
 
-def test_a_stopped_plant_reports_its_lateness(tmp_path: Path) -> None:
+def test_plant_stopped_process_reports_lateness(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         reports: list[dict[str, str]] = []
         warnings: list[str] = []

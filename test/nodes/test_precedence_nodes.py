@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""All ways to give parameters lead to the same active values, in nodes and offline."""
+"""Precedence of parameter files and settings: the same active values in nodes and offline."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from launch_file import launched, Started
+from helpers.launch_file import launched, Started
+from helpers.processes import PAPER, peer, processes
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.scenario.scenario import load_scenario
-from processes import PAPER, peer, processes
 import pytest
 from std_msgs.msg import String
 
@@ -56,7 +56,7 @@ OF_SIMULATION: Values = {
     'controller': {**REPLACED['controller'], **OF_REALTIME['controller'], **OF_USER['controller']},
     'trajectory': OF_USER['trajectory'],
 }
-"""Settings of `masmc simulate config/paper.yaml` that mean the same as the files."""
+"""Settings of `masmc simulate config/paper.yaml` that are equivalent to the files."""
 
 
 def block(key: str, values: Mapping[str, str]) -> str:
@@ -79,7 +79,7 @@ def settings(values: Values) -> list[str]:
 
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, Path]:
-    """Parameter files by what they contain."""
+    """Return parameter files by the name of their content."""
     paper, realtime, shared = PAPER.read_text(), REALTIME.read_text(), block('/**', SHARED)
     texts = {
         'shared': shared,
@@ -109,7 +109,7 @@ def of_files(*paths: Path) -> list[str]:
 
 
 def arguments(way: str, files: Mapping[str, Path]) -> list[str]:
-    """Return ROS arguments; they mean the same in all ways."""
+    """Return ROS arguments; all ways are equivalent."""
     shared, replaced, user = (files[name] for name in ('shared', 'replaced', 'user'))
     if way in files:
         return of_files(files[way])
@@ -128,7 +128,7 @@ def arguments(way: str, files: Mapping[str, Path]) -> list[str]:
 def values_of_nodes(
     folder: Path, commands: list[Started], namespace: str = ''
 ) -> dict[str, dict[str, Any]]:
-    """Start processes, and return the active values that their nodes publish."""
+    """Start processes; return the active values that their nodes publish."""
     with processes(folder) as started, peer(started.domain) as tester:
         topics = {node: f'{namespace}/{node}/parameters' for node in NODES}
         records = {node: tester.collect(String, topic) for node, topic in topics.items()}
@@ -141,7 +141,7 @@ def values_of_nodes(
 
 
 def comparable(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the values of the nodes, arrays as lists."""
+    """Return the values of the nodes with arrays as lists."""
     return {
         node: {n: list(v) if isinstance(v, tuple) else v for n, v in values[node].items()}
         for node in NODES
@@ -155,7 +155,7 @@ WAYS = (
 
 
 @pytest.mark.parametrize('way', WAYS)
-def test_every_way_gives_nodes_the_same_values(
+def test_parameters_any_way_composed_nodes_same_values(
     way: str, files: Mapping[str, Path], tmp_path: Path
 ) -> None:
     command = Started('composed', ['--ros-args', *arguments(way, files)])
@@ -166,23 +166,23 @@ def test_every_way_gives_nodes_the_same_values(
 
 
 @pytest.mark.parametrize('way', ['files', 'other order'])
-def test_processes_in_a_namespace_have_the_same(
+def test_parameters_namespaced_processes_same_values(
     way: str, files: Mapping[str, Path], tmp_path: Path
 ) -> None:
     command = ['--ros-args', '-r', '__ns:=/left', *arguments(way, files)]
-    found = values_of_nodes(tmp_path, [Started(node, command) for node in NODES], '/left')
-    assert comparable(found) == comparable(load_scenario(str(files['one file'])))
+    active = values_of_nodes(tmp_path, [Started(node, command) for node in NODES], '/left')
+    assert comparable(active) == comparable(load_scenario(str(files['one file'])))
 
 
 @pytest.mark.parametrize('composed', ['true', 'false'])
 @pytest.mark.parametrize('namespace', ['', 'left'])
-def test_the_launch_file_gives_the_same_values(
+def test_parameters_launch_file_same_values(
     composed: str, namespace: str, files: Mapping[str, Path], tmp_path: Path
 ) -> None:
     context = {'record': 'false', 'composed': composed, 'namespace': namespace}
     law, prefix = {'law': 'smc'}, f'/{namespace}' if namespace else ''
     expected = comparable(load_scenario(str(files['paper in real time']), ['controller.law=smc']))
-    # Without a file, and with one of which an argument replaces values.
+    # Without a file, and with a file whose values an argument replaces.
     by_default = launched(tmp_path, pacing='realtime', **law, **context)
     other = tmp_path / 'other.yaml'
     other.write_text(
@@ -190,16 +190,16 @@ def test_the_launch_file_gives_the_same_values(
     )
     by_file = launched(tmp_path, pacing='realtime', params_file=str(other), **law, **context)
     for commands in (by_default, by_file):
-        found = comparable(values_of_nodes(tmp_path, commands, prefix))
+        active = comparable(values_of_nodes(tmp_path, commands, prefix))
         for node in NODES:
-            # What the launch file does not set comes from its files alone.
-            expected[node]['duration'] = found[node]['duration']
-        expected['trajectory']['pacing'] = found['trajectory']['pacing']
-        assert found == expected
+            # The launch file does not set these values; they come from its files.
+            expected[node]['duration'] = active[node]['duration']
+        expected['trajectory']['pacing'] = active['trajectory']['pacing']
+        assert active == expected
 
 
 @pytest.mark.parametrize('way', ['one file', 'wildcard last', 'settings'])
-def test_the_simulation_logs_the_same_values(
+def test_parameters_simulation_logs_same_values(
     way: str, files: Mapping[str, Path], tmp_path: Path
 ) -> None:
     log = tmp_path / 'run.mcap'

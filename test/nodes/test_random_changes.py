@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""10 000 changes of parameters in a run, right and wrong ones: none that is wrong is in force."""
+"""10 000 random parameter changes in a run: no invalid value becomes active."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import math
 from typing import Any
 
+from helpers.live_run import live_run, LiveRun
 from hypothesis import given, HealthCheck, Phase, settings
 from hypothesis import strategies as st
-from live_run import live_run, LiveRun
 from masmc_ros.errors import InputError
 from masmc_ros.messages.parameter_record import read_record
 from masmc_ros.scenario.node_parameters import declared
@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool, Trigger
 
 EXAMPLES, FEW, CHANGES = 400, 12, 25
 AT_ONCE = 5
-"""Requests under way at once; a service keeps no more than ten."""
+"""Number of simultaneous requests; a service queues at most ten."""
 DECLARED = {p.name: p for p in declared('controller') if not p.read_only}
 numbers = st.floats(-10.0, 300.0) | st.floats() | st.sampled_from([0.0, -0.0, 1e-308, 1e308])
 anything = st.one_of(
@@ -37,7 +37,7 @@ anything = st.one_of(
 
 
 def fitting(name: str) -> st.SearchStrategy[Any]:
-    """Return values that are right for a parameter, those at its limits with them."""
+    """Return a strategy of valid values of a parameter, including its limits."""
     parameter = DECLARED[name]
     if parameter.choices:
         return st.sampled_from(parameter.choices)
@@ -64,14 +64,14 @@ def served(
     wait_for = '[controller, trajectory, peer]'
     # The limit of the commands is one of the parameters that change; the plant's is not.
     settings = {'plant__wait_for': wait_for, 'torque_limit': 0.0}
-    with live_run(folder, 'plant', 'trajectory', 'controller', **settings) as begun:
-        begun.goes_on()
-        begun.tester.subscribe(String, 'controller/parameters', check_record)
-        known = begun.tester.known_client
+    with live_run(folder, 'plant', 'trajectory', 'controller', **settings) as run:
+        run.wait_for_progress()
+        run.tester.subscribe(String, 'controller/parameters', check_record)
+        known = run.tester.known_client
         set_ = known(SetParametersAtomically, '/controller/set_parameters_atomically')
-        yield begun, set_, known(GetParameters, '/controller/get_parameters')
-        begun.end()
-        assert sum(active) > len(active) // 4, 'the law computed next to nothing'
+        yield run, set_, known(GetParameters, '/controller/get_parameters')
+        run.end()
+        assert sum(active) > len(active) // 4, 'the controller was rarely active'
 
 
 active: list[bool] = []
@@ -79,23 +79,23 @@ active: list[bool] = []
 
 
 def check_record(message: String) -> None:
-    """Check that everything is right which the controller says is in force."""
+    """Check that all active values in a record are valid."""
     record = read_record(message.data)
     values = {name: value for name, value in record.parameters.items() if name in DECLARED}
     assert set(values) == set(DECLARED)
-    assert is_right(values), values
+    assert is_valid(values), values
 
 
 def make_active(run: LiveRun) -> None:
-    """Clear what the last changes led to: a fault, or a robot that is far away."""
-    if run.told[-1] == 'active':
+    """Clear the effects of the last changes: a fault, or a robot far from the path."""
+    if run.states[-1] == 'active':
         return
     run.tester.call(Trigger, '/plant/reset', Trigger.Request())
     run.tester.call(SetBool, '/controller/enable', SetBool.Request(data=True))
 
 
-def is_right(values: dict[str, Any]) -> bool:
-    """Tell whether every declaration allows its value, an integer being a double."""
+def is_valid(values: dict[str, Any]) -> bool:
+    """Return True if every value conforms to its declaration; integers are valid doubles."""
     try:
         for name, value in values.items():
             DECLARED[name].check(value, integers_for_doubles=True)
@@ -105,14 +105,14 @@ def is_right(values: dict[str, Any]) -> bool:
 
 
 def same(first: Any, second: Any) -> bool:
-    """Compare numbers and arrays, NaN being like NaN."""
+    """Return True if two numbers or arrays are equal; NaN equals NaN."""
     first = list(first) if isinstance(first, (list, tuple)) else first
     second = list(second) if isinstance(second, (list, tuple)) else second
     return repr(first) == repr(second) or first == second
 
 
 def change_parameters(served: tuple[LiveRun, Any, Any], many: list[dict[str, Any]]) -> None:
-    """Make many changes, and check answers, values in force and torques."""
+    """Make many changes; check responses, active values and torques."""
     run, set_, get = served
     make_active(run)
     commands = run.commands
@@ -121,28 +121,30 @@ def change_parameters(served: tuple[LiveRun, Any, Any], many: list[dict[str, Any
         futures = [
             set_.call_async(
                 SetParametersAtomically.Request(
-                    parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in each.items()]
+                    parameters=[
+                        Parameter(n, value=v).to_parameter_msg() for n, v in values.items()
+                    ]
                 )
             )
-            for each in many[first:first + AT_ONCE]
+            for values in many[first : first + AT_ONCE]
         ]
         run.tester.until(lambda futures=futures: all(f.done() for f in futures), 'answers')
         results += [future.result().result for future in futures]
-    in_force: dict[str, Any] = {}
-    for each, result in zip(many, results, strict=True):
-        assert result.successful == is_right(each), (each, result.reason)
+    expected: dict[str, Any] = {}
+    for values, result in zip(many, results, strict=True):
+        assert result.successful == is_valid(values), (values, result.reason)
         assert result.successful or result.reason
-        in_force.update(each if result.successful else {})
+        expected.update(values if result.successful else {})
     names = sorted(DECLARED)
     future = get.call_async(GetParameters.Request(names=names))
     run.tester.until(future.done, 'values')
-    found = dict(zip(names, map(parameter_value_to_python, future.result().values), strict=True))
-    assert is_right(found), found
-    for name, value in in_force.items():
-        assert same(found[name], value), (name, found[name], value)
-        assert not isinstance(found[name], float) or math.isfinite(found[name])
+    read = dict(zip(names, map(parameter_value_to_python, future.result().values), strict=True))
+    assert is_valid(read), read
+    for name, value in expected.items():
+        assert same(read[name], value), (name, read[name], value)
+        assert not isinstance(read[name], float) or math.isfinite(read[name])
     run.tester.until(lambda: run.commands > commands, 'commands')
-    active.append(run.told[-1] == 'active')
+    active.append(run.states[-1] == 'active')
     assert run.wrong == []
 
 
@@ -154,7 +156,7 @@ at_random = settings(
 
 @settings(at_random, max_examples=FEW)
 @some
-def test_few_changes_do_no_harm(
+def test_controller_few_random_changes_only_valid_active(
     served: tuple[LiveRun, Any, Any], many: list[dict[str, Any]]
 ) -> None:
     change_parameters(served, many)
@@ -163,5 +165,7 @@ def test_few_changes_do_no_harm(
 @pytest.mark.slow
 @settings(at_random, max_examples=EXAMPLES)
 @some
-def test_no_change_does_harm(served: tuple[LiveRun, Any, Any], many: list[dict[str, Any]]) -> None:
+def test_controller_many_random_changes_only_valid_active(
+    served: tuple[LiveRun, Any, Any], many: list[dict[str, Any]]
+) -> None:
     change_parameters(served, many)

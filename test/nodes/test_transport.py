@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes of this package keep out of the shared memory of Fast DDS, unless told otherwise."""
+"""Transport of nodes: no shared memory of Fast DDS by default, and settings of the user."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
 from masmc_ros.nodes.middleware import transport
 import pytest
 from rclpy.utilities import get_rmw_implementation_identifier
-from surroundings import surroundings
 
 PROFILES = Path(transport.__file__).with_name('fast_dds')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -41,48 +41,48 @@ pytestmark = pytest.mark.skipif(
 
 
 def output(program: str, folder: Path, environment: Mapping[str, str]) -> list[str]:
-    """Return what a Python program prints in an environment and a folder."""
-    given = {k: v for k, v in surroundings().items() if k not in VARIABLES}
-    found = subprocess.run(
+    """Return the lines that a Python program prints in an environment and a folder."""
+    inherited = {k: v for k, v in child_environment().items() if k not in VARIABLES}
+    result = subprocess.run(
         [sys.executable, '-c', program],
-        env={**given, 'ROS_DOMAIN_ID': '59', **environment},
+        env={**inherited, 'ROS_DOMAIN_ID': '59', **environment},
         cwd=folder,
         capture_output=True,
         text=True,
         check=True,
         timeout=120.0,
     )
-    assert not found.stderr
-    return found.stdout.splitlines()
+    assert not result.stderr
+    return result.stdout.splitlines()
 
 
 @pytest.mark.parametrize('discovery', ['LOCALHOST', 'SUBNET', 'OFF'])
-def test_a_node_maps_no_shared_memory(discovery: str, tmp_path: Path) -> None:
+def test_transport_node_maps_no_shared_memory(discovery: str, tmp_path: Path) -> None:
     ours = output(PREPARE + JOIN, tmp_path, {RANGE: discovery})
     middleware = output(JOIN, tmp_path, {RANGE: discovery})
-    assert middleware == ['True'], 'nothing to keep out of: the test tests nothing'
+    assert middleware == ['True'], 'the middleware itself uses no shared memory'
     assert ours[1:] == ['False']
 
 
-def test_what_the_user_has_decided_stays(tmp_path: Path) -> None:
+def test_transport_settings_of_user_kept(tmp_path: Path) -> None:
     own = tmp_path / 'own.xml'
-    for decided in (
+    for user_values in (
         ('DEFAULT', '-', 'LOCALHOST'),
         ('-', str(own), 'SUBNET'),
         ('SHM', str(own), 'LOCALHOST'),
     ):
         environment = {
             name: value
-            for name, value in zip(VARIABLES, decided, strict=True)
+            for name, value in zip(VARIABLES, user_values, strict=True)
             if value != '-'
         }
-        assert output(PREPARE, tmp_path, environment) == ['|'.join(decided)]
+        assert output(PREPARE, tmp_path, environment) == ['|'.join(user_values)]
     (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').touch()
     assert output(PREPARE, tmp_path, {RANGE: 'LOCALHOST'}) == ['-|-|LOCALHOST']
 
 
-def test_it_goes_on_to_children(tmp_path: Path) -> None:
-    """Also where the child's graph is told anew to stay on its machine."""
+def test_transport_child_process_same_settings(tmp_path: Path) -> None:
+    """The settings are also the same if the child sets the discovery range again."""
     local = ['|'.join(('-', str(PROFILES / 'localhost.xml'), 'SYSTEM_DEFAULT'))]
     wide = ['|'.join(('-', str(PROFILES / 'subnet.xml'), '-'))]
     assert output(PREPARE, tmp_path, {RANGE: 'LOCALHOST'}) == local
@@ -91,17 +91,17 @@ def test_it_goes_on_to_children(tmp_path: Path) -> None:
     inherited = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILES / 'localhost.xml')}
     for again in ('LOCALHOST', 'SYSTEM_DEFAULT'):
         assert output(PREPARE, tmp_path, {**inherited, RANGE: again}) == local
-    # The file does not know peers, so that the middleware must.
+    # The profile has no peers; therefore the middleware's own settings apply.
     peers = {RANGE: 'LOCALHOST', 'ROS_STATIC_PEERS': '127.0.0.2'}
     assert output(PREPARE, tmp_path, peers) == ['-|-|LOCALHOST']
 
 
-def test_both_profiles_differ_in_discovery_alone() -> None:
+def test_transport_profiles_differ_only_in_discovery() -> None:
     local, wide = (
         [line.strip() for line in (PROFILES / name).read_text().splitlines()]
         for name in ('localhost.xml', 'subnet.xml')
     )
-    begin, end = local.index('<builtin>'), local.index('</builtin>')
-    rest = local[:begin] + local[end + 1:]
-    rest.remove('<maxInitialPeersRange>32</maxInitialPeersRange>')
-    assert rest[2:] == wide[2:]
+    start, end = local.index('<builtin>'), local.index('</builtin>')
+    common = local[:start] + local[end + 1:]
+    common.remove('<maxInitialPeersRange>32</maxInitialPeersRange>')
+    assert common[2:] == wide[2:]

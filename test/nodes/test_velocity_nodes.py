@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commanded rates between real nodes: lock-step, real time, bad messages, disagreement."""
+"""Velocity interface of nodes: lockstep, real time, invalid messages, mismatched settings."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from foxglove_client import viewer
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from live_run import live_run, LiveRun
-from log_contents import read_log
+from helpers.foxglove_client import viewer
+from helpers.live_run import live_run, LiveRun
+from helpers.log_contents import read_log
+from helpers.processes import PAPER, peer, processes, ros_arguments
+from helpers.robots import task_positions
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.commands import ArmVelocityCdr
@@ -28,15 +30,13 @@ from masmc_ros.report.measure.parameters import run_robot
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER, peer, processes, ros_arguments
 import pytest
-from robots import task_positions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
-from test_faults import are_refused, counts_at_least, GARBAGE
+from test_faults import check_rejected, counts_at_least, GARBAGE
 from test_lockstep import (
-    check_a_successor_takes_up_the_run,
+    check_restarted_controller,
     DECIMATED_TOPICS,
     separate,
     settings_of,
@@ -54,7 +54,7 @@ TOPICS = (
 )
 RATES = {'plant__command_interface': 'velocity', 'controller__command_interface': 'velocity'}
 SECOND = 500
-"""Ticks of a run by the wall clock."""
+"""Number of ticks per second of a run in real time."""
 
 STAMPED = {f'{node}__enable_stamped_cmd_vel': 'true' for node in ('plant', 'controller')}
 
@@ -85,14 +85,14 @@ ANOTHER = """
 
 
 def check_recomputed(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Compute a recorded run again: not a bit differs."""
+    """Check that recomputing a recorded run is bitwise identical."""
     capsys.readouterr()
     assert main(['simulate', str(log)]) == 0
     assert 'are the same bits' in capsys.readouterr().out.splitlines()[-1]
 
 
 @pytest.mark.parametrize('stamped', [{}, STAMPED], ids=['Twist', 'TwistStamped'])
-def test_lockstep_gives_the_bits_of_the_simulation(
+def test_velocity_interface_lockstep_equals_simulation(
     stamped: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = {**RATES, **stamped}
@@ -111,10 +111,10 @@ def test_lockstep_gives_the_bits_of_the_simulation(
 
 
 @pytest.mark.slow
-def test_another_robot_in_lockstep_in_one_process(
+def test_velocity_interface_other_wheels_equals_simulation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A base with other wheels than the controller believes turns them as its own need it."""
+    """The base uses its own wheel radius, which differs from the controller's."""
     file, log = tmp_path / 'other.yaml', tmp_path / 'live.mcap'
     file.write_text(ANOTHER)
     with processes(tmp_path) as started:
@@ -131,7 +131,7 @@ def test_another_robot_in_lockstep_in_one_process(
 
 
 class Watched:
-    """A run by the wall clock, with what is commanded and how fast the joints turn."""
+    """Run in real time, with commanded and measured joint velocities."""
 
     def __init__(self, run: LiveRun, *, is_stamped: bool) -> None:
         self.run = run
@@ -151,16 +151,16 @@ class Watched:
         run.tester.subscribe(JointState, 'joint_states', self._on_state, raw=True)
 
     def follows(self) -> bool:
-        """Tell whether the robot was on the path for the last second."""
+        """Return True if the robot was on the path during the last second."""
         return len(self._errors) == SECOND and rms(np.array(self._errors)) < 0.04
 
-    def rests(self) -> None:
-        """Wait until zero rates are sent and the joints hardly turn."""
-        self.run.tester.until(lambda: not self.rates.any(), f'zero rates, not {self.rates}')
-        self.stands_still()
+    def wait_for_rest(self) -> None:
+        """Wait until the commanded velocities are zero and the joints almost stand still."""
+        self.run.tester.until(lambda: not self.rates.any(), f'zero velocities, not {self.rates}')
+        self.wait_for_standstill()
 
-    def stands_still(self) -> None:
-        """Wait until the drives hold the joints, disturbed as they are."""
+    def wait_for_standstill(self) -> None:
+        """Wait until the drives hold the joints against the disturbance."""
         self.run.tester.until(lambda: np.abs(self.motion).max() < 0.05, f'rest, {self.motion}')
 
     def _on_twist(self, raw: bytes) -> None:
@@ -168,7 +168,7 @@ class Watched:
             self.rates[:2] = self._twist.linear[0], self._twist.angular[2]
 
     def _on_arm(self, raw: bytes) -> None:
-        # Those that the test sends are not laid out like the controller's.
+        # Commands of the test have another layout than the controller's.
         if self._arm.load(raw):
             self.run.commands += 1
             self.rates[2:] = self._arm.data
@@ -176,10 +176,10 @@ class Watched:
     def _on_state(self, raw: bytes) -> None:
         assert self._state.load(raw)
         self.motion = self._state.velocity[3:].copy()
-        wanted = self._windows.at(self._state.stamp_ns)
-        if wanted is not None:
+        reference = self._windows.at(self._state.stamp_ns)
+        if reference is not None:
             reached = task_positions(self._geometry, self._state.position[None])[0]
-            self._errors.append(reached - wanted[:4])
+            self._errors.append(reached - reference[:4])
 
     def _on_reference(self, raw: bytes) -> None:
         window = ReferenceWindow.from_bytes(raw)
@@ -189,13 +189,13 @@ class Watched:
 
 
 def rms(errors: np.ndarray) -> float:
-    """Return the root of the mean square of the length of errors (N, 4)."""
+    """Return the root mean square of the norms of errors (N, 4)."""
     return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
 @contextmanager
 def watched(folder: Path, *, is_stamped: bool) -> Iterator[Watched]:
-    """Yield a run by the wall clock that has begun."""
+    """Yield a started run in real time."""
     stamped = str(is_stamped).lower()
     settings = {
         'command_interface': 'velocity',
@@ -204,37 +204,39 @@ def watched(folder: Path, *, is_stamped: bool) -> Iterator[Watched]:
         'plant__enable_stamped_cmd_vel': stamped,
     }
     with live_run(folder, **settings) as run:
-        found = Watched(run, is_stamped=is_stamped)
-        run.goes_on()
-        yield found
+        watched_run = Watched(run, is_stamped=is_stamped)
+        run.wait_for_progress()
+        yield watched_run
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
-def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
-    with watched(tmp_path, is_stamped=is_stamped) as found:
-        run, tester = found.run, found.run.tester
-        begun = run.stamp
-        tester.until(lambda: run.stamp > begun + 5e9 and found.follows(), 'the path')
+def test_velocity_interface_real_time_follows_path_and_stops(
+    is_stamped: bool, tmp_path: Path
+) -> None:
+    with watched(tmp_path, is_stamped=is_stamped) as watched_run:
+        run, tester = watched_run.run, watched_run.run.tester
+        start = run.stamp
+        tester.until(lambda: run.stamp > start + 5e9 and watched_run.follows(), 'the path')
         followed = run.stamp * 1e-9
-        tester.until(found.rates.any, 'rates')
+        tester.until(watched_run.rates.any, 'rates')
 
         assert tester.call(
             Trigger, '/controller/emergency_stop', Trigger.Request()
         ).success
-        found.rests()
+        watched_run.wait_for_rest()
         tester.call(SetBool, '/controller/enable', SetBool.Request(data=True))
-        run.goes_on()
+        run.wait_for_progress()
 
         run.nodes['controller'].signal(signal.SIGKILL)
         run.nodes['controller'].wait()
         for topic in ('cmd_vel', 'arm_velocity_commands'):
-            # Each by itself: the two may grow old at different ticks.
+            # The two commands may time out at different ticks.
             stopped = f'no command on {topic} for 0.2 s; the drives hold until one comes'
             tester.until(lambda line=stopped: run.nodes['plant'].logged('WARN', line), stopped)
-        found.stands_still()
+        watched_run.wait_for_standstill()
         run.start('controller')
-        run.goes_on()
+        run.wait_for_progress()
         run.end()
     logged = read_run(run.log)
     assert logged.commands_rates
@@ -249,10 +251,10 @@ def test_real_time(is_stamped: bool, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize('is_stamped', [False, True], ids=['Twist', 'TwistStamped'])
-def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
-    with watched(tmp_path, is_stamped=is_stamped) as found:
-        run = found.run
-        twists = run.tester.publisher(found.type, 'cmd_vel')
+def test_velocity_interface_invalid_messages_rejected(is_stamped: bool, tmp_path: Path) -> None:
+    with watched(tmp_path, is_stamped=is_stamped) as watched_run:
+        run = watched_run.run
+        twists = run.tester.publisher(watched_run.type, 'cmd_vel')
         arms = run.tester.publisher(Float64MultiArray, 'arm_velocity_commands')
         run.injected.add(nan_for_the_arm())
         for bad, reason in (
@@ -260,7 +262,7 @@ def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
             (twist_of(run, is_stamped, angular=Vector3(y=math.inf)), 'angular.y = inf, expected'),
             (GARBAGE, '8 bytes that are no'),
         ):
-            refused(run, twists, 'cmd_vel', bad, reason)
+            check_rejection(run, twists, 'cmd_vel', bad, reason)
         for bad, reason in (
             (Float64MultiArray(data=[0.0] * 4), '4 numbers; it takes 2'),
             (Float64MultiArray(data=[]), '0 numbers; it takes 2'),
@@ -268,10 +270,10 @@ def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
             (nan_for_the_arm(), "the rate of 'arm_joint_2' is not a finite number"),
             (GARBAGE, '8 bytes that are no'),
         ):
-            refused(run, arms, 'arm_velocity_commands', bad, reason)
+            check_rejection(run, arms, 'arm_velocity_commands', bad, reason)
         for topic, count in (('cmd_vel', 3), ('arm_velocity_commands', 5)):
             counts_at_least(run, 'plant', f'{topic} refused', count)
-        run.goes_on()
+        run.wait_for_progress()
         pytest.importorskip('foxglove')
         live = run.started.start('live', *['--ros-args', '-p', 'port:=0', '-p', 'rate:=10.0'])
         port = listening(run.tester, live)
@@ -280,21 +282,21 @@ def test_bad_messages_and_a_viewer(is_stamped: bool, tmp_path: Path) -> None:
             expected = {'/cmd_vel', '/arm_velocity_commands'}
             shown.until(lambda: set(shown.messages) >= expected, 'rates in the viewer')
             assert shown.channels['/cmd_vel']['schemaName'] == (
-                f'geometry_msgs/msg/{found.type.__name__}'
+                f'geometry_msgs/msg/{watched_run.type.__name__}'
             )
         live.signal(signal.SIGINT)
         run.end()
-    assert read_log(run.log).types['cmd_vel'].endswith(found.type.__name__)
+    assert read_log(run.log).types['cmd_vel'].endswith(watched_run.type.__name__)
 
 
-def refused(run: LiveRun, publisher: Any, topic: str, bad: Any, reason: str) -> None:
-    """Send something bad until the plant refuses it for this reason."""
+def check_rejection(run: LiveRun, publisher: Any, topic: str, bad: Any, reason: str) -> None:
+    """Send an invalid message until the plant rejects it for this reason."""
     key = 'plant', topic, type(publisher)
-    are_refused(run, {key: publisher}, {key: (lambda _: bad, reason)})
+    check_rejected(run, {key: publisher}, {key: (lambda _: bad, reason)})
 
 
 def twist_of(run: LiveRun, is_stamped: bool, **parts: Vector3) -> Any:
-    """Return a twist, stamped with the present state's time if need be."""
+    """Return a twist, optionally stamped with the time of the current state."""
     if not is_stamped:
         return Twist(**parts)
     message = TwistStamped(twist=Twist(**parts))
@@ -303,7 +305,7 @@ def twist_of(run: LiveRun, is_stamped: bool, **parts: Vector3) -> Any:
 
 
 def nan_for_the_arm() -> bytes:
-    """Return a command in the controller's own layout with a number that is not right."""
+    """Return a command in the controller's own layout with a NaN."""
     command = ArmVelocityCdr()
     command.data[1] = math.nan
     return command.to_bytes()
@@ -335,7 +337,7 @@ DISAGREEMENTS = {
 @pytest.mark.parametrize(
     ('settings', 'plant_says', 'controller_says'), DISAGREEMENTS.values(), ids=DISAGREEMENTS
 )
-def test_who_disagrees_says_so(
+def test_nodes_different_interfaces_both_report(
     settings: dict[str, str], plant_says: str, controller_says: str, tmp_path: Path
 ) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
@@ -350,7 +352,7 @@ def test_who_disagrees_says_so(
 
 
 @pytest.mark.slow
-def test_a_restarted_controller_takes_up_the_run(tmp_path: Path) -> None:
-    """A stamped twist names its state, so that none is taken for the answer to another one."""
+def test_velocity_interface_controller_restarted_continues(tmp_path: Path) -> None:
+    """A stamped twist names its state; therefore it cannot answer another state."""
     topics = ('cmd_vel', 'arm_velocity_commands')
-    check_a_successor_takes_up_the_run(tmp_path, topics, **RATES, **STAMPED)
+    check_restarted_controller(tmp_path, topics, **RATES, **STAMPED)

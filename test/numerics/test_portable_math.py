@@ -9,13 +9,13 @@ from collections.abc import Iterable
 import hashlib
 import math
 
+from helpers.robots import PROPERTY
 from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.numerics.portable_math import exp, sin_cos, sines, sines_and_cosines, tanh
 import mpmath
 import numpy as np
 import pytest
-from robots import PROPERTY
 
 MODERATE = 1.0e3
 EXACT_REDUCTION = 1.6e6

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Linters of a ROS package, skipped without ROS, and licence headers."""
+"""Linters of ROS packages (skipped without ROS), and licence headers."""
 
 from __future__ import annotations
 

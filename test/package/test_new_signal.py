@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A new signal is one line of declaration, and one that computes it."""
+"""Extension by a signal: a declaration and a line that computes it are sufficient."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import shutil
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
+from helpers.report_html import lines, Page
 import numpy as np
 import pytest
-from report_html import lines, Page
-from surroundings import surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,16 +40,16 @@ SIMULATION = (
 
 
 def insert(path: Path, mark: str, text: str, *, after: bool = False) -> None:
-    """Put lines before or after the only place with a mark."""
+    """Insert lines before or after a mark that occurs once."""
     source = path.read_text(encoding='utf-8')
     assert source.count(mark) == 1, mark
-    told = mark + text if after else text.removeprefix('\n') + mark
-    path.write_text(source.replace(mark, told), encoding='utf-8')
+    inserted = mark + text if after else text.removeprefix('\n') + mark
+    path.write_text(source.replace(mark, inserted), encoding='utf-8')
 
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a copy of the package that has two signals more, and what it makes."""
+    """Return a folder with a copy of the package with two more signals, and its output."""
     folder = tmp_path_factory.mktemp('signal')
     for name in ('masmc_ros', 'config'):
         shutil.copytree(ROOT / name, folder / name)
@@ -57,8 +57,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     control = folder / 'masmc_ros/loop/control.py'
     insert(control, "    put(signals, 'singular'", COMPUTED)
     insert(control, 'from typing import Any\n', IMPORTED, after=True)
-    # Interpreted, what was inserted need not be compiled; the bits are the same.
-    variables = {**surroundings(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}
+    # Without JIT the inserted lines need no compilation; the results are bitwise identical.
+    variables = {**child_environment(), 'PYTHONPATH': str(folder), 'NUMBA_DISABLE_JIT': '1'}
     for arguments in (
         (*SIMULATION, '--output', 'run.mcap'),
         ('report', 'run.mcap', '--output', 'report'),
@@ -66,25 +66,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ('export', 'run.mcap', '--output', 'export', '--format', 'npz'),
     ):
         command = [sys.executable, '-m', 'masmc_ros.cli.main', *arguments]
-        done = subprocess.run(
+        result = subprocess.run(
             command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300.0,
             check=False,
         )
-        assert done.returncode == 0, done.stderr
+        assert result.returncode == 0, result.stderr
     return folder
 
 
-def test_arrays_have_it(folder: Path) -> None:
+def test_new_signal_in_exported_arrays(folder: Path) -> None:
     with np.load(folder / 'export' / 'run.npz') as arrays:
-        asked, sent = arrays['raw_torque'], arrays['command']
-        assert (arrays['push'] == asked - sent).all()
+        raw, limited = arrays['raw_torque'], arrays['command']
+        assert (arrays['push'] == raw - limited).all()
         assert arrays['push'].any()
         assert (arrays['push_time_s'] == arrays['time_s']).all()
         norm = np.linalg.norm(arrays['error'], axis=1)
         assert arrays['stretched'][:, 0] == pytest.approx(norm, abs=1e-15)
 
 
-def test_tables_have_it(folder: Path) -> None:
+def test_new_signal_in_exported_table(folder: Path) -> None:
     with (folder / 'export' / 'run.csv').open(newline='', encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))
     names = [name for name in rows[0] if name.startswith(('push', 'stretched'))]
@@ -95,7 +95,7 @@ def test_tables_have_it(folder: Path) -> None:
     assert all(float(row['stretched_m']) > 0.0 for row in rows)
 
 
-def test_the_report_has_it(folder: Path) -> None:
+def test_new_signal_in_report(folder: Path) -> None:
     html = (folder / 'report' / 'report.html').read_text(encoding='utf-8')
     page = Page(html)
     figure = page.figure('run-1-push')
@@ -106,15 +106,15 @@ def test_the_report_has_it(folder: Path) -> None:
     assert 'No controller/' not in html
 
 
-def test_what_the_nodes_publish_has_it(folder: Path) -> None:
+def test_new_signal_in_published_topics(folder: Path) -> None:
     script = (
         'from masmc_ros.messages.names import TELEMETRY\n'
         'from masmc_ros.messages.topics import TOPICS\n'
-        'told = {topic.name: topic.content for topic in TOPICS}\n'
-        'print(TELEMETRY["cut_torque"], told["controller/cut_torque"])'
+        'content = {topic.name: topic.content for topic in TOPICS}\n'
+        'print(TELEMETRY["cut_torque"], content["controller/cut_torque"])'
     )
-    done = subprocess.run(
-        [sys.executable, '-c', script], env={**surroundings(), 'PYTHONPATH': str(folder)},
+    result = subprocess.run(
+        [sys.executable, '-c', script], env={**child_environment(), 'PYTHONPATH': str(folder)},
         cwd=folder, capture_output=True, text=True, timeout=60.0, check=True,
     )
-    assert done.stdout == '4 torque cut off by limits (4) in N·m, after [sec, nanosec]\n'
+    assert result.stdout == '4 torque cut off by limits (4) in N·m, after [sec, nanosec]\n'

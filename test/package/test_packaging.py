@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is declared is what is imported, and where something is missing one line says so."""
+"""Packaging: declared dependencies match imports, and a missing package is one error line."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+from helpers.child_environment import child_environment
 from masmc_ros.numerics.compiled import OLDEST_NUMBA
 from masmc_ros.optional import PACKAGES
 import pytest
-from surroundings import surroundings
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
@@ -32,40 +32,40 @@ ROSDEP = {
     'mcap_ros2': 'mcap-ros2-support',
     'rosbags': 'python3-rosbags-pip',
 }
-"""Modules, and the keys under which rosdep knows them (markupsafe comes with jinja2)."""
+"""Modules and their rosdep keys (markupsafe is part of the key of jinja2)."""
 
 PIP = {**PACKAGES, 'yaml': 'PyYAML'}
 
 
 def imported(*folders: str) -> set[str]:
-    """Return the modules that are imported anywhere in folders, without Python's own."""
-    found = set()
+    """Return all modules imported in folders, except the standard library."""
+    modules = set()
     for folder in folders:
         for path in (ROOT / folder).rglob('*.py'):
             for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
                 names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
                 if isinstance(node, ast.ImportFrom) and node.level == 0:
                     names = [str(node.module)]
-                found |= {name.partition('.')[0] for name in names}
-    return found - set(sys.stdlib_module_names) - {'masmc_ros'}
+                modules |= {name.partition('.')[0] for name in names}
+    return modules - set(sys.stdlib_module_names) - {'masmc_ros'}
 
 
 def declared(*kinds: str) -> set[str]:
-    return {str(each.text) for kind in kinds for each in MANIFEST.findall(kind)}
+    return {str(element.text) for kind in kinds for element in MANIFEST.findall(kind)}
 
 
-def test_package_xml_declares_every_import() -> None:
+def test_package_xml_declares_all_imports() -> None:
     modules = imported('masmc_ros', 'launch') - (set(PACKAGES) - set(ROSDEP))
     assert {ROSDEP.get(name, name) for name in modules} <= declared('exec_depend', 'depend')
 
 
-def test_setup_py_declares_every_import_that_pip_installs() -> None:
+def test_setup_py_declares_all_pip_installed_imports() -> None:
     ros = declared('exec_depend') - set(ROSDEP.values())
     for module in imported('masmc_ros') - ros - {'rclpy'}:
         assert re.search(rf"'{PIP.get(module, module)}[>='=]", SETUP), module
 
 
-def test_both_files_say_who_and_where() -> None:
+def test_package_xml_and_setup_py_same_maintainer_and_url() -> None:
     url = MANIFEST.findtext("url[@type='repository']")
     maintainer = MANIFEST.find('maintainer')
     assert url is not None
@@ -78,26 +78,26 @@ def test_both_files_say_who_and_where() -> None:
     assert f"'numba>={'.'.join(map(str, OLDEST_NUMBA))}'" in SETUP
 
 
-def test_the_changelog_of_ros_is_made_from_ours() -> None:
+def test_changelog_rst_generated_from_changelog_md() -> None:
     sys.path.insert(0, str(ROOT / 'tools'))
     try:
         from changelog import as_rst
     finally:
         sys.path.pop(0)
     text = (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')
-    made = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
-    assert made == as_rst(text), 'python tools/changelog.py'
+    generated = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    assert generated == as_rst(text), 'run python tools/changelog.py'
 
 
 def without(modules: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run `masmc` where modules are not installed."""
+    """Run `masmc` as if modules were not installed."""
     script = (
         f'import sys\nfor name in {modules!r}: sys.modules[name] = None\n'
         'from masmc_ros.cli.main import main\nsys.exit(main(sys.argv[1:]))'
     )
     return subprocess.run(
         [sys.executable, '-c', script, *arguments],
-        env=surroundings(),
+        env=child_environment(),
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -106,15 +106,15 @@ def without(modules: list[str], *arguments: str) -> subprocess.CompletedProcess[
     )
 
 
-def test_a_simulation_needs_nothing_that_rosdep_does_not_know() -> None:
+def test_simulate_with_rosdep_packages_only() -> None:
     result = without(sorted(PACKAGES), 'simulate', 'config/paper.yaml', '--set', 'duration=0.1')
     assert (result.returncode, result.stderr) == (0, '')
 
 
 @pytest.mark.parametrize('node', ['plant', 'trajectory', 'controller'])
-def test_nodes_that_steer_need_nothing_that_rosdep_does_not_know(node: str) -> None:
+def test_control_nodes_with_rosdep_packages_only(node: str) -> None:
     pytest.importorskip('rclpy')
-    # They come as far as the parameter that is wrong.
+    # The node starts and rejects the unknown parameter.
     result = without(sorted(PACKAGES), 'run', node, '--ros-args', '-p', 'nothing_like_it:=1')
     assert result.returncode == 2
     assert 'nothing_like_it' in result.stderr
@@ -129,7 +129,7 @@ def test_nodes_that_steer_need_nothing_that_rosdep_does_not_know(node: str) -> N
         ('zstandard', ['recover', 'run.mcap']),
     ],
 )
-def test_what_is_missing_is_one_line(module: str, arguments: list[str]) -> None:
+def test_masmc_missing_package_one_error_line(module: str, arguments: list[str]) -> None:
     if arguments[0] == 'run':
         pytest.importorskip('rclpy')
     result = without([module], *arguments)
@@ -138,7 +138,7 @@ def test_what_is_missing_is_one_line(module: str, arguments: list[str]) -> None:
     assert f'{module} is not installed; pip install {PACKAGES[module]}' in line
 
 
-def test_an_old_numba_is_one_line() -> None:
+def test_simulate_old_numba_one_error_line() -> None:
     script = (
         'import sys, numba\nnumba.__version__ = "0.57.1"\n'
         'from masmc_ros.cli.main import main\n'
@@ -146,7 +146,12 @@ def test_an_old_numba_is_one_line() -> None:
     )
     result = subprocess.run(
         [sys.executable, '-c', script],
-        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+        env=child_environment(),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180.0,
+        check=False,
     )
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
@@ -157,7 +162,7 @@ def test_an_old_numba_is_one_line() -> None:
 
 
 @pytest.mark.slow
-def test_a_test_that_lacks_a_package_is_skipped_and_stops_no_other() -> None:
+def test_collection_missing_package_file_skipped() -> None:
     script = (
         'import sys\nsys.modules["mcap"] = sys.modules["websockets"] = None\n'
         'import pytest\nsys.exit(pytest.main(sys.argv[1:]))'
@@ -168,7 +173,12 @@ def test_a_test_that_lacks_a_package_is_skipped_and_stops_no_other() -> None:
     ]
     result = subprocess.run(
         [sys.executable, '-c', script, '-q', '--collect-only', *files],
-        env=surroundings(), cwd=ROOT, capture_output=True, text=True, timeout=180.0, check=False,
+        env=child_environment(),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=180.0,
+        check=False,
     )
     assert result.returncode == 0, result.stdout
     assert 'test_log_writer.py:1: mcap is not installed; pip install mcap' in result.stdout

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the package hangs together: imports run one way, and no folder is a heap."""
+"""Structure of the package: directions of imports, and forbidden constructs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import tokenize
 PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
 
 ORDER = (
-    '',  # errors and the like
+    '',  # modules such as errors
     'params',
     'numerics',
     'robot',
@@ -31,13 +31,14 @@ ORDER = (
     'nodes',
     'cli',
 )
-"""Folders, each of which knows only those before it: how data flows."""
+"""Folders in the order of data flow; a folder imports only itself and earlier ones."""
 
 NODES = ('middleware', 'parameters', 'process')
-"""Folders of `nodes/` that all nodes share; the others are a node each."""
+"""Folders of `nodes/` that all nodes share; each other folder is one node."""
 
 REPORT = ('measure', 'draw', 'page')
-"""Folders of `report/`: what was measured knows neither of the others, and they not each other."""
+"""Folders of `report/`: `measure` imports neither `draw` nor `page`, which are independent."""
+
 
 def files() -> list[Path]:
     return sorted(PACKAGE.rglob('*.py'))
@@ -45,25 +46,25 @@ def files() -> list[Path]:
 
 def imported(path: Path) -> set[tuple[str, ...]]:
     """Return the modules of the package that a file imports, as parts of their names."""
-    found = set()
+    modules = set()
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
         if isinstance(node, ast.ImportFrom) and node.module:
             parts = node.module.split('.')
             if parts[0] == 'masmc_ros':
-                for name in (each.name for each in node.names):
+                for name in (alias.name for alias in node.names):
                     inner = PACKAGE.joinpath(*parts[1:], name)
                     is_module = inner.is_dir() or inner.with_suffix('.py').exists()
-                    found.add((*parts[1:], *((name,) if is_module else ())))
+                    modules.add((*parts[1:], *((name,) if is_module else ())))
         elif isinstance(node, ast.Import):
-            assert not any(each.name.startswith('masmc_ros') for each in node.names), path
-    return found
+            assert not any(alias.name.startswith('masmc_ros') for alias in node.names), path
+    return modules
 
 
 def folder_of(parts: tuple[str, ...]) -> str:
     return parts[0] if parts and (PACKAGE / parts[0]).is_dir() else ''
 
 
-def test_imports_run_one_way() -> None:
+def test_imports_follow_order_of_folders() -> None:
     for path in files():
         own = folder_of(path.relative_to(PACKAGE).parts)
         for parts in imported(path):
@@ -71,7 +72,7 @@ def test_imports_run_one_way() -> None:
             assert ORDER.index(other) <= ORDER.index(own), f'{path} imports {".".join(parts)}'
 
 
-def test_nodes_know_what_they_share_and_not_each_other() -> None:
+def test_nodes_import_only_shared_folders() -> None:
     for path in files():
         own = path.relative_to(PACKAGE).parts
         if own[0] != 'nodes' or len(own) < 3 or own[1] == 'composed':
@@ -81,7 +82,7 @@ def test_nodes_know_what_they_share_and_not_each_other() -> None:
                 assert parts[1] in NODES, f'{path} imports {".".join(parts)}'
 
 
-def test_what_a_report_measures_and_its_two_forms_are_apart() -> None:
+def test_report_folders_import_only_measure() -> None:
     for name in REPORT:
         for path in (PACKAGE / 'report' / name).glob('*.py'):
             for parts in imported(path):
@@ -89,24 +90,24 @@ def test_what_a_report_measures_and_its_two_forms_are_apart() -> None:
                     assert parts[1] in ('measure', name), f'{path} imports {".".join(parts)}'
 
 
-def test_no_module_imports_itself_by_way_of_others() -> None:
+def test_imports_without_cycles() -> None:
     graph = {
         path.relative_to(PACKAGE).with_suffix('').parts: imported(path) for path in files()
     }
     done: set[tuple[str, ...]] = set()
 
-    def visit(module: tuple[str, ...], way: tuple[tuple[str, ...], ...]) -> None:
-        assert module not in way, ' -> '.join('.'.join(each) for each in (*way, module))
+    def visit(module: tuple[str, ...], chain: tuple[tuple[str, ...], ...]) -> None:
+        assert module not in chain, ' -> '.join('.'.join(name) for name in (*chain, module))
         if module in graph and module not in done:
             for other in graph[module]:
-                visit(other, (*way, module))
+                visit(other, (*chain, module))
             done.add(module)
 
     for module in graph:
         visit(module, ())
 
 
-def test_only_nodes_know_ros() -> None:
+def test_imports_of_rclpy_only_in_nodes_and_cli() -> None:
     for path in files():
         if path.relative_to(PACKAGE).parts[0] in ('nodes', 'cli'):
             continue
@@ -114,35 +115,30 @@ def test_only_nodes_know_ros() -> None:
             names = (
                 [node.module or '']
                 if isinstance(node, ast.ImportFrom)
-                else [each.name for each in node.names]
+                else [alias.name for alias in node.names]
                 if isinstance(node, ast.Import)
                 else []
             )
-            assert not any(each.split('.')[0].startswith('rcl') for each in names), path
+            assert not any(name.split('.')[0].startswith('rcl') for name in names), path
 
 
 OF_ONE_ROBOT = re.compile(
     r'wheel|yaw|elbow|(^|_)axle|two_link|(^|_)arm($|_)|(^|_)[xy]_[EF]$', re.IGNORECASE
 )
-"""What names of one kind of robot are made of."""
+"""Parts of names that belong to one kind of robot."""
 
 OF_THE_TOPIC = re.compile(r'_?(every_)?arm_(velocity|rate)', re.IGNORECASE)
-"""What is about the topic `arm_velocity_commands`, whose name is public whatever the robot."""
-
-ARRAYS = ('zeros', 'empty', 'ones', 'full', 'range', 'reshape')
-
-SIZES = (4, 7, 12, 21)
-"""Of the paper's robot: axes and joints, positions and parameters, samples, states."""
+"""Names about the topic `arm_velocity_commands`, which is the same for all robots."""
 
 
 def outside_robot() -> list[Path]:
-    """Return the files that serve any robot; a contact with the ground is one of wheels."""
+    """Return the files for any robot; `physics` is about wheels in contact with the ground."""
     own = ('robot', 'physics')
     return [path for path in files() if path.relative_to(PACKAGE).parts[0] not in own]
 
 
-def test_only_its_own_folder_names_parts_of_a_robot() -> None:
-    found = []
+def test_names_of_robot_parts_only_in_robot_and_physics() -> None:
+    violations = []
     for path in outside_robot():
         with path.open('rb') as stream:
             names = {
@@ -150,53 +146,35 @@ def test_only_its_own_folder_names_parts_of_a_robot() -> None:
                 for token in tokenize.tokenize(stream.readline)
                 if token.type == tokenize.NAME
             }
-        found += [
+        violations += [
             f'{path}: {name}'
             for name in sorted(names)
             if OF_ONE_ROBOT.search(name) and not OF_THE_TOPIC.match(name)
         ]
-    assert not found
-
-
-def test_only_its_own_folder_spells_the_sizes_of_a_robot() -> None:
-    found = []
-    for path in outside_robot():
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            if not isinstance(node, ast.Call):
-                continue
-            called = getattr(node.func, 'attr', getattr(node.func, 'id', ''))
-            spelt: list[ast.expr] = list(node.args) if called in ARRAYS else []
-            spelt += [each.value for each in node.keywords if each.arg == 'length']
-            found += [
-                f'{path}:{node.lineno}'
-                for argument in spelt
-                for part in (argument, *getattr(argument, 'elts', ()))
-                if isinstance(part, ast.Constant) and part.value in SIZES
-            ]
-    assert not found
+    assert not violations
 
 
 ON_THE_STACK = ('scratch', 'array_of')
-"""Functions whose arrays end with the function that asks for them."""
+"""Functions whose arrays are valid only until the calling function returns."""
 
 
 def _leaves(node: ast.expr) -> list[str]:
-    """Return the names that an expression hands out as they are, in tuples or by records."""
+    """Return the names that an expression returns, directly or in tuples and records."""
     if isinstance(node, ast.Name):
         return [node.id]
     if isinstance(node, ast.Tuple):
-        return [name for each in node.elts for name in _leaves(each)]
+        return [name for element in node.elts for name in _leaves(element)]
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         if node.func.id in ON_THE_STACK:
             return [node.func.id]
         if node.func.id[:1].isupper():
-            return [name for each in node.args for name in _leaves(each)]
+            return [name for argument in node.args for name in _leaves(argument)]
     return []
 
 
-def _asked_for(function: ast.FunctionDef) -> set[str]:
+def _stack_arrays(function: ast.FunctionDef) -> set[str]:
     """Return the names of a function's arrays on the stack."""
-    found = set(ON_THE_STACK)
+    names = set(ON_THE_STACK)
     for node in ast.walk(function):
         if isinstance(node, ast.Assign):
             target, value = node.targets[0], node.value
@@ -205,36 +183,36 @@ def _asked_for(function: ast.FunctionDef) -> set[str]:
                 if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
                 else [(target, value)]
             )
-            for name, given in pairs:
-                is_call = isinstance(given, ast.Call) and isinstance(given.func, ast.Name)
-                if is_call and given.func.id in ON_THE_STACK and isinstance(name, ast.Name):
-                    found.add(name.id)
-    return found
+            for name, assigned in pairs:
+                is_call = isinstance(assigned, ast.Call) and isinstance(assigned.func, ast.Name)
+                if is_call and assigned.func.id in ON_THE_STACK and isinstance(name, ast.Name):
+                    names.add(name.id)
+    return names
 
 
 def _escaping(source: str) -> list[str]:
-    """Return where functions return arrays that end with them."""
+    """Return functions and lines that return an array on the stack."""
     return [
         f'{function.name}:{node.lineno}'
         for function in ast.walk(ast.parse(source))
         if isinstance(function, ast.FunctionDef)
         for node in ast.walk(function)
         if isinstance(node, ast.Return) and node.value is not None
-        if _asked_for(function) & set(_leaves(node.value))
+        if _stack_arrays(function) & set(_leaves(node.value))
     ]
 
 
-def test_no_function_returns_an_array_that_ends_with_it() -> None:
+def test_functions_return_no_array_on_the_stack() -> None:
     assert _escaping('def f(n):\n    a, b = scratch(n), 1\n    return b, Pair(a, b)') == ['f:3']
     assert _escaping('def f(n):\n    a = array_of(n)\n    return to_vector(a, n)') == []
-    found = {path: _escaping(path.read_text(encoding='utf-8')) for path in files()}
-    assert {path: names for path, names in found.items() if names} == {}
+    escaping = {path: _escaping(path.read_text(encoding='utf-8')) for path in files()}
+    assert {path: names for path, names in escaping.items() if names} == {}
 
 
-def test_no_number_of_a_run_is_added_up_by_sum() -> None:
-    """Python 3.12 adds floats with compensation, 3.11 does not: their bits would differ."""
+def test_computations_of_a_run_do_not_use_sum() -> None:
+    """From Python 3.12 `sum` compensates rounding errors; results would depend on the version."""
     package = Path(__file__).parents[2] / 'masmc_ros'
-    found = [
+    calls = [
         f'{path.relative_to(package)}:{node.lineno}'
         for folder in ('numerics', 'robot', 'law', 'reference', 'loop')
         for path in sorted((package / folder).rglob('*.py'))
@@ -243,4 +221,4 @@ def test_no_number_of_a_run_is_added_up_by_sum() -> None:
         and isinstance(node.func, ast.Name)
         and node.func.id == 'sum'
     ]
-    assert found == []
+    assert calls == []

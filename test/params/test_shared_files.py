@@ -62,7 +62,7 @@ def test_shared_file_nodes_report_foreign_parameters(
 ) -> None:
     if node == 'live':
         pytest.importorskip('foxglove')
-    from processes import peer, processes, ros_arguments
+    from helpers.processes import peer, processes, ros_arguments
 
     with processes(tmp_path) as started, peer(started.domain) as tester:
         output = {'output': tmp_path / 'run.mcap'} if node == 'recorder' else {}

@@ -10,6 +10,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from helpers.small_tree import parameters, START
 from masmc_ros.errors import InputError
 from masmc_ros.loop.signals import CONTACT, largest_slip
 from masmc_ros.loop.simulated_robot import plant_of, SimulatedRobot
@@ -22,7 +23,6 @@ from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from small_tree import parameters, START
 
 FRANKA = str(Path(__file__).parents[2] / 'config' / 'franka_on_omni.yaml')
 PERIOD = 0.001

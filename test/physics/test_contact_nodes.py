@@ -10,16 +10,16 @@ from pathlib import Path
 import subprocess
 import sys
 
-from live_run import live_run
-from log_contents import read_log
+from helpers.child_environment import child_environment
+from helpers.live_run import live_run
+from helpers.log_contents import read_log
+from helpers.processes import NODES, PAPER, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.plant.health import PlantHealth
 from masmc_ros.nodes.process.diagnostics import OK, WARN
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.plant.lateness import Lateness
 import mujoco  # noqa: F401 (without it there is nothing to test)
-from processes import NODES, PAPER, processes, ros_arguments
-from surroundings import surroundings
 
 SHARED = {'duration': '1.0', 'robot.wheel_spin_inertia': '0.01'}
 PLANT = {'physics': 'mujoco', 'friction': '0.3', 'payload.mass': '0.5', 'payload.time': '0.5'}
@@ -52,8 +52,8 @@ def test_contact_nodes_real_time_diagnostics_report_slip(tmp_path: Path) -> None
     for node in NODES[:3]:
         settings[f'{node}__robot.wheel_spin_inertia'] = SHARED['robot.wheel_spin_inertia']
     with live_run(tmp_path, *NODES, **settings) as run:
-        run.goes_on()
-        run.reports('plant', 'fastest slip of a wheel (m/s)', '0.0')
+        run.wait_for_progress()
+        run.wait_for_report('plant', 'fastest slip of a wheel (m/s)', '0.0')
         run.end()
 
 
@@ -69,7 +69,7 @@ def test_plant_health_slip_beyond_creep_is_warning() -> None:
 
 def test_plant_node_without_mujoco_prints_one_line(tmp_path: Path) -> None:
     (tmp_path / 'mujoco.py').write_text("raise ModuleNotFoundError(name='mujoco')\n", 'utf-8')
-    around = surroundings()
+    around = child_environment()
     process = subprocess.run(
         [sys.executable, '-m', 'masmc_ros.nodes.plant.node',
          '--ros-args', '-p', 'physics:=mujoco'],

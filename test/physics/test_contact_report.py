@@ -9,6 +9,8 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
+from helpers.report_html import lines, Page
+from helpers.report_runs import paper_like, series
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.loop.signals import CONTACT
@@ -22,8 +24,6 @@ from masmc_ros.report.page.page import report_page
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from report_html import lines, Page
-from report_runs import paper_like, series
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 SETTINGS = (

@@ -10,6 +10,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from helpers.small_tree import parameters, START, URDF
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.loop import records
@@ -29,7 +30,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from small_tree import parameters, START, URDF
 
 TIAGO = str(Path(__file__).parents[2] / 'config' / 'tiago.yaml')
 MOTORS = 'controller.torque_limit=[6.0, 6.0, 2000.0, 39.0, 39.0, 17.86, 17.86, 3.0, 6.6, 6.6]'

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plant's core without ROS: one state for each tick, commands by their stamps, pauses."""
+"""Core of the plant without ROS: one state per tick, stamps of commands, and pauses."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ import pytest
 PERIOD, TIMEOUT = 0.01, 0.1
 TORQUE = np.array([0.1, 0.1, 0.2, 0.1])
 AHEAD = 800
-"""Ticks that lock-step may be ahead of a recorder."""
+"""Maximum number of ticks by which lockstep may be ahead of a recorder."""
 
 FEW = settings(max_examples=40, deadline=None)
 
@@ -49,14 +49,16 @@ def values() -> dict[str, Any]:
 def core_of(
     kind: type[PlantCore], *, parts: int = 1, changed: Mapping[str, Any] = {}, **options: Any
 ) -> PlantCore:
-    present = {**values(), **changed}
-    timing = Timing.from_values(present)
+    parameters = {**values(), **changed}
+    timing = Timing.from_values(parameters)
     shares = [CommandPart(f'part_{i}', 4 // parts) for i in range(parts)]
-    return kind(plant_of(present, timing.period), timing, present, Commands(shares), **options)
+    return kind(
+        plant_of(parameters, timing.period), timing, parameters, Commands(shares), **options
+    )
 
 
 def published(actions: Actions) -> int:
-    return sum(isinstance(each, Publish) for each in actions)
+    return sum(isinstance(action, Publish) for action in actions)
 
 
 def command(core: PlantCore, now: float = 0.0, stamp: int | None = None) -> Actions:
@@ -66,7 +68,7 @@ def command(core: PlantCore, now: float = 0.0, stamp: int | None = None) -> Acti
 
 EVENTS = st.lists(
     st.sampled_from([
-        *('right', 'right', 'right', 'void', 'old', 'ahead'),
+        *('valid', 'valid', 'valid', 'void', 'old', 'ahead'),
         *('pause', 'run', 'step', 'reset', 'look'),
     ]),
     max_size=60,
@@ -75,19 +77,19 @@ EVENTS = st.lists(
 
 @FEW
 @given(EVENTS)
-def test_lockstep_random_events_one_state_for_each_command(events: list[str]) -> None:
+def test_lockstep_random_events_one_state_per_command(events: list[str]) -> None:
     core = core_of(LockStep)
     # Before the first state every command is dropped.
     assert (command(core, stamp=0), core.dropped) == (NOTHING, 1)
     assert published(core.begin(0.0)) == 1
-    is_paused, steps, dropped, is_here = False, 0, 1, False
+    is_paused, steps, dropped, has_command = False, 0, 1, False
     for event in events:
         tick = core.robot.tick
-        if event in ('right', 'void'):
+        if event in ('valid', 'void'):
             part = core.commands.parts[0]
             numbers = None if event == 'void' else TORQUE
             actions = core.on_command(part, numbers, core.stamp, 0.0)
-            is_here = True
+            has_command = True
         elif event in ('old', 'ahead'):
             actions = command(core, stamp=core.stamp + (-1 if event == 'old' else 1))
             dropped += 1
@@ -101,20 +103,20 @@ def test_lockstep_random_events_one_state_for_each_command(events: list[str]) ->
                 steps += 1
                 actions = core.on_step(0.0)
         elif event == 'reset':
-            actions, is_here = core.on_reset(0.0), False
+            actions, has_command = core.on_reset(0.0), False
             assert (published(actions), core.robot.tick, core.stamp) == (1, 0, 0)
             continue
         else:
             actions = core.on_timer(0.0)
-        advances = is_here and (steps > 0 if is_paused else True)
+        advances = has_command and (steps > 0 if is_paused else True)
         assert published(actions) == advances == core.robot.tick - tick
         if advances:
-            is_here, steps = False, max(0, steps - 1)
+            has_command, steps = False, max(0, steps - 1)
         assert core.stamp == round(core.robot.tick * PERIOD * 1e9)
         assert core.dropped == dropped
 
 
-def test_lockstep_of_two_parts_waits_for_both() -> None:
+def test_lockstep_two_command_parts_waits_for_both() -> None:
     core = core_of(LockStep, parts=2)
     core.begin(0.0)
     first, second = core.commands.parts
@@ -124,7 +126,7 @@ def test_lockstep_of_two_parts_waits_for_both() -> None:
     assert published(core.on_command(first, TORQUE[:2], core.stamp, 1.0)) == 1
 
 
-def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
+def test_lockstep_recorder_without_progress_no_longer_awaited() -> None:
     core = core_of(LockStep)
     core.begin(0.0)
     core.on_recorded(0, 0.0)
@@ -133,7 +135,7 @@ def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
     assert command(core, 1.0) == NOTHING
     assert core.on_timer(1.0) == (Wait(None),)
     assert core.on_timer(2.0) == (Wait('the recorder (recorder/progress)'),)
-    # Its report continues the run; a pause of the run is no silence of the recorder.
+    # Its report continues the run; a pause of the run does not count as missing progress.
     assert published(core.on_recorded(core.stamp // 2, 100.0)) == 1
     for _ in range(AHEAD):
         command(core, 100.0)
@@ -148,7 +150,7 @@ def test_lockstep_waits_for_a_recorder_until_it_is_silent() -> None:
 
 
 @pytest.mark.parametrize('kind', [LockStep, RealTime])
-def test_last_tick_ends_the_run_once(kind: type[PlantCore]) -> None:
+def test_plant_core_last_tick_ends_run_once(kind: type[PlantCore]) -> None:
     core = core_of(kind, **({'waits': False} if kind is RealTime else {}))
     core.begin(10.0)
     core.robot.tick = last = round(50.0 / PERIOD)
@@ -167,7 +169,7 @@ def test_last_tick_ends_the_run_once(kind: type[PlantCore]) -> None:
 
 
 class Clock:
-    """Wakes a core in real time and counts its ticks."""
+    """Clock that wakes a core in real time."""
 
     def __init__(self, core: RealTime) -> None:
         self.core = core
@@ -192,25 +194,25 @@ def running(**options: Any) -> tuple[RealTime, Clock]:
 
 @FEW
 @given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=40), st.sampled_from([0.5, 1.0, 3.0]))
-def test_real_time_any_wakes_few_ticks_at_once(times: list[float], factor: float) -> None:
+def test_real_time_random_wakes_few_ticks_at_once(times: list[float], factor: float) -> None:
     core, clock = running(changed={'real_time_factor': factor})
-    begun = clock.now
+    start = clock.now
     for elapsed in times:
         actions = clock.wake(elapsed)
         assert published(actions) <= LATE_TICKS * max(1.0, factor)
-        assert core.robot.tick <= (clock.now - begun) * factor / PERIOD + 1e-6
-    made = core.lateness.total
-    assert core.robot.tick + made >= int((clock.now - begun) * factor / PERIOD) - len(times)
+        assert core.robot.tick <= (clock.now - start) * factor / PERIOD + 1e-6
+    late = core.lateness.total
+    assert core.robot.tick + late >= int((clock.now - start) * factor / PERIOD) - len(times)
 
 
-def test_real_time_waits_for_the_first_command_and_repeats_its_state() -> None:
+def test_real_time_before_first_command_state_repeated() -> None:
     core, clock = running(waits=True)
     assert core.text == 'waits for the first command'
-    repeated = sum(isinstance(each, PublishAgain) for _ in range(10) for each in clock.wake(0.05))
+    repeated = sum(isinstance(a, PublishAgain) for _ in range(10) for a in clock.wake(0.05))
     assert (repeated, core.robot.tick) == (10, 0)
     command(core, clock.now)
     assert published(clock.wake(1.01 * PERIOD)) == 1
-    # A pause stops time, and with it the age of the command.
+    # A pause stops time; the age of the command does not increase.
     core.on_pause(clock.now, is_paused=True)
     for _ in range(20):
         assert not published(clock.wake(1.0))
@@ -220,12 +222,12 @@ def test_real_time_waits_for_the_first_command_and_repeats_its_state() -> None:
     assert core.commands.held() is not None
 
 
-def test_real_time_old_command_is_discarded_and_an_old_answer_dropped() -> None:
+def test_real_time_old_command_and_old_answer_dropped() -> None:
     core, clock = running()
     command(core, clock.now)
     lines: list[Any] = []
     for _ in range(30):
-        lines += [each for each in clock.wake(PERIOD) if isinstance(each, Line)]
+        lines += [action for action in clock.wake(PERIOD) if isinstance(action, Line)]
     (line,) = lines
     assert line.text == 'no command on part_0 for 0.1 s; the drives hold until one comes'
     assert core.commands.held() is None
@@ -236,8 +238,8 @@ def test_real_time_old_command_is_discarded_and_an_old_answer_dropped() -> None:
     assert core.commands.held() is not None
 
 
-def test_real_time_late_process_takes_the_queue_first() -> None:
-    """A command is not old because the process that would have read the next one was late."""
+def test_real_time_late_process_reads_queue_before_timeout() -> None:
+    """A delay of the process that reads commands does not make the last command too old."""
     core, clock = running()
     command(core, clock.now)
     clock.wake(PERIOD)
@@ -245,7 +247,7 @@ def test_real_time_late_process_takes_the_queue_first() -> None:
     assert core.commands.held() is not None
 
 
-def test_diverging_robot_ends_the_run_with_a_failure() -> None:
+def test_plant_core_robot_diverges_run_fails() -> None:
     core = core_of(LockStep, changed={'torque_limit': (0.0,) * 4})
     core.begin(0.0)
     part = core.commands.parts[0]

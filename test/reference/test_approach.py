@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from helpers.processes import PAPER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from masmc_ros.loop.simulation import Simulation
@@ -13,7 +14,6 @@ from masmc_ros.robot.base_pose import BasePose
 from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from processes import PAPER
 import pytest
 
 SPEED = 0.25

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 import math
 from typing import Any
 
+from helpers import small_tree
+from helpers.robots import between, PROPERTY
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -20,8 +22,6 @@ from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from robots import between, PROPERTY
-import small_tree
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import hashlib
 import subprocess
 import sys
 
+from helpers.child_environment import child_environment
 from masmc_ros.reference.arc import Arc
 from masmc_ros.reference.waypoints import Waypoints
 import numpy as np
 import pytest
-from surroundings import surroundings
 
 RECORDED = {
     'waypoints': '521cd8feccb48a18ae288482081eb02c1bd9fbb4afb9cc558036db4e2373ffcf',
@@ -44,7 +44,7 @@ def test_reference_on_this_machine_equals_recorded_digest(name: str) -> None:
 
 
 def test_reference_interpreted_equals_recorded_digests() -> None:
-    environment = {**surroundings(), 'NUMBA_DISABLE_JIT': '1'}
+    environment = {**child_environment(), 'NUMBA_DISABLE_JIT': '1'}
     output = subprocess.run(
         [sys.executable, __file__],
         env=environment, check=True, timeout=300.0, capture_output=True, text=True,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
+from helpers.robots import between, DEFAULT, PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -22,7 +23,6 @@ from numpy.polynomial.legendre import leggauss
 from numpy.polynomial.polynomial import polyder, polyval, polyvander
 from numpy.typing import NDArray
 import pytest
-from robots import between, DEFAULT, PROPERTY
 
 Array = NDArray[np.float64]
 

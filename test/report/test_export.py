@@ -11,10 +11,11 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
+from helpers.logged_runs import Numbers, numbers, write_run
+from helpers.report_runs import none, paper_like, run_of, series, telling
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from logged_runs import Numbers, numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run, Run
@@ -23,7 +24,6 @@ from masmc_ros.report.export import FORMATS, write_export
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from report_runs import none, paper_like, run_of, series, telling
 
 COUNT = 60
 ROOT = Path(__file__).resolve().parents[2]

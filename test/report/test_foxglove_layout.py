@@ -11,10 +11,10 @@ from pathlib import Path
 import re
 from typing import Any
 
+from helpers.viewed_run import computed_run, decoded, ROOT
 from masmc_ros.messages.topics import SYSTEM_TOPICS
 from masmc_ros.robot.declaration import ODOM_FRAME
 import pytest
-from viewed_run import computed_run, decoded, ROOT
 
 LAYOUT = ROOT / 'config' / 'foxglove.json'
 SETTINGS = Path(__file__).with_name('viewer_settings.json')

@@ -12,12 +12,12 @@ import shutil
 import subprocess
 from typing import Any
 
-from browser import chromium, LIMIT, look, needs_chromium
+from helpers.browser import chromium, LIMIT, look, needs_chromium
+from helpers.report_runs import paper_like, with_change
 from masmc_ros.report.report import write_report
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import paper_like, with_change
 
 FIREFOX = next(filter(None, map(shutil.which, ('firefox', 'firefox-esr'))), None)
 needs_firefox = pytest.mark.skipif(FIREFOX is None, reason='no Firefox here')

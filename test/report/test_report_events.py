@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from helpers.report_html import lines, Page
+from helpers.report_runs import paper_like, telling, with_change
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.controller_events import ACTIVATED, ADAPTATION_RESET
 from masmc_ros.report.measure.labels import labels
@@ -14,8 +16,6 @@ from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 import numpy as np
-from report_html import lines, Page
-from report_runs import paper_like, telling, with_change
 
 
 def page(run: Run) -> Page:

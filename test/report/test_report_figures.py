@@ -10,8 +10,10 @@ import io
 from itertools import chain
 from pathlib import Path
 
+from helpers.logged_runs import numbers, write_run
+from helpers.report_runs import none, paper_like, run_of, series, telling, ticks, without_error
+from helpers.robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 from hypothesis import given
-from logged_runs import numbers, write_run
 from masmc_ros.cli.main import main
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
@@ -30,8 +32,6 @@ import matplotlib
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_runs import none, paper_like, run_of, series, telling, ticks, without_error
-from robots import all_angles, Angles, Machine, machines, PROPERTY, task_positions
 
 COLUMN_PIXELS, PAGE_PIXELS = 1039, 2125  # 88 mm and 180 mm at 300 dpi, truncated
 BLUE, VERMILLION, BLACK = (0, 114, 178), (213, 94, 0), (0, 0, 0)

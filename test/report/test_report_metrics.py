@@ -9,6 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from helpers.report_runs import (
+    later,
+    none,
+    paper_like,
+    PARAMETERS,
+    run_of,
+    telling,
+    ticks,
+    without_error,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -20,16 +30,6 @@ from masmc_ros.report.measure.tracking import tracking
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from report_runs import (
-    later,
-    none,
-    paper_like,
-    PARAMETERS,
-    run_of,
-    telling,
-    ticks,
-    without_error,
-)
 
 PAPER = Path(__file__).parents[2] / 'config' / 'paper.yaml'
 

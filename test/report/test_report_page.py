@@ -10,8 +10,19 @@ from pathlib import Path
 import re
 from typing import Any
 
-from logged_runs import ARRAY, STATE, write_run
-from logged_runs import numbers as numbers_of_a_run
+from helpers.logged_runs import ARRAY, STATE, write_run
+from helpers.logged_runs import numbers as numbers_of_a_run
+from helpers.report_html import lines, numbers, Page
+from helpers.report_runs import (
+    later,
+    none,
+    paper_like,
+    run_of,
+    telling,
+    ticks,
+    with_change,
+    without_error,
+)
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.write.writer import LogWriter
@@ -25,17 +36,6 @@ from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 import numpy as np
 import pytest
-from report_html import lines, numbers, Page
-from report_runs import (
-    later,
-    none,
-    paper_like,
-    run_of,
-    telling,
-    ticks,
-    with_change,
-    without_error,
-)
 
 NETWORK = re.compile(r'(?:https?:)?//[\w.-]+\.\w+', re.IGNORECASE)
 TIMES = ticks()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from helpers.report_runs import run_of, ticks, with_change
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -15,7 +16,6 @@ from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.settling import FLOOR, settling_band, settling_time
 import numpy as np
 import pytest
-from report_runs import run_of, ticks, with_change
 
 NEAR_THE_BAND = st.sampled_from([0.0, 0.5, 1.0]).flatmap(lambda x: st.floats(-0.04 * x, x))
 

@@ -11,6 +11,7 @@ import io
 import math
 from typing import Any
 
+from helpers.report_runs import paper_like, with_change
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.report.aligned import aligned
@@ -19,7 +20,6 @@ from masmc_ros.report.measure.metrics import Metrics, metrics, Reached
 from masmc_ros.report.measure.table import csv_table, markdown_table, number, text_table
 from masmc_ros.robot.registry import DEFAULT
 import pytest
-from report_runs import paper_like, with_change
 
 E, F = DEFAULT.points
 

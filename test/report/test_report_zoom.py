@@ -11,7 +11,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-from browser import look, needs_chromium
+from helpers.browser import look, needs_chromium
+from helpers.report_runs import run_of, ticks
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run, Run
 from masmc_ros.report.measure.tracking import tracking
@@ -19,7 +20,6 @@ from masmc_ros.report.page.samples import MOST
 from masmc_ros.report.report import write_report
 import numpy as np
 import pytest
-from report_runs import run_of, ticks
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'
 BEGIN, END = 10.0, 10.1

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from helpers.viewed_run import computed_run, decoded, ROOT
 from masmc_ros.messages.topics import TOPICS, TRANSFORMS
 from masmc_ros.robot.declaration import ODOM_FRAME
 import pytest
-from viewed_run import computed_run, decoded, ROOT
 import yaml
 
 PLUGINS = 'rviz_default_plugins/'

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from helpers.processes import PAPER
 from masmc_ros.loop.controller_events import ACTIVATED, DEACTIVATED
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.simulation import Simulation
@@ -12,7 +13,6 @@ from masmc_ros.loop.tick_block import Change, TickBlock
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.scenario.scenario import activation, load_scenario
 import numpy as np
-from processes import PAPER
 import pytest
 
 DURATION = 8.0

@@ -10,6 +10,27 @@ from dataclasses import replace
 import math
 from typing import Any
 
+from helpers.plant_state import derivative, PlantState
+from helpers.robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    AXES,
+    BASE_PARAMETERS,
+    between,
+    columns,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    quasi_map,
+    regular_angles,
+    STEP,
+)
+from helpers.scenario import law_records, Scenario
 from hypothesis import example, given
 from hypothesis import strategies as st
 from masmc_ros.loop import records
@@ -30,28 +51,7 @@ from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
 from masmc_ros.robot.two_link.names import TWO_LINK
 import numpy as np
-from plant_state import derivative, PlantState
 import pytest
-from robots import (
-    all_angles,
-    Angles,
-    Array,
-    assert_agree,
-    AXES,
-    BASE_PARAMETERS,
-    between,
-    columns,
-    DEFAULT,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-    quasi_map,
-    regular_angles,
-    STEP,
-)
-from scenario import law_records, Scenario
 
 ROBOT = Machine(DEFAULT)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from pathlib import Path
 
+from helpers.robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.cli.main import main
@@ -24,7 +25,6 @@ from masmc_ros.robot.two_link.names import FRAMES, TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 from rosbags.highlevel import AnyReader
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'

@@ -7,6 +7,21 @@ from __future__ import annotations
 
 import math
 
+from helpers.robots import (
+    all_angles,
+    Angles,
+    assert_agree,
+    columns,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    regular_angles,
+    STEP,
+    trigonometry,
+)
 from hypothesis import example, given
 from masmc_ros.robot.two_link.geometry import (
     Geometry,
@@ -28,21 +43,6 @@ from masmc_ros.robot.two_link.kinematics import (
 )
 import numpy as np
 import pytest
-from robots import (
-    all_angles,
-    Angles,
-    assert_agree,
-    columns,
-    DEFAULT,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-    regular_angles,
-    STEP,
-    trigonometry,
-)
 
 ROBOT = Machine(DEFAULT)
 

@@ -5,8 +5,23 @@
 
 from __future__ import annotations
 
+from helpers.lagrangian import Matrices, matrices
+from helpers.plant_state import derivative, PlantState
+from helpers.robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    columns,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+    quasi_map,
+    regular_angles,
+)
 from hypothesis import given
-from lagrangian import Matrices, matrices
 from masmc_ros.robot.two_link.dynamics import (
     coriolis,
     inertia,
@@ -22,21 +37,6 @@ from masmc_ros.robot.two_link.kinematics import (
     task_velocity,
 )
 import numpy as np
-from plant_state import derivative, PlantState
-from robots import (
-    all_angles,
-    Angles,
-    Array,
-    assert_agree,
-    columns,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-    quasi_map,
-    regular_angles,
-)
 
 TOLERANCE = 1e-11
 

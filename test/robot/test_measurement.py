@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from helpers.robots import Array, between, PROPERTY
+from helpers.scenario import axes, in_pieces, Run, Scenario, tick_by_tick, whole
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.loop.simulation import Simulation
@@ -17,8 +19,6 @@ from masmc_ros.robot.plant.measurement import quantised
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array, between, PROPERTY
-from scenario import axes, in_pieces, Run, Scenario, tick_by_tick, whole
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 

@@ -9,12 +9,8 @@ docs/model.md discusses each of them; (15)-(23) are in test_lyapunov.py.
 
 from __future__ import annotations
 
-from hypothesis import given
-from lagrangian import matrices
-from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
-from masmc_ros.robot.two_link.kinematics import task_velocity
-import numpy as np
-from robots import (
+from helpers.lagrangian import matrices
+from helpers.robots import (
     all_angles,
     Angles,
     Array,
@@ -25,6 +21,10 @@ from robots import (
     machines,
     PROPERTY,
 )
+from hypothesis import given
+from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
+from masmc_ros.robot.two_link.kinematics import task_velocity
+import numpy as np
 
 SWAP = [1, 0, 2, 3]
 """Index that exchanges the columns of the right and of the left wheel."""

@@ -8,6 +8,19 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from helpers.robots import (
+    all_angles,
+    Angles,
+    Array,
+    assert_agree,
+    between,
+    DEFAULT,
+    Machine,
+    machines,
+    PROPERTY,
+    Quad,
+    quads,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -22,19 +35,6 @@ from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import (
-    all_angles,
-    Angles,
-    Array,
-    assert_agree,
-    between,
-    DEFAULT,
-    Machine,
-    machines,
-    PROPERTY,
-    Quad,
-    quads,
-)
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')
 

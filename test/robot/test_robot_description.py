@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree as Xml
 
+from helpers.robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -16,7 +17,6 @@ from masmc_ros.robot.robot import robot_description
 from masmc_ros.robot.two_link.constants import base_parameters
 import numpy as np
 import pytest
-from robots import Array, between, DEFAULT, Machine, machines, PROPERTY, task_positions
 
 POSITIONS = st.tuples(between(-50.0, 50.0), between(-50.0, 50.0), *[between(-9.0, 9.0)] * 5)
 

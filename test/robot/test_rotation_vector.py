@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 
+from helpers.robots import between, PROPERTY
 from hypothesis import given
 from hypothesis import strategies as st
 from masmc_ros.robot.tree.task.rotation_vector import (
@@ -20,7 +21,6 @@ from masmc_ros.robot.tree.task.rotation_vector import (
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from robots import between, PROPERTY
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,9 @@ import subprocess
 import sys
 from typing import Any
 
+from helpers import tree_bits
+from helpers.robots import DEFAULT, Machine, machines
+from helpers.tree_bits import adapted_digest, digest, model_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.robot.robot import robot_description
@@ -25,9 +28,6 @@ from masmc_ros.robot.urdf import read_urdf
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from robots import DEFAULT, Machine, machines
-import tree_bits
-from tree_bits import adapted_digest, digest, model_of
 
 Array = NDArray[np.float64]
 

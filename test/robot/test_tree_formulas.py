@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from helpers.small_tree import parameters, START
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from masmc_ros.errors import InputError
@@ -26,7 +27,6 @@ from masmc_ros.robot.tree.tree_mechanism import tree_mechanism
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from small_tree import parameters, START
 
 Array = NDArray[np.float64]
 

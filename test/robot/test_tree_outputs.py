@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from helpers.small_tree import parameters, START
 from masmc_ros.errors import InputError
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.tree.tree_mechanism import tree_mechanism, TreeMechanism
 import numpy as np
 import pytest
-from small_tree import parameters, START
 
 
 def robot(*outputs: str, **settings: Any) -> TreeMechanism:

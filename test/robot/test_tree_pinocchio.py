@@ -16,6 +16,7 @@ import subprocess
 import sys
 from typing import Any
 
+from helpers.tree_bits import model_of
 from masmc_ros.robot.packages import resource_path
 from masmc_ros.robot.tree import articulated, dynamics, kinematics
 from masmc_ros.robot.tree.assembly import tree_robot, TreeRobot
@@ -26,7 +27,6 @@ from masmc_ros.robot.urdf import read_urdf_file
 import numpy as np
 from numpy.typing import NDArray
 import pytest
-from tree_bits import model_of
 
 pytestmark = pytest.mark.slow
 

@@ -1,12 +1,12 @@
 // Copyright 2026 The masmc_ros authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Reads a log as viewers do: decodes every message by the definition that the log holds.
+// Reads a log as viewers do: decodes every message by its definition in the log.
 //
 //   node read_log.mjs RUN.mcap [LAYOUT.json]
 //
-// Prints JSON: of every topic its type, the number of messages, a digest of everything in them,
-// and the last one; with a layout also what its scripts make of the log.
+// Prints JSON: type, number of messages, digest of all contents and the last message of every
+// topic. With a layout it also prints the output of the layout's scripts.
 import { createHash } from "node:crypto";
 import { open, readFile } from "node:fs/promises";
 import { parse } from "@foxglove/rosmsg";
@@ -21,8 +21,8 @@ function digest(hash, value) {
   if (typeof value === "string") {
     hash.update(value);
   } else if (typeof value === "object") {
-    for (const each of ArrayBuffer.isView(value) ? value : Object.values(value)) {
-      digest(hash, each);
+    for (const element of ArrayBuffer.isView(value) ? value : Object.values(value)) {
+      digest(hash, element);
     }
   } else {
     const number = Buffer.alloc(8);
@@ -31,7 +31,7 @@ function digest(hash, value) {
   }
 }
 
-// Arrays of numbers as plain ones, and integers of 64 bits as numbers.
+// Converts typed arrays to plain arrays, and 64-bit integers to numbers.
 const plain = (_, value) =>
   typeof value === "bigint" ? Number(value) : ArrayBuffer.isView(value) ? [...value] : value;
 
@@ -74,13 +74,13 @@ for await (const message of reader.readMessages()) {
   }
 }
 await file.close();
-const told = {
+const summary = {
   profile: reader.header.profile,
   statistics: Number(reader.statistics.messageCount),
   topics: {},
-  scripts: Object.fromEntries(scripts.map((each) => [each.output, each.made])),
+  scripts: Object.fromEntries(scripts.map((script) => [script.output, script.made])),
 };
 for (const { topic, type, count, hash, last } of topics.values()) {
-  told.topics[topic] = { type, count, digest: hash.digest("hex"), last };
+  summary.topics[topic] = { type, count, digest: hash.digest("hex"), last };
 }
-process.stdout.write(JSON.stringify(told, plain));
+process.stdout.write(JSON.stringify(summary, plain));

@@ -1,8 +1,8 @@
 // Copyright 2026 The masmc_ros authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Compiles a layout's user scripts as Lichtblick does: strictly, against types made of the log's
-// own message definitions, importing "./types" as the only module.
+// Compiles a layout's user scripts strictly, as Lichtblick does: against types generated from the
+// message definitions of the log. The scripts can only import the module "./types".
 import typescript from "typescript";
 
 const FOLDER = "/studio_script";
@@ -32,10 +32,10 @@ const OPTIONS = {
   types: [],
 };
 
-// The type of a message as TypeScript, all that it holds written out.
+// Returns the type of a message as TypeScript, with all nested types expanded.
 function literal(definition, definitions) {
   const fields = definition.definitions.filter((field) => !field.isConstant).map((field) => {
-    const named = definitions.find((each) => each.name === field.type);
+    const named = definitions.find((other) => other.name === field.type);
     const one = field.isComplex ? literal(named, definitions) : VALUES[field.type] ?? "number";
     const type = field.isArray ? ARRAYS[field.type] ?? `(${one})[]` : one;
     return `${JSON.stringify(field.name)}: ${type}`;
@@ -45,13 +45,13 @@ function literal(definition, definitions) {
 
 function typesOf(topics) {
   const fields = topics.map(({ topic, definitions }) => {
-    const root = definitions.find((each) => each.name == undefined) ?? definitions[0];
+    const root = definitions.find((other) => other.name == undefined) ?? definitions[0];
     return `${JSON.stringify(topic)}: ${literal(root, definitions)}`;
   });
   return `export type MessageTypeByTopic = {\n${fields.join(";\n")}\n};\n`;
 }
 
-// The viewer makes a schema of what a script returns: objects, numbers, strings, booleans and
+// The viewer derives a schema from a script's output: objects, numbers, strings, booleans and
 // arrays of these that are written as `type[]`.
 function faultOfOutput(checker, node) {
   const { SyntaxKind } = typescript;
@@ -78,11 +78,11 @@ function faultOfOutput(checker, node) {
 // A script may return `Output | undefined`: undefined is no message.
 function withoutNothing(type) {
   if (!typescript.isUnionTypeNode(type)) return type;
-  const rest = type.types.filter(({ kind }) => kind !== typescript.SyntaxKind.UndefinedKeyword);
-  return rest.length === 1 ? rest[0] : type;
+  const others = type.types.filter(({ kind }) => kind !== typescript.SyntaxKind.UndefinedKeyword);
+  return others.length === 1 ? others[0] : type;
 }
 
-// Returns JavaScript (CommonJS) of a script, or throws what the viewer would complain of.
+// Returns the JavaScript (CommonJS) of a script, or throws the viewer's error.
 export function compiled(sourceCode, topics) {
   const index = `${FOLDER}/index.ts`;
   const files = new Map([
@@ -109,13 +109,13 @@ export function compiled(sourceCode, topics) {
   const program = typescript.createProgram([index], OPTIONS, host);
   program.emit();
   const faults = [...program.getSemanticDiagnostics(), ...program.getSyntacticDiagnostics()].map(
-    (each) => typescript.flattenDiagnosticMessageText(each.messageText, "\n"),
+    (problem) => typescript.flattenDiagnosticMessageText(problem.messageText, "\n"),
   );
   const checker = program.getTypeChecker();
   const source = program.getSourceFile(index);
   const script = source.statements.find(
-    (each) => typescript.isFunctionDeclaration(each) &&
-      each.modifiers?.some(({ kind }) => kind === typescript.SyntaxKind.DefaultKeyword),
+    (node) => typescript.isFunctionDeclaration(node) &&
+      node.modifiers?.some(({ kind }) => kind === typescript.SyntaxKind.DefaultKeyword),
   );
   const fault = script?.type
     ? faultOfOutput(checker, withoutNothing(script.type))
@@ -124,7 +124,7 @@ export function compiled(sourceCode, topics) {
   return text;
 }
 
-// Returns the scripts of a layout: inputs, output and function, and what they will have made.
+// Returns the scripts of a layout: inputs, output, function, and a list for their messages.
 export function scriptsOf(layout, topics) {
   return Object.entries(layout.userNodes).map(([name, { sourceCode }]) => {
     const exports = {};

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from law_bench import at_random, run, tick
+from helpers.law_bench import at_random, run, tick
 import numpy as np
 import pytest
 

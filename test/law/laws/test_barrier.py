@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from law_bench import at_random, run, tick
+from helpers.law_bench import at_random, run, tick
 import numpy as np
 import pytest
 

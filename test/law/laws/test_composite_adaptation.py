@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from dense_regressor import regressor, THETA
-from law_bench import at_random, Instant, run, tick
+from helpers.dense_regressor import regressor, THETA
+from helpers.law_bench import at_random, Instant, run, tick
+from helpers.robots import Array
 import numpy as np
 import pytest
-from robots import Array
 
 LAW = 'composite_adaptation'
 

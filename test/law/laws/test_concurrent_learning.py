@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dense_regressor import regressor, THETA
-from law_bench import at_random, Instant, PAPER, run, tick
+from helpers.dense_regressor import regressor, THETA
+from helpers.law_bench import at_random, Instant, PAPER, run, tick
+from helpers.robots import Array
 from masmc_ros.errors import InputError
 from masmc_ros.law import registry
 from masmc_ros.loop.simulation import Simulation
@@ -16,7 +17,6 @@ from masmc_ros.robot.two_link.names import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import Array
 
 LAW = 'concurrent_learning'
 

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from lagrangian import matrices
-from law_bench import at_random, PAPER, run, tick
+from helpers.lagrangian import matrices
+from helpers.law_bench import at_random, PAPER, run, tick
+from helpers.robots import DEFAULT
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import DEFAULT
 
 LAW = 'decentralised_sliding'
 

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from lagrangian import matrices
-from law_bench import at_random, run, tick, Track
+from helpers.fuzzy_rules import gaussians, SEVEN
+from helpers.lagrangian import matrices
+from helpers.law_bench import at_random, run, tick, Track
+from helpers.robots import DEFAULT
 import numpy as np
 import pytest
-from robots import DEFAULT
-from rules import gaussians, SEVEN
 
 LAW = 'fuzzy_gain'
 

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from lagrangian import matrices
-from law_bench import at_random, run, tick
+from helpers.fuzzy_rules import FIVE, gaussians, pairs
+from helpers.lagrangian import matrices
+from helpers.law_bench import at_random, run, tick
+from helpers.robots import DEFAULT
 import numpy as np
 import pytest
-from robots import DEFAULT
-from rules import FIVE, gaussians, pairs
 
 LAW = 'hybrid_network'
 

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from law_bench import at_random, Instant, run, tick
+from helpers.law_bench import at_random, Instant, run, tick
+from helpers.robots import DEFAULT, Machine
 from masmc_ros.robot.two_link.geometry import quasi_velocity
 import numpy as np
 import pytest
-from robots import DEFAULT, Machine
 
 LAW = 'momentum_observer'
 

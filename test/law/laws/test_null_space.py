@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from law_bench import at_random, Instant, run, tick
+from helpers.law_bench import at_random, Instant, run, tick
+from helpers.robots import Array
 import numpy as np
 import pytest
-from robots import Array
 
 LAW = 'null_space'
 

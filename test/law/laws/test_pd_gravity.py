@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lagrangian import matrices
-from law_bench import at_random, PAPER, run, tick
+from helpers.lagrangian import matrices
+from helpers.law_bench import at_random, PAPER, run, tick
+from helpers.robots import DEFAULT
+from helpers.small_tree import write_scenario
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest
-from robots import DEFAULT
-from small_tree import write_scenario
 
 LAW = 'pd_gravity'
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from law_bench import at_random, run, tick
+from helpers.fuzzy_rules import FIVE, gaussians, pairs
+from helpers.law_bench import at_random, run, tick
 import numpy as np
 import pytest
-from rules import FIVE, gaussians, pairs
 
 LAW = 'rbf_sliding'
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from law_bench import at_random, run, tick
+from helpers.law_bench import at_random, run, tick
+from helpers.robots import Array
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law, register
 from masmc_ros.law.parts.inverse_dynamics import surface_torque
@@ -20,7 +21,6 @@ from masmc_ros.numerics.record import get, put
 from masmc_ros.numerics.tuples import elementwise
 import numpy as np
 import pytest
-from robots import Array
 
 LAW = 'super_twisting'
 

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from law_bench import at_random, run, tick
+from helpers.law_bench import at_random, run, tick
+from helpers.robots import Array
 import numpy as np
 import pytest
-from robots import Array
 
 LAW = 'terminal'
 GAINS = ('c_1', 'c_2', 'k_1', 'k_2')

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from lagrangian import matrices
-from law_bench import at_random, run, tick
+from helpers.lagrangian import matrices
+from helpers.law_bench import at_random, run, tick
+from helpers.robots import DEFAULT
 import numpy as np
 import pytest
-from robots import DEFAULT
 
 LAW = 'variable_structure'
 

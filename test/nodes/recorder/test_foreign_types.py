@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Topics of types that are not installed where they are recorded."""
+"""Recording of topics whose message types are not installed on the recorder's machine."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import subprocess
 import sys
 import textwrap
 
+from helpers.child_environment import child_environment, domain_variables
+from helpers.processes import PATIENCE, peer, processes
 from masmc_ros.messages.definitions import definition
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import PATIENCE, peer, processes
 from rclpy.duration import Duration
-from surroundings import domain_variables, surroundings
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 WITHOUT = """
@@ -28,10 +28,10 @@ WITHOUT = """
     from masmc_ros.nodes.recorder.node import main
     sys.exit(main(sys.argv[1:]))
 """
-"""A recorder on a machine where nobody knows trajectory_msgs."""
+"""Recorder on a machine without trajectory_msgs."""
 
 
-def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
+def test_recorder_unknown_type_definition_from_publisher(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     sent = JointTrajectory(joint_names=['shoulder', 'elbow'])
     sent.header.frame_id = 'somewhere'
@@ -42,7 +42,11 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
         arguments = ['-p', f'output:={log}', '-p', 'extra_topics:=[foreign]']
         recorder = subprocess.Popen(
             [sys.executable, '-c', textwrap.dedent(WITHOUT), '--ros-args', *arguments],
-            env={**surroundings(), **domain_variables(started.domain), 'PYTHONUNBUFFERED': '1'},
+            env={
+                **child_environment(),
+                **domain_variables(started.domain),
+                'PYTHONUNBUFFERED': '1',
+            },
         )
         try:
             tester.wait_for_subscribers(publisher)
@@ -59,7 +63,7 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
             (schema.name, channel.metadata['topic_type_hash'], message)
             for schema, channel, _, message in reader.iter_decoded_messages(topics=['/foreign'])
         ]
-    # The latched one and the one that was sent later.
+    # The latched message and the later one.
     assert len(decoded) == 2
     for name, type_hash, message in decoded:
         assert name == 'trajectory_msgs/msg/JointTrajectory'
@@ -67,4 +71,4 @@ def test_the_sender_says_what_it_sends(tmp_path: Path) -> None:
         assert message.header.frame_id == 'somewhere'
         assert list(message.joint_names) == ['shoulder', 'elbow']
         expected = [[0.0, 1.0], [0.5, 1.0], [1.0, 1.0]]
-        assert [list(each.positions) for each in message.points] == expected
+        assert [list(point.positions) for point in message.points] == expected

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes that steer outlive whoever listens to them, however it dies."""
+"""Control nodes continue when their subscribers are killed."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import signal
 import time
 from typing import Any
 
-from forks import Forks, forks
+from helpers.processes import BOUNDED, PAPER, Peer, peer, ros_arguments
+from helpers.subprocesses import Subprocesses, subprocesses
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.stamps import header_stamp
-from processes import BOUNDED, PAPER, Peer, peer, ros_arguments
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -23,33 +23,33 @@ from std_msgs.msg import Float64MultiArray
 KINDS = ('recorder', 'controller', 'trajectory', 'live', 'listener')
 AT_ONCE = 4
 LONGEST = 1.5
-"""Time in s that a listener lives at most: from before it is set up until it listens."""
+"""Maximum lifetime of a subscriber in s: kills occur before, during and after its setup."""
 
 SETTLED = 10**8
-"""Time in ns of the robot that must go by after each round."""
+"""Robot time in ns for which the run must continue after each round."""
 
 ENDING = 30.0
-"""Time in s in which SIGINT must end a node on a busy machine."""
+"""Maximum time in s from SIGINT to the end of a node on a busy machine."""
 
 ROBOT = ros_arguments(
     PAPER, **{'duration': 0.0, 'pacing': 'realtime', 'plant__wait_for': "['']", **BOUNDED}
 )
 
 
-def listener(forked: Forks, kind: str, folder: Path, number: int) -> Any:
-    """Start one of a kind."""
+def listener(started: Subprocesses, kind: str, folder: Path, number: int) -> Any:
+    """Start a subscriber of a kind."""
     if kind == 'listener':
-        return forked.listen('joint_states', 'effort_commands', 'reference')
-    given: dict[str, object] = {'duration': 0.0}
+        return started.listen('joint_states', 'effort_commands', 'reference')
+    settings: dict[str, object] = {'duration': 0.0}
     if kind == 'recorder':
-        given['recorder__output'] = folder / f'{number}.mcap'
+        settings['recorder__output'] = folder / f'{number}.mcap'
     if kind == 'live':
-        given['live__port'] = 0
-    return forked.start(kind, *ros_arguments(PAPER, **given, **BOUNDED))
+        settings['live__port'] = 0
+    return started.start(kind, **ros_arguments(PAPER, **settings, **BOUNDED))
 
 
 class Robot:
-    """What the nodes that steer have sent last, in ns of the robot's time."""
+    """Stamps in ns of the latest state and of the latest command."""
 
     def __init__(self, tester: Peer) -> None:
         self._tester = tester
@@ -67,51 +67,51 @@ class Robot:
         if self._command.load(raw) and self._command.stamp_ns is not None:
             self.answered = self._command.stamp_ns
 
-    def goes_on(self) -> None:
-        """Wait until states and their answers have come for a while."""
-        begun = self.state
+    def wait_for_progress(self) -> None:
+        """Wait until states and their answers have continued for SETTLED."""
+        start = self.state
         self._tester.until(
-            lambda: min(self.state, self.answered) > begun + SETTLED,
-            f'states after {begun * 1e-9:.3f} s and their answers',
+            lambda: min(self.state, self.answered) > start + SETTLED,
+            f'states after {start * 1e-9:.3f} s and their answers',
         )
 
 
 def kill(kinds: tuple[str, ...], count: int, folder: Path) -> None:
-    """Kill so many of each kind, a few at a time, beside nodes that steer a robot."""
+    """Kill `count` subscribers of each kind, a few at a time, during a run."""
     rng = random.Random(count)
-    with forks(folder) as forked, peer(forked.domain) as tester:
-        steering = [forked.start(name, *ROBOT) for name in ('plant', 'trajectory', 'controller')]
+    with subprocesses(folder) as started, peer(started.domain) as tester:
+        nodes = [started.start(name, *ROBOT) for name in ('plant', 'trajectory', 'controller')]
         robot = Robot(tester)
-        tester.until(lambda: robot.state and robot.answered, 'a robot that is steered')
+        tester.until(lambda: robot.state and robot.answered, 'a controlled robot')
         for kind in kinds:
             for first in range(0, count, AT_ONCE):
                 numbers = range(first, min(first + AT_ONCE, count))
                 dying = [
                     (time.monotonic() + rng.uniform(0.0, LONGEST), process)
-                    for process in (listener(forked, kind, folder, n) for n in numbers)
+                    for process in (listener(started, kind, folder, n) for n in numbers)
                 ]
-                for moment, process in sorted(dying, key=lambda each: each[0]):
+                for moment, process in sorted(dying, key=lambda pair: pair[0]):
                     time.sleep(max(0.0, moment - time.monotonic()))
                     process.kill()
                     process.join()
                     assert process.exitcode == -signal.SIGKILL
-                robot.goes_on()
+                robot.wait_for_progress()
                 for log in folder.glob('*.mcap'):
                     log.unlink()
-        for process in steering:
+        for process in nodes:
             assert process.exitcode is None
             os.kill(process.pid, signal.SIGINT)
-        for process in steering:
+        for process in nodes:
             process.join(ENDING)
             assert process.exitcode == 0
 
 
 @pytest.mark.slow
-def test_a_few_of_each_kind(tmp_path: Path) -> None:
+def test_control_nodes_few_killed_subscribers_continue(tmp_path: Path) -> None:
     kill(KINDS, 4, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('kind', KINDS)
-def test_sixty(kind: str, tmp_path: Path) -> None:
+def test_control_nodes_sixty_killed_subscribers_continue(kind: str, tmp_path: Path) -> None:
     kill((kind,), 60, tmp_path)

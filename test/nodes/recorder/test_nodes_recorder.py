@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the recorder writes: every message, once, in a file that every reader opens."""
+"""Contents of the recorder's file: every message once, readable by all readers."""
 
 from __future__ import annotations
 
@@ -11,17 +11,8 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from log_contents import LogContents, read_log
-from masmc_ros.log.read.reader import read_run
-from masmc_ros.messages.names import TELEMETRY
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.scenario.scenario import load_scenario
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from nav_msgs.msg import Odometry
-import numpy as np
-from processes import (
+from helpers.log_contents import LogContents, read_log
+from helpers.processes import (
     BOUNDED,
     NODES,
     Peer,
@@ -31,13 +22,22 @@ from processes import (
     ros_arguments,
     shortened,
 )
+from masmc_ros.log.read.reader import read_run
+from masmc_ros.messages.names import TELEMETRY
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.scenario.scenario import load_scenario
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import Odometry
+import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray, Header
 
 LAST = 700
-"""Last tick of the recorded runs; on no grid of a decimated topic."""
+"""Last tick of the recorded runs; not a multiple of any decimation."""
 
 
 @pytest.fixture(scope='module')
@@ -48,7 +48,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='module')
 def recorded(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the log of a run of four processes, telemetry decimated by 3."""
+    """Return the log of a run of four processes with telemetry decimated by 3."""
     folder = tmp_path_factory.mktemp('recorded')
     log = folder / 'run.mcap'
     with processes(folder) as started:
@@ -72,7 +72,7 @@ def contents(recorded: Path) -> LogContents:
     return read_log(recorded)
 
 
-def test_every_message_is_there_once(contents: LogContents) -> None:
+def test_recorder_log_has_every_message_once(contents: LogContents) -> None:
     ticks = np.arange(LAST + 1)
 
     def decimated(by: int) -> list[int]:
@@ -94,7 +94,7 @@ def test_every_message_is_there_once(contents: LogContents) -> None:
     assert len(contents.messages['robot_description']) == 1
 
 
-def test_log_times_are_the_stamps(contents: LogContents) -> None:
+def test_recorder_log_times_equal_stamps(contents: LogContents) -> None:
     for topic in (
         'joint_states',
         'effort_commands',
@@ -109,7 +109,7 @@ def test_log_times_are_the_stamps(contents: LogContents) -> None:
     assert max(everything) == LAST * 10**6
 
 
-def test_statistics_indexes_and_channels(contents: LogContents) -> None:
+def test_recorder_log_statistics_indexes_channels_complete(contents: LogContents) -> None:
     summary = contents.summary
     assert summary.statistics is not None
     total = sum(len(messages) for messages in contents.messages.values())
@@ -121,7 +121,7 @@ def test_statistics_indexes_and_channels(contents: LogContents) -> None:
         assert channel.metadata['topic_type_hash'].startswith('RIHS01_'), channel.topic
 
 
-def test_parameters_in_force_and_the_file_are_in_the_log(
+def test_recorder_log_has_active_parameters_and_file(
     contents: LogContents, file: Path
 ) -> None:
     settings = ['controller.telemetry_decimation=3', 'plant.odom_decimation=11']
@@ -140,7 +140,9 @@ def test_parameters_in_force_and_the_file_are_in_the_log(
     assert 'parameter_changes' not in contents.metadata
 
 
-def test_foreign_readers_decode_every_message(recorded: Path, contents: LogContents) -> None:
+def test_recorder_log_decoded_by_third_party_readers(
+    recorded: Path, contents: LogContents
+) -> None:
     with recorded.open('rb') as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         states = [
@@ -154,17 +156,17 @@ def test_foreign_readers_decode_every_message(recorded: Path, contents: LogConte
     run = read_run(recorded)
     assert [list(state.position) for state in states] == run.position.tolist()
     counts: dict[str, int] = {}
-    # rosbags takes the definitions from the file.
+    # rosbags uses the definitions in the file.
     with AnyReader([recorded]) as bag:
         for connection, _, raw in bag.messages():
             bag.deserialize(raw, connection.msgtype)
             topic = connection.topic.lstrip('/')
             counts[topic] = counts.get(topic, 0) + 1
-    assert counts == {topic: len(found) for topic, found in contents.messages.items() if found}
+    assert counts == {topic: len(rows) for topic, rows in contents.messages.items() if rows}
 
 
-def test_a_volatile_sender_does_not_make_messages_come_twice(file: Path, tmp_path: Path) -> None:
-    """A transient-local subscription does not serve it; a second one must not double the rest."""
+def test_recorder_volatile_publisher_no_duplicates(file: Path, tmp_path: Path) -> None:
+    """The recorder needs a second, volatile subscription, which must not duplicate messages."""
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
         sender = tester.publisher(Float64MultiArray, 'controller/tracking_error')
@@ -174,26 +176,26 @@ def test_a_volatile_sender_does_not_make_messages_come_twice(file: Path, tmp_pat
         started.start_all(*arguments, nodes=('trajectory', 'controller', 'plant'))
         sender.publish(Float64MultiArray(data=[1.0, 2.0]))
         assert set(started.wait().values()) == {0}, started.output()
-    found = read_log(log).messages['controller/tracking_error']
-    assert len(found) == LAST + 1 + 1
-    assert len(set(found)) == LAST + 1 + 1
+    messages = read_log(log).messages['controller/tracking_error']
+    assert len(messages) == LAST + 1 + 1
+    assert len(set(messages)) == LAST + 1 + 1
 
 
 def run_until(tester: Peer, stamp_ns: int) -> None:
-    """Wait until the robot's time has come so far."""
+    """Wait until the robot's time has reached a stamp."""
     raw = tester.collect(Odometry, 'odom', raw=True)
     tester.until(lambda: raw and header_stamp(raw[-1]) >= stamp_ns, f'{stamp_ns} ns on odom')
 
 
 def realtime(started: Processes, log: Path) -> dict[str, Any]:
-    """Start four endless nodes that go by the wall clock."""
+    """Start four endless nodes in real time."""
     wait_for = '[controller, trajectory, recorder, peer]'
     settings = {'plant__pacing': 'realtime', 'plant__wait_for': wait_for, **BOUNDED}
     return started.start_all(*ros_arguments(recorder__output=log, duration=0.0, **settings))
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_everything_with_a_complete_log(
+def test_nodes_end_by_signal_log_complete(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     log = tmp_path / 'run.mcap'
@@ -208,7 +210,7 @@ def test_a_signal_ends_everything_with_a_complete_log(
     contents = read_log(log)
     assert contents.summary.statistics is not None
     stamps = contents.stamps('joint_states')
-    # Until the first command comes, a robot whose time stands still tells its state again.
+    # The plant repeats its first state until the first command arrives.
     repeated = stamps.count(0) - 1
     assert len(set(contents.messages['joint_states'][: repeated + 1])) == 1
     del stamps[:repeated]
@@ -216,15 +218,15 @@ def test_a_signal_ends_everything_with_a_complete_log(
     assert len(stamps) > 500
     assert contents.stamps('odom') == stamps[::20]
     assert set(contents.metadata['parameters'][0]) == {'plant', 'trajectory', 'controller'}
-    # What read_run refuses is no complete log.
+    # read_run raises an error for an incomplete log.
     assert len(read_run(log).times) == len(stamps)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_waits_for_others_ends_on_a_signal(
+def test_recorder_waiting_for_nodes_ends_by_signal(
     tmp_path: Path, number: signal.Signals
 ) -> None:
-    """All are asked once the recorder's file is there: compiled, connected, and alone."""
+    """The signal comes after the recorder has created its file, and without other nodes."""
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started:
         recorder = started.start('recorder', *ros_arguments(recorder__output=log))
@@ -235,18 +237,18 @@ def test_a_node_that_waits_for_others_ends_on_a_signal(
     assert read_log(log).messages['joint_states'] == []
 
 
-def test_all_its_threads_give_way_to_those_it_listens_to(tmp_path: Path) -> None:
+def test_recorder_threads_have_lower_priority(tmp_path: Path) -> None:
     arguments = ros_arguments(recorder__output=tmp_path / 'run.mcap')
     with processes(tmp_path) as started:
         recorder = started.start('recorder', *arguments)
         with peer(started.domain) as tester:
             tester.until(lambda: recorder.logged('INFO', 'recording into'), 'the recorder')
         threads = Path(f'/proc/{recorder.process.pid}/task').iterdir()
-        found = {os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in threads}
-    assert found == {os.getpriority(os.PRIO_PROCESS, 0) + 5}
+        priorities = {os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in threads}
+    assert priorities == {os.getpriority(os.PRIO_PROCESS, 0) + 5}
 
 
-def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
+def test_recorder_extra_topics_of_any_qos_recorded(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     names = {
         f'{reliability.name}_{durability.name}'.lower(): QoSProfile(
@@ -266,7 +268,7 @@ def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
             tester.wait_for_subscribers(sender)
 
         def are_recorded() -> bool:
-            """Send once more, since best effort may lose a message; look into the file."""
+            """Send again, because best effort loses messages; return True if all are written."""
             for name, sender in senders.items():
                 sender.publish(Odometry(header=Header(frame_id=f'sent as {name}')))
             data = log.read_bytes()
@@ -276,7 +278,7 @@ def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
         recorder.signal(signal.SIGTERM)
         assert started.wait() == {'recorder': 0}, started.output()
     contents = read_log(log)
-    channels = {each.topic: each for each in contents.summary.channels.values()}
+    channels = {channel.topic: channel for channel in contents.summary.channels.values()}
     for name, qos in names.items():
         assert contents.messages[name]
         offered = channels[f'/{name}'].metadata['offered_qos_profiles']
@@ -285,8 +287,8 @@ def test_extra_topics_of_any_quality_of_service(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_that_diverges_leaves_a_whole_log(tmp_path: Path) -> None:
-    """In one process: what ends the plant must not keep the recorder from completing its file."""
+def test_recorder_composed_run_diverges_log_complete(tmp_path: Path) -> None:
+    """The failure of the plant must not prevent the recorder from completing its file."""
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started:
         started.start(
@@ -295,7 +297,7 @@ def test_a_run_that_diverges_leaves_a_whole_log(tmp_path: Path) -> None:
             *ros_arguments(
                 None,
                 plant__wait_for='[controller, trajectory, recorder]',
-                # By the wall clock it would be a fault, and the robot without torque from then on.
+                # In real time it would be a fault, which ends the torque.
                 pacing='lockstep',
                 # Motors with limits diverge much later.
                 plant__torque_limit='[0.0, 0.0, 0.0, 0.0]',

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a recorder misses is told in the log, on /diagnostics and in the report."""
+"""Messages that a recorder misses are reported in the log, on /diagnostics and in the report."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import shutil
 import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
+from helpers.processes import peer, processes
 from masmc_ros.cli.recover import recover
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
@@ -17,18 +18,17 @@ from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.tracking import tracking
-from processes import peer, processes
 import pytest
 from sensor_msgs.msg import JointState
 from test_recorder_killed import recorder, ROBOT
 
 PERIOD = 10**6
-HELD_UP = 8 * 10**9
-"""Time in ns of the robot for which the recorder stands still: more than buffers can hold."""
+DELAY = 8 * 10**9
+"""Robot time in ns for which the recorder is stopped: longer than its buffers."""
 
 
 def on_disk(log: Path, reports: list[DiagnosticArray]) -> int:
-    """Return how many states are missing in what is in the file; once with every report."""
+    """Return the number of missing states in the file, once per report."""
     if not reports:
         return 0
     reports.clear()
@@ -39,9 +39,9 @@ def on_disk(log: Path, reports: list[DiagnosticArray]) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('ends', ['cut off', 'complete'])
-def test_a_recorder_that_was_held_up_tells_what_is_missing(
-    ends: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize('ending', ['truncated', 'complete'])
+def test_recorder_delayed_missing_states_reported(
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / 'run.mcap'
     health: dict[str, str] = {}
@@ -49,40 +49,41 @@ def test_a_recorder_that_was_held_up_tells_what_is_missing(
         latest = [0]
         reports: list[DiagnosticArray] = []
 
-        def note(raw: bytes) -> None:
+        def store_stamp(raw: bytes) -> None:
             latest[-1] = header_stamp(raw)
 
         def on_health(report: DiagnosticArray) -> None:
             for status in report.status:
                 if status.name == '/recorder':
-                    health.update({each.key: each.value for each in status.values})
+                    health.update({pair.key: pair.value for pair in status.values})
                     reports.append(report)
 
         qos = subscription_qos()
-        tester.node.create_subscription(JointState, 'joint_states', note, qos, raw=True)
+        tester.node.create_subscription(JointState, 'joint_states', store_stamp, qos, raw=True)
         tester.subscribe(DiagnosticArray, '/diagnostics', on_health)
         started.start('plant', *ROBOT)
         node = started.start('recorder', *recorder(log))
         tester.until(lambda: health.get('messages', '0') != '0', 'messages recorded')
-        before = int(health['missing by their stamps'])
+        previous = int(health['missing by their stamps'])
         node.signal(signal.SIGSTOP)
-        moment = latest[-1] + HELD_UP
-        tester.until(lambda: latest[-1] > moment, 'the robot moves on')
+        moment = latest[-1] + DELAY
+        tester.until(lambda: latest[-1] > moment, 'further states')
         node.signal(signal.SIGCONT)
         tester.until(
-            lambda: int(health['missing by their stamps']) > before + 1000, 'missing states told'
+            lambda: int(health['missing by their stamps']) > previous + 1000,
+            'reported missing states',
         )
-        if ends == 'complete':
+        if ending == 'complete':
             node.signal(signal.SIGTERM)
             assert node.wait() == 0
             assert node.logged('WARN', 'missing in')
         else:
-            # A flush later, which a busy machine may hold up: a copy of the file tells.
+            # The next flush may be late on a busy machine; a copy of the file shows it.
             tester.until(lambda: on_disk(log, reports) > 1000, 'the gap on the disk')
             node.signal(signal.SIGKILL)
             node.wait()
             capsys.readouterr()
-    if ends == 'cut off':
+    if ending == 'truncated':
         assert recover([str(log)]) == 0
         assert 'joint_states: ' in capsys.readouterr().out
     run = read_run(log)
@@ -93,7 +94,7 @@ def test_a_recorder_that_was_held_up_tells_what_is_missing(
     assert gaps.missing > 1000
     text = gaps.text()
     assert f'joint_states: {text}, by its stamps.' in missing(run, tracking(run))
-    if ends == 'complete':
+    if ending == 'complete':
         assert run.metadata[MISSING] == [{'/joint_states': text}]
-    # The report of every second is in the log, whatever becomes of the recorder.
+    # The report of every second is in the log, even if the recorder is killed.
     assert run.topics['/diagnostics'] > 0

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recorders that are killed at any moment lose next to nothing."""
+"""Recorders killed at random times lose at most 0.6 s of messages."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from pathlib import Path
 import random
 import signal
 
+from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.nodes.middleware.qos import subscription_qos
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 
 ROUNDS, AT_ONCE = 17, 3
-MOST_LOST = 0.6
-"""Time in s of the robot that a killed recorder may lose."""
+MAXIMUM_LOSS = 0.6
+"""Maximum robot time in s that a killed recorder may lose."""
 
 
 ROBOT = ros_arguments(
@@ -34,20 +34,20 @@ ROBOT = ros_arguments(
         'disturbance.amplitude': '[0.0, 0.0, 0.0, 0.0]',
     },
 )
-"""A robot that stands and sends its state at 1 kHz until it is ended.
+"""Robot at rest that sends its state at 1 kHz until it is ended.
 
-Nobody steers it: on a machine that is busy with recorders, commands would
-come too late for a loop to be stable.
+It has no controller: on a machine that is busy with recorders, commands would
+arrive too late for a stable loop.
 """
 
 
 def recorder(log: Path) -> list[str]:
-    """Return the arguments of a recorder that has no end."""
+    """Return the arguments of an endless recorder."""
     return ros_arguments(None, recorder__output=log, duration=0.0)
 
 
 def recovered_end(log: Path) -> float:
-    """Complete a log and return the time in s of its last state."""
+    """Complete a log; return the time in s of its last state."""
     assert recover(log) is not None
     with log.open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -71,10 +71,10 @@ def check_readers(log: Path) -> None:
 def kill_some(
     started: Processes, tester: Peer, latest: list[int], folder: Path, rng: random.Random
 ) -> list[tuple[Path, int, int]]:
-    """Record with several at once, kill each; return log, first and last time it could have."""
+    """Kill several recorders; return log, and earliest and latest possible last stamp of each."""
     logs = [folder / f'{number}.mcap' for number in range(AT_ONCE)]
     recorders = [(started.start('recorder', *recorder(log)), log) for log in logs]
-    # All find each other at the same time, which takes seconds.
+    # The discovery of all nodes takes seconds.
     tester.until(lambda: latest[-1] > 0, 'states')
     tester.until(
         lambda: all(log.exists() and log.stat().st_size > 1000 for log in logs),
@@ -82,13 +82,13 @@ def kill_some(
     )
     killed = []
     for process, log in recorders:
-        # It records: its file grows from flush to flush.
-        size, begun = log.stat().st_size, latest[-1]
+        # The file of a recorder grows with every flush.
+        size, start = log.stat().st_size, latest[-1]
         tester.until(lambda log=log, size=size: log.stat().st_size > size + 10_000, 'a file grows')
         moment = latest[-1] + rng.randrange(5 * 10**8)
-        tester.until(lambda moment=moment: latest[-1] >= moment, 'the robot moves on')
+        tester.until(lambda moment=moment: latest[-1] >= moment, 'further states')
         process.signal(signal.SIGKILL)
-        killed.append((log, begun, latest[-1]))
+        killed.append((log, start, latest[-1]))
         assert process.wait() == -signal.SIGKILL
     return killed
 
@@ -96,31 +96,31 @@ def kill_some(
 @pytest.mark.parametrize(
     'number', [0, *(pytest.param(number, marks=pytest.mark.slow) for number in range(1, ROUNDS))]
 )
-def test_fifty_killed_recorders(number: int, tmp_path: Path) -> None:
-    """Three in each round, in a domain of its own: the dead slow down who still sends to them."""
+def test_recorder_killed_at_random_loses_little(number: int, tmp_path: Path) -> None:
+    """Three per round, in a separate domain, because killed subscribers delay publishers."""
     rng = random.Random(number)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         started.start('plant', *ROBOT)
         latest = [0]
 
-        def note(raw: bytes) -> None:
+        def store_stamp(raw: bytes) -> None:
             latest[-1] = header_stamp(raw)
 
-        # The newest state only: what the test has not yet looked at is lost as well.
+        # The newest state only; unprocessed earlier states are dropped.
         tester.node.create_subscription(
-            JointState, 'joint_states', note, subscription_qos(), raw=True
+JointState, 'joint_states', store_stamp, subscription_qos(), raw=True
         )
         killed = kill_some(started, tester, latest, tmp_path, rng)
-    for log, begun, last in killed:
+    for log, start, last in killed:
         end = recovered_end(log)
-        assert end > begun * 1e-9 - MOST_LOST
-        assert last * 1e-9 - end <= MOST_LOST, log
+        assert end > start * 1e-9 - MAXIMUM_LOSS
+        assert last * 1e-9 - end <= MAXIMUM_LOSS, log
     if number == 0:
         check_readers(killed[0][0])
 
 
 @pytest.mark.slow
-def test_the_next_recorder_completes_what_was_left(tmp_path: Path) -> None:
+def test_recorder_start_completes_log_of_killed_recorder(tmp_path: Path) -> None:
     with processes(tmp_path) as started, peer(started.domain) as tester:
         started.start('plant', *ROBOT)
         logs = tmp_path / 'logs'
@@ -133,7 +133,7 @@ def test_the_next_recorder_completes_what_was_left(tmp_path: Path) -> None:
         second = started.start('recorder', *recorder(logs / 'second.mcap'))
         tester.until(lambda: second.logged('WARN', 'first.mcap'), 'its recovery')
         assert len(read_run(path).times) > 100
-        # SIGTERM ends the recording properly.
+        # SIGTERM ends the recording regularly.
         grown = logs / 'second.mcap'
         tester.until(lambda: grown.exists() and grown.stat().st_size > 50_000, 'the second log')
         second.signal(signal.SIGTERM)

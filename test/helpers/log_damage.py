@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs that are damaged in every way that a disk, a transfer or a bad program may do it."""
+"""Damaged logs: errors of a disk, of a transfer and of a faulty program."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def swapped_pieces(draw: random.Random, data: bytes) -> bytes:
 
 
 def wrong_length(draw: random.Random, data: bytes) -> bytes:
-    """Let a record say that it is longer or shorter than it is."""
+    """Write a wrong length into the head of a record."""
     start = draw.choice([start for _, start, _ in records(data)])
     opcode, length = RECORD_HEAD.unpack_from(data, start)
     wrong = draw.choice([0, length - 1, length + 1, length + 100, 2**31, 2**63, 2**64 - 1])
@@ -57,7 +57,7 @@ def wrong_length(draw: random.Random, data: bytes) -> bytes:
 
 
 def wrong_opcode(draw: random.Random, data: bytes) -> bytes:
-    """Let a record say that it is of another kind."""
+    """Write a wrong kind into the head of a record."""
     start = draw.choice([start for _, start, _ in records(data)])
     return data[:start] + bytes([draw.choice([0, *range(1, 18), 128, 255])]) + data[start + 1:]
 
@@ -68,7 +68,7 @@ def wrong_opcode_of_a_chunk(draw: random.Random, data: bytes) -> bytes:
 
 
 def flips_in_heads(draw: random.Random, data: bytes) -> bytes:
-    """Change bits where records say what they are, and how large what is in them."""
+    """Change bits in the heads of records: their kind, and the lengths of their fields."""
     changed = bytearray(data)
     for _ in range(draw.choice([1, 1, 2])):
         start = draw.choice([start for _, start, _ in records(data)])
@@ -77,7 +77,7 @@ def flips_in_heads(draw: random.Random, data: bytes) -> bytes:
     return bytes(changed)
 
 
-def cut_off(draw: random.Random, data: bytes) -> bytes:
+def truncated_and_flipped(draw: random.Random, data: bytes) -> bytes:
     return flips(draw, data)[: draw.randrange(len(data))]
 
 
@@ -91,13 +91,13 @@ BYTES: tuple[Mutation, ...] = (
     wrong_opcode,
     wrong_opcode_of_a_chunk,
     flips_in_heads,
-    cut_off,
+    truncated_and_flipped,
 )
-"""What happens to the bytes of a file; checksums tell of most."""
+"""Changes of a file's bytes; checksums reveal most of them."""
 
 
 def wrong_contents(draw: random.Random, data: bytes) -> bytes:
-    """Write a log again with some of it wrong, and all checksums and indexes right."""
+    """Return a copy of a log with wrong contents but valid checksums and indexes."""
     reader = make_reader(BytesIO(data))
     kinds = ('schema', 'type', 'encoding', 'topic', 'message', 'time', 'metadata', 'missing')
     kind = draw.choice(kinds)
@@ -118,10 +118,10 @@ def wrong_contents(draw: random.Random, data: bytes) -> bytes:
             elif kind == 'type':
                 name = draw.choice(['std_msgs/msg/Float64', 'x', '', 'a/b/c/d'])
             elif kind == 'encoding':
-                strange = [('', 'cdr'), ('ros2idl', 'cdr'), ('', 'json'), ('ros2msg', '')]
-                encoding, of_messages = draw.choice(strange)
+                unusual = [('', 'cdr'), ('ros2idl', 'cdr'), ('', 'json'), ('ros2msg', '')]
+                encoding, of_messages = draw.choice(unusual)
             elif kind == 'topic':
-                others = [each.topic for each in summary.channels.values()]
+                others = [channel.topic for channel in summary.channels.values()]
                 topic = draw.choice([*others, '', '/x' + topic, '\0'])
         schema_id = writer.register_schema(name, encoding, text)
         channels[number] = writer.register_channel(topic, of_messages, schema_id)
@@ -138,17 +138,19 @@ def wrong_contents(draw: random.Random, data: bytes) -> bytes:
     for metadata in reader.iter_metadata():
         values = metadata.metadata
         if kind == 'metadata':
-            strange = ['', '{', '[]', '{"a": [[1]]}', '[' * 10000, 'NaN', '1e999', '\0', 'null']
-            values = {name: draw.choice([*strange, text]) for name, text in values.items()}
+            unusual = ['', '{', '[]', '{"a": [[1]]}', '[' * 10000, 'NaN', '1e999', '\0', 'null']
+            values = {name: draw.choice([*unusual, text]) for name, text in values.items()}
         writer.add_metadata(metadata.name, values)
-    for each in reader.iter_attachments():
-        writer.add_attachment(0, 0, each.name, each.media_type, each.data)
+    for attachment in reader.iter_attachments():
+        writer.add_attachment(
+            0, 0, attachment.name, attachment.media_type, attachment.data
+        )
     writer.finish()
     return stream.getvalue()
 
 
 def damaged(number: int, logs: list[bytes]) -> tuple[bytes, str]:
-    """Return a damaged log, made of one of `logs`, the same for a number, and what was done."""
+    """Return a damaged copy of one of `logs` and the kind of damage, reproducible by `number`."""
     draw = random.Random(number)
     data = draw.choice(logs)
     if number % 4 == 3:

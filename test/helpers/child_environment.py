@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What processes that tests start find in their environment, a ROS domain of their own with it."""
+"""Environment of processes that tests start, with a separate ROS domain."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ AnyStarted = TypeVar('AnyStarted', bound='Started')
 _turn = itertools.count(random.randrange(len(_DOMAINS)))
 
 
-def surroundings() -> dict[str, str]:
-    """Return environment variables with which a child imports what this process imports."""
+def child_environment() -> dict[str, str]:
+    """Return environment variables for a child process with this process's import path."""
     path = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
     return {
         **os.environ,
@@ -32,27 +32,27 @@ def surroundings() -> dict[str, str]:
 
 
 def domain_variables(domain: int) -> dict[str, str]:
-    """Return environment variables of a domain that does not leave this machine."""
+    """Return environment variables of a ROS domain that is limited to this machine."""
     return {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
 
 class Started(Protocol):
     """Processes of a test."""
 
-    def tell(self) -> None:
-        """Print what they printed."""
+    def print_output(self) -> None:
+        """Print their output."""
 
     def end(self) -> None:
-        """End those that still run."""
+        """Kill those that still run."""
 
 
 @contextmanager
 def ended(started: AnyStarted) -> Iterator[AnyStarted]:
-    """Yield processes that end with the test, and tell what they printed where it fails."""
+    """Yield processes that end with the test; print their output if the test fails."""
     try:
         yield started
     except BaseException:
-        started.tell()
+        started.print_output()
         raise
     finally:
         started.end()
@@ -60,7 +60,7 @@ def ended(started: AnyStarted) -> Iterator[AnyStarted]:
 
 @contextmanager
 def domain() -> Iterator[int]:
-    """Yield the next domain that nobody else uses meanwhile."""
+    """Yield the next ROS domain that no other process uses."""
     first = next(_turn)
     turns = (_DOMAINS[(first + number) % len(_DOMAINS)] for number in range(len(_DOMAINS)))
     with locked_domain(turns) as number:

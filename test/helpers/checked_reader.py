@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading a log with every check that mcap has."""
+"""Reading of a log with all checks of the library mcap."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Messages = list[tuple[str, int, bytes]]
 
 
 def read(path: Path) -> tuple[Messages, list[ChunkIndex]]:
-    """Read a log with every check that mcap has; its statistics and indexes must be right."""
+    """Return messages and chunk indexes of a log; its statistics and indexes must be right."""
     with path.open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
@@ -36,6 +36,6 @@ def read(path: Path) -> tuple[Messages, list[ChunkIndex]]:
         assert statistics.message_start_time == min(times)
         assert statistics.message_end_time == max(times)
     assert counts.keys() <= summary.channels.keys()
-    told = {number: n for number, n in statistics.channel_message_counts.items() if n}
-    assert told == counts
+    stated = {number: n for number, n in statistics.channel_message_counts.items() if n}
+    assert stated == counts
     return messages, summary.chunk_indexes

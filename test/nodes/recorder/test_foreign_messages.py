@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever a stranger sends: no node ends, and the recording is whole, with all of it inside."""
+"""Random messages of third-party publishers: no node exits, and the log has all messages."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ import signal
 import time
 from typing import Any
 
+from helpers.checked_reader import read
+from helpers.foreign_publishers import NESTED, random_message, record, TEXTS, TYPES, valid_message
+from helpers.processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.log.recover.recover import recover
@@ -29,24 +32,21 @@ from masmc_ros.nodes.plant.command_sources import rate_sources, torque_sources
 from masmc_ros.robot.registry import DEFAULT
 from mcap.reader import make_reader
 import numpy as np
-from processes import BOUNDED, NODES, Peer, peer, processes, ros_arguments
 import pytest
-from strangers import NESTED, record, right_message, strange_message, TEXTS, TYPES
-from whole_log import read
 
 ROUNDS, LIMIT = 40, 400.0
-"""Batches of messages that are sent, and the time in s for them."""
+"""Number of batches of messages, and maximum time in s for them."""
 
 BATCH = 8
-"""Messages on each topic in a batch."""
+"""Number of messages per topic in a batch."""
 
 
-def test_every_stamp_is_a_time_or_told_to_be_none() -> None:
+def test_stamp_reader_random_message_valid_or_error() -> None:
     draw = random.Random(1)
     for topic, type_name in TYPES.items():
         reader = stamp_reader(topic, type_name)
         for _ in range(400):
-            raw = strange_message(draw, topic)
+            raw = random_message(draw, topic)
             try:
                 stamp = reader(raw)
             except InputError:
@@ -54,37 +54,37 @@ def test_every_stamp_is_a_time_or_told_to_be_none() -> None:
             assert stamp is None or 0 <= stamp < END_OF_TIME
 
 
-def test_every_command_is_read_or_refused() -> None:
+def test_command_sources_random_message_valid_or_error() -> None:
     draw = random.Random(2)
     rates = [
         part
-        for each in (False, True)
-        for part in rate_sources(DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=each)
+        for is_stamped in (False, True)
+        for part in rate_sources(DRIVEN_JOINTS, DEFAULT.twist, '', is_stamped=is_stamped)
     ]
     for part in (*torque_sources(DRIVEN_JOINTS), *rates):
         for _ in range(400):
-            raw = strange_message(draw, part.topic)
+            raw = random_message(draw, part.topic)
             try:
-                taken = part.read(raw)
+                command = part.read(raw)
             except InputError:
                 continue
-            assert np.isfinite(taken.numbers).all()
-            assert taken.stamp is None or 0 <= taken.stamp < END_OF_TIME
+            assert np.isfinite(command.numbers).all()
+            assert command.stamp is None or 0 <= command.stamp < END_OF_TIME
 
 
-def test_records_of_parameters_hold_what_parameters_can_be() -> None:
+def test_read_record_random_text_valid_or_error() -> None:
     for text in TEXTS:
         try:
-            found = read_record(text)
+            parsed = read_record(text)
         except InputError as error:
             assert 'no record of parameters' in str(error)
             continue
-        json.dumps(found._asdict()).encode()
-        assert found.tick >= 0
-        for value in found.parameters.values():
+        json.dumps(parsed._asdict()).encode()
+        assert parsed.tick >= 0
+        for value in parsed.parameters.values():
             assert not isinstance(value, dict)
             entries = value if isinstance(value, list) else []
-            assert not any(isinstance(each, list) for each in entries)
+            assert not any(isinstance(entry, list) for entry in entries)
     assert read_record(record()).parameters['pacing'] == 'realtime'
 
 
@@ -104,7 +104,7 @@ def transforms(seconds: int) -> bytes:
 
 
 UNREADABLE = {
-    'controller/tracking_error': [telemetry(each) for each in (np.nan, np.inf, -1.0, 1e300)],
+    'controller/tracking_error': [telemetry(time) for time in (np.nan, np.inf, -1.0, 1e300)],
     '/tf': [transforms(-1), transforms(-(2**31))],
     'plant/parameters': [
         parameters(NESTED % ('[' * 500 + ']' * 500)),
@@ -114,11 +114,11 @@ UNREADABLE = {
         parameters(record(stamp=float('-inf'))),
     ],
 }
-"""Of these the recorder cannot make anything."""
+"""Messages that the recorder cannot decode."""
 
 
 class Sender:
-    """Publishes raw messages, and waits until they are in a recorder's file."""
+    """Publisher of raw messages that waits until they are in a recorder's file."""
 
     def __init__(self, tester: Peer, log: Path, topics: list[str]) -> None:
         self._tester = tester
@@ -134,8 +134,8 @@ class Sender:
         self.publishers[topic].publish(raw)
         self.sent[topic].append(raw)
 
-    def are_recorded(self) -> None:
-        """Wait until the last message of each topic is in the file, which is not compressed."""
+    def wait_until_recorded(self) -> None:
+        """Wait until the last message of each topic is in the uncompressed file."""
         for topic, sent in self.sent.items():
             if sent and topic != 'recorder/progress':
                 self._tester.until(
@@ -151,23 +151,23 @@ def send_states(sender: Sender, first: int, count: int) -> None:
 
 
 def check_file(log: Path, sender: Sender, *, also: str = '') -> dict[str, int]:
-    """Check that a file is whole and has every message; return what was not understood."""
+    """Check that a log is complete; return the number of undecoded messages by topic."""
     messages, _ = read(log)
     assert recover(log) is None
-    found: dict[str, list[bytes]] = {}
+    recorded: dict[str, list[bytes]] = {}
     for topic, _, raw in messages:
-        found.setdefault(topic.lstrip('/'), []).append(raw)
+        recorded.setdefault(topic.lstrip('/'), []).append(raw)
     for topic, sent in sender.sent.items():
         if topic == 'recorder/progress':
             continue
         mine = set(sent)
-        assert [raw for raw in found[topic.lstrip('/')] if raw in mine] == sent, topic
+        assert [raw for raw in recorded[topic.lstrip('/')] if raw in mine] == sent, topic
     with log.open('rb') as stream:
-        metadata = {each.name: each.metadata for each in make_reader(stream).iter_metadata()}
+        metadata = {entry.name: entry.metadata for entry in make_reader(stream).iter_metadata()}
     return {topic: int(count) for topic, count in metadata.get(NOT_UNDERSTOOD, {}).items()}
 
 
-def test_what_cannot_be_understood_is_recorded_as_it_came_and_counted(tmp_path: Path) -> None:
+def test_recorder_undecodable_messages_recorded_and_counted(tmp_path: Path) -> None:
     log = tmp_path / 'run.mcap'
     with processes(tmp_path) as started, peer(started.domain) as tester:
         arguments = ros_arguments(None, recorder__output=log, recorder__compression='none')
@@ -176,13 +176,13 @@ def test_what_cannot_be_understood_is_recorded_as_it_came_and_counted(tmp_path: 
         for publisher in sender.publishers.values():
             tester.wait_for_subscribers(publisher)
         send_states(sender, 1, 1)
-        sender.are_recorded()
+        sender.wait_until_recorded()
         for topic, bad in UNREADABLE.items():
             for raw in bad:
                 sender.publish(topic, raw)
-        sender.are_recorded()
+        sender.wait_until_recorded()
         send_states(sender, 2, 1)
-        sender.are_recorded()
+        sender.wait_until_recorded()
         recorder.signal(signal.SIGTERM)
         assert started.wait() == {'recorder': 0}, started.output()
         assert 'Traceback' not in started.output()
@@ -190,8 +190,8 @@ def test_what_cannot_be_understood_is_recorded_as_it_came_and_counted(tmp_path: 
             assert recorder.logged('ERROR', f'{topic} is recorded as it came')
     counts = check_file(log, sender)
     assert counts == {f'/{t.lstrip("/")}': len(bad) for t, bad in UNREADABLE.items()}
-    # Each at the time at which it came: that of the latest state. What others send, such as the
-    # recorder's own health once a second, may come at any time.
+    # The log time of each message is the stamp of the latest state. Other messages, such as the
+    # recorder's own diagnostics, may have any log time.
     times = [time for topic, time, _ in read(log)[0] if topic in counts]
     assert len(times) == sum(counts.values())
     assert set(times) == {10**6}
@@ -199,13 +199,13 @@ def test_what_cannot_be_understood_is_recorded_as_it_came_and_counted(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_recorder_takes_whatever_comes(tmp_path: Path) -> None:
+def test_recorder_random_messages_all_recorded(tmp_path: Path) -> None:
     log, draw = tmp_path / 'run.mcap', random.Random(3)
     with processes(tmp_path) as started, peer(started.domain) as tester:
         arguments = ros_arguments(None, recorder__output=log, recorder__compression='none')
         recorder = started.start('recorder', *arguments)
-        # The others turn up, and are sent by a plant alone.
-        topics = [each for each in TYPES if each not in ('cmd_vel', 'recorder/progress')]
+        # The recorder subscribes to these topics only if a plant requires them.
+        topics = [topic for topic in TYPES if topic not in ('cmd_vel', 'recorder/progress')]
         sender = Sender(tester, log, topics)
         for publisher in sender.publishers.values():
             tester.wait_for_subscribers(publisher)
@@ -215,9 +215,9 @@ def test_a_recorder_takes_whatever_comes(tmp_path: Path) -> None:
                 break
             for topic in topics:
                 for _ in range(BATCH):
-                    sender.publish(topic, strange_message(draw, topic))
+                    sender.publish(topic, random_message(draw, topic))
             send_states(sender, 10 * number, 3)
-            sender.are_recorded()
+            sender.wait_until_recorded()
             assert recorder.process.poll() is None, started.output()
         recorder.signal(signal.SIGTERM)
         assert started.wait() == {'recorder': 0}, started.output()
@@ -229,8 +229,8 @@ def test_a_recorder_takes_whatever_comes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_no_node_ends(tmp_path: Path) -> None:
-    """On every topic that any node listens to, while a run goes on in real time."""
+def test_nodes_random_messages_during_run_no_node_exits(tmp_path: Path) -> None:
+    """Send random messages on every topic of the nodes during a run in real time."""
     log, draw = tmp_path / 'run.mcap', random.Random(4)
     settings: dict[str, Any] = {
         'recorder__output': log,
@@ -254,7 +254,7 @@ def test_no_node_ends(tmp_path: Path) -> None:
                 break
             for topic in TYPES:
                 for _ in range(BATCH):
-                    sender.publish(topic, strange_message(draw, topic))
+                    sender.publish(topic, random_message(draw, topic))
             end = time.monotonic() + 0.3
             tester.until(lambda end=end: time.monotonic() > end)
             for name, node in nodes.items():
@@ -265,11 +265,11 @@ def test_no_node_ends(tmp_path: Path) -> None:
         assert 'Traceback' not in started.output()
     read(log)
     assert recover(log) is None
-    scanned = read_run_or_refusal(log)
-    assert scanned is None or '\n' not in scanned
+    error = read_run_or_error(log)
+    assert error is None or '\n' not in error
 
 
-def read_run_or_refusal(log: Path) -> str | None:
+def read_run_or_error(log: Path) -> str | None:
     try:
         read_run(log)
     except InputError as error:
@@ -277,9 +277,9 @@ def read_run_or_refusal(log: Path) -> str | None:
     return None
 
 
-def test_a_right_message_of_every_topic_is_one() -> None:
+def test_stamp_reader_valid_message_of_every_topic_read() -> None:
     for topic, type_name in TYPES.items():
         if topic in ('/parameter_events', 'recorder/progress'):
             continue
-        stamp_reader(topic, type_name)(right_message(topic))
-    assert record_of(right_message('plant/parameters')).node == '/plant'
+        stamp_reader(topic, type_name)(valid_message(topic))
+    assert record_of(valid_message('plant/parameters')).node == '/plant'

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The sampled closed loop once more, in plain NumPy on dense matrices.
+Independent implementation of the sampled closed loop in NumPy, on dense matrices.
 
-It shares no formula with the package: the model is the Lagrangian's (lagrangian.py), linear
-systems are solved by LAPACK, sines come from the C library, the parameters' columns of Y
-from seven robots of one body each, the implicit law from trying all combinations of sides.
+It shares no function with the package. The model is derived from the Lagrangian
+(lagrangian.py). LAPACK solves the linear systems; the C library computes sines. Seven robots of
+one body each yield the columns of Y. The implicit law tries all combinations of signs.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from itertools import product
 import math
 
-from lagrangian import Array, Matrices, matrices, PARAMETERS
+from helpers.lagrangian import Array, Matrices, matrices, PARAMETERS
+from helpers.scenario import Scenario
 import numpy as np
-from scenario import Scenario
 
 _SIDES = np.array(list(product((-1.0, 0.0, 1.0), repeat=4)))
 
@@ -47,7 +47,7 @@ def base_parameters(p: dict[str, float]) -> Array:
 
 
 def one_body_robots(p: dict[str, float]) -> list[dict[str, float]]:
-    """Return seven robots with the lengths of this one, whose theta are independent."""
+    """Return seven robots with the lengths of this one and linearly independent theta."""
     lengths = {name: p[name] for name in PARAMETERS if name.endswith(('_radius', '_track'))}
     lengths |= {name: p[name] for name in ('link_1_length', 'link_2_length')}
     arm_base = p['com_offset'] + p['arm_offset']
@@ -75,19 +75,21 @@ def switching(kind: str, s: Array, delta: float) -> Array:
 
 
 def implicit(h_x: Array, period: float, k_s1: Array, k_s2: Array, s: Array) -> tuple[Array, Array]:
-    """Return s+ and zeta by solving for all 81 combinations of sides at once."""
+    """Return s+ and zeta: solve for all 81 combinations of signs, return the consistent one."""
     right, box = h_x @ s, period * k_s2
     matrix = h_x + period * np.diag(k_s1)
-    beside = _SIDES != 0.0
-    both = beside[:, :, None] & beside[:, None, :]
+    is_sliding_off = _SIDES != 0.0
+    both = is_sliding_off[:, :, None] & is_sliding_off[:, None, :]
     systems = np.where(both, matrix, np.eye(4))
-    known = np.where(beside, right - box * _SIDES, 0.0)
+    known = np.where(is_sliding_off, right - box * _SIDES, 0.0)
     following = np.linalg.solve(systems, known[:, :, None])[:, :, 0]
-    rest = right - following @ matrix.T
-    wrong = np.where(beside, np.maximum(-_SIDES * following, 0.0) / (np.abs(s).max() + 1e-300), 0)
-    over = np.where(beside, 0.0, np.maximum(np.abs(rest) - box, 0.0) / box)
+    residual = right - following @ matrix.T
+    wrong = np.where(
+        is_sliding_off, np.maximum(-_SIDES * following, 0.0) / (np.abs(s).max() + 1e-300), 0
+    )
+    over = np.where(is_sliding_off, 0.0, np.maximum(np.abs(residual) - box, 0.0) / box)
     best = int(np.argmin(np.max(wrong + over, axis=1)))
-    return following[best], np.where(beside[best], _SIDES[best], rest[best] / box)
+    return following[best], np.where(is_sliding_off[best], _SIDES[best], residual[best] / box)
 
 
 @dataclass
@@ -104,7 +106,7 @@ class Simulator:
     """The closed loop of one scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Start at tick 0."""
+        """Initialise the loop of a scenario at tick 0."""
         self.scenario = scenario
         self.parameters = scenario.robot.physical
         self._bodies = one_body_robots(self.parameters)
@@ -142,7 +144,7 @@ class Simulator:
         return matrices(self.parameters, q, v)
 
     def _as_joint_states(self) -> tuple[Array, Array]:
-        """Positions and velocities with the axle's middle in place of the centre of mass."""
+        """Return positions and velocities with the axle's centre instead of the centre of mass."""
         d, yaw = self.parameters['com_offset'], self.q[2]
         q_dot = self._matrices(self.q, self.v).null_space @ self.v
         position, velocity = self.q.copy(), q_dot.copy()
@@ -151,7 +153,7 @@ class Simulator:
         return position, velocity
 
     def _regressor(self, v_r: Array, a_r: Array) -> Array:
-        """Return Y (4, 7), from what each one-body robot's motion takes."""
+        """Return Y (4, 7) from the forces on robots of one body."""
         forces = []
         for body in self._bodies:
             m = matrices(body, self.q, self.v)
@@ -221,8 +223,8 @@ class Simulator:
         def rate(t: float, state: Array) -> Array:
             q, v = state[:7], state[7:]
             m = self._matrices(q, v)
-            push = c.amplitude * np.sin(c.frequency * t + c.phase)
-            force = held + push - m.reduced_coriolis @ v
+            disturbance = c.amplitude * np.sin(c.frequency * t + c.phase)
+            force = held + disturbance - m.reduced_coriolis @ v
             return np.concatenate([m.null_space @ v, np.linalg.solve(m.reduced_inertia, force)])
 
         h, state = c.period / c.steps, np.concatenate([self.q, self.v])

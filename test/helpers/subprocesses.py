@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes and listeners to be killed, many of them: forks of a process that has imported."""
+"""Many nodes and subscribers to be killed, forked from a process that has imported everything."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ import os
 from pathlib import Path
 import sys
 
-from processes import PATIENCE
+from helpers.child_environment import child_environment, domain, domain_variables, ended
+from helpers.processes import PATIENCE
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from surroundings import domain, domain_variables, ended, surroundings
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _NODES = ('plant', 'recorder', 'controller', 'trajectory')
-_IMPORTED = ['forks', *(f'masmc_ros.nodes.{name}.node' for name in _NODES)]
+_IMPORTED = ['helpers.subprocesses', *(f'masmc_ros.nodes.{name}.node' for name in _NODES)]
 
 
-class Forks:
-    """The processes of a domain."""
+class Subprocesses:
+    """Processes of one ROS domain."""
 
     def __init__(self, domain: int, folder: Path) -> None:
         self.domain = domain
@@ -34,52 +34,52 @@ class Forks:
         self._started: list[tuple[ForkServerProcess, Path]] = []
 
     def start(self, name: str, *arguments: str) -> ForkServerProcess:
-        """Start `masmc run NAME ARGUMENTS`, with its output in the folder of the test."""
+        """Start `masmc run NAME ARGUMENTS`, with its output in the test's folder."""
         return self._start(name, _run_node, 'run', name, *arguments)
 
     def listen(self, *topics: str) -> ForkServerProcess:
-        """Start a subscriber to states and others that is no node of this package."""
+        """Start a subscriber to topics that is not a node of this package."""
         return self._start('listener', _listen, *topics)
 
     def _start(
-        self, name: str, what: Callable[..., int], *arguments: str
+        self, name: str, function: Callable[..., int], *arguments: str
     ) -> ForkServerProcess:
-        # It has an effect the first time, before the process that is forked is there.
+        # It has an effect only before the process to fork starts.
         _CONTEXT.set_forkserver_preload(_IMPORTED)
         output = self._folder / f'{len(self._started)}_{name}.out'
-        environment = {**surroundings(), **domain_variables(self.domain)}
+        environment = {**child_environment(), **domain_variables(self.domain)}
         process = _CONTEXT.Process(
-            target=_be, args=(what, arguments, environment, output), daemon=True
+            target=_run_in_fork, args=(function, arguments, environment, output), daemon=True
         )
         process.start()
         self._started.append((process, output))
         return process
 
-    def tell(self) -> None:
-        """Print what all processes printed."""
+    def print_output(self) -> None:
+        """Print the output of all processes."""
         for _, output in self._started:
             text = output.read_text(encoding='utf-8', errors='replace') if output.exists() else ''
             print(f'--- {output.stem}', text, sep='\n')
 
     def end(self) -> None:
-        """End whatever still runs."""
+        """End all processes that still run."""
         for process, _ in self._started:
             process.kill()
             process.join(PATIENCE)
 
 
-def _be(
-    what: Callable[..., int],
+def _run_in_fork(
+    function: Callable[..., int],
     arguments: Sequence[str],
     environment: Mapping[str, str],
     output: Path,
 ) -> None:
-    """Be a process as a command line starts it."""
+    """Run a function in this forked process as a command line does."""
     os.environ.update(environment)
     with output.open('wb') as stream:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
-    sys.exit(what(*arguments))
+    sys.exit(function(*arguments))
 
 
 def _run_node(*arguments: str) -> int:
@@ -89,7 +89,7 @@ def _run_node(*arguments: str) -> int:
 
 
 def _listen(*topics: str) -> int:
-    """Subscribe as any program does, over the transports that are the middleware's default."""
+    """Subscribe to topics over the middleware's default transports."""
     rclpy.init()
     node = rclpy.create_node('listener')
     qos = QoSProfile(depth=10)
@@ -101,7 +101,7 @@ def _listen(*topics: str) -> int:
 
 
 @contextmanager
-def forks(folder: Path) -> Iterator[Forks]:
-    """Yield a place to start nodes in, in a domain that nobody else uses meanwhile."""
-    with domain() as number, ended(Forks(number, folder)) as started:
+def subprocesses(folder: Path) -> Iterator[Subprocesses]:
+    """Yield an object that starts nodes in a ROS domain that no other process uses."""
+    with domain() as number, ended(Subprocesses(number, folder)) as started:
         yield started

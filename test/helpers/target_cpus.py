@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""CPUs for which code is made besides this machine's own."""
+"""Target CPUs of compiled code other than this machine's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ OTHERS = {'plain SSE2': 'generic', 'AVX2 and FMA': 'haswell'}
 
 
 def host_has(cpu: str) -> bool:
-    """Tell whether this machine runs code made for a CPU."""
+    """Return True if this machine can run code compiled for a CPU."""
     if cpu == 'generic':
         return True
     if platform.machine() not in ('x86_64', 'AMD64'):

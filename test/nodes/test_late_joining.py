@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What one gets who joins a run late, and that those who were there in time miss nothing."""
+"""Late-joining subscribers get the latest messages; early subscribers miss nothing."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.messages.names import TELEMETRY, telemetry_topic
-from masmc_ros.messages.stamps import header_stamp
-from masmc_ros.messages.text import text_of
-from masmc_ros.nodes.middleware.latched import Latched
-from masmc_ros.nodes.middleware.qos import publisher_qos
-from nav_msgs.msg import Path as PathMessage
-from processes import (
+from helpers.processes import (
+    child_environment,
     domain_variables,
     PAPER,
     Peer,
     peer,
     processes,
     ros_arguments,
-    surroundings,
 )
+from masmc_ros.messages.names import TELEMETRY, telemetry_topic
+from masmc_ros.messages.stamps import header_stamp
+from masmc_ros.messages.text import text_of
+from masmc_ros.nodes.middleware.latched import Latched
+from masmc_ros.nodes.middleware.qos import publisher_qos
+from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
@@ -49,7 +49,7 @@ def spin(tester: Peer, seconds: float) -> None:
     tester.until(lambda: time.monotonic() > end)
 
 
-def test_a_latecomer_gets_what_holds_and_no_past(tmp_path: Path) -> None:
+def test_late_joining_subscriber_gets_only_latest_messages(tmp_path: Path) -> None:
     with processes(tmp_path) as started:
         with peer(started.domain) as tester:
             stamps = tester.watch_time()
@@ -66,21 +66,23 @@ def test_a_latecomer_gets_what_holds_and_no_past(tmp_path: Path) -> None:
             paused = tester.call(SetBool, '/plant/pause', SetBool.Request(data=True))
             assert paused.success
             spin(tester, 1.0)
-            # Who was there in time has missed nothing.
-            told = [text_of(raw) for raw in early['controller/state']]
-            assert told[-4:] == ['inactive: disabled', 'active', 'inactive: disabled', 'active']
+            # The early subscriber has missed nothing.
+            states = [text_of(raw) for raw in early['controller/state']]
+            assert states[-4:] == ['inactive: disabled', 'active', 'inactive: disabled', 'active']
             times = [header_stamp(raw) for raw in early['/clock']]
             assert times == [10_000_000 * k for k in range(len(times))]
-            # Time does not wait for confirmations.
+            # The clock does not wait for acknowledgements.
             assert times[-1] > stamps[-1] - 10_000_000
             with peer(started.domain, 'late') as late:
-                found = {
+                received = {
                     topic: late.collect(kind, topic, raw=True) for topic, kind in LATCHED.items()
                 }
                 health = late.collect(DiagnosticArray, '/diagnostics')
-                late.until(lambda: all(found.values()) and health, f'the last of all: {found}')
+                late.until(
+                    lambda: all(received.values()) and health, f'the latest messages: {received}'
+                )
                 spin(late, 1.0)
-                for topic, messages in found.items():
+                for topic, messages in received.items():
                     assert messages == early[topic][-1:], topic
                 offered = {
                     info.qos_profile.durability
@@ -97,27 +99,27 @@ def test_a_latecomer_gets_what_holds_and_no_past(tmp_path: Path) -> None:
         assert started.wait() == {'composed': 0}, started.output()
 
 
-def test_a_latched_publisher_loses_nothing_in_a_burst(tmp_path: Path) -> None:
+def test_latched_publisher_burst_no_message_lost(tmp_path: Path) -> None:
     sent = [str(number) for number in range(50)]
     with (
         processes(tmp_path) as started,
         peer(started.domain) as tester,
         peer(started.domain, 'listener') as listener,
     ):
-        publisher = tester.node.create_publisher(String, 'told', publisher_qos(1))
-        heard = listener.collect(String, 'told')
+        publisher = tester.node.create_publisher(String, 'texts', publisher_qos(1))
+        messages = listener.collect(String, 'texts')
         tester.wait_for_subscribers(publisher)
         latched = Latched(publisher)
         for text in sent:
             latched.publish(String(data=text))
 
-        def all_heard() -> bool:
+        def all_received() -> bool:
             latched.send_waiting()
-            return len(heard) >= len(sent)
+            return len(messages) >= len(sent)
 
-        listener.until(all_heard, 'every message')
-        assert [message.data for message in heard] == sent
-        late = listener.collect(String, 'told')
+        listener.until(all_received, 'every message')
+        assert [message.data for message in messages] == sent
+        late = listener.collect(String, 'texts')
         listener.until(lambda: late, 'the last message')
         spin(listener, 0.5)
         assert [message.data for message in late] == sent[-1:]
@@ -130,37 +132,37 @@ from std_msgs.msg import String
 rclpy.init()
 node = rclpy.create_node('hung')
 qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-node.create_subscription(String, 'told', lambda message: None, qos)
+node.create_subscription(String, 'texts', lambda message: None, qos)
 time.sleep(600)
 """
 
 
-def test_a_listener_that_hangs_holds_the_others_up_once(tmp_path: Path) -> None:
+def test_latched_publisher_stopped_subscriber_delays_once(tmp_path: Path) -> None:
     with (
         processes(tmp_path) as started,
         peer(started.domain) as tester,
         peer(started.domain, 'listener') as listener,
     ):
-        publisher = tester.node.create_publisher(String, 'told', publisher_qos(1))
+        publisher = tester.node.create_publisher(String, 'texts', publisher_qos(1))
         latched = Latched(publisher)
-        heard = listener.collect(String, 'told')
+        messages = listener.collect(String, 'texts')
         hung = subprocess.Popen(
             [sys.executable, '-c', _HUNG],
-            env={**surroundings(), **domain_variables(started.domain)},
+            env={**child_environment(), **domain_variables(started.domain)},
         )
         try:
             tester.wait_for_subscribers(publisher, 2)
             hung.send_signal(signal.SIGSTOP)
-            begun = time.monotonic()
+            start = time.monotonic()
             for number in range(30):
                 latched.publish(String(data=str(number)))
 
-            def all_heard() -> bool:
+            def all_received() -> bool:
                 latched.send_waiting()
-                return bool(heard) and heard[-1].data == '29'
+                return bool(messages) and messages[-1].data == '29'
 
-            listener.until(all_heard, 'the last message')
-            assert time.monotonic() - begun < 60.0
+            listener.until(all_received, 'the last message')
+            assert time.monotonic() - start < 60.0
         finally:
             hung.kill()
             hung.wait()

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Commands in processes of their own that need not import anything: forks of one that has.
+Commands in separate processes, forked from a process that has imported everything.
 
-Importing rclpy and Numba and finding compiled kernels takes a second of each process. Beyond
-that they are processes as a command line starts them.
+Importing rclpy and Numba and loading compiled kernels takes one second per process. Apart from
+that, these processes equal those that a command line starts.
 """
 
 from __future__ import annotations
@@ -23,15 +23,20 @@ import sys
 import tempfile
 
 PATIENCE = 180.0
-"""Longest time in s that a command may take; machines may be slow and busy."""
+"""Maximum duration of a command in s, on a slow and busy machine."""
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_IMPORTED = ['forked', 'masmc_ros.nodes.composed.node', 'masmc_ros.nodes.recorder.node', 'warm']
-"""Those that cannot be imported, where there is no rclpy, are left out."""
+_IMPORTED = [
+    'helpers.command_process',
+    'masmc_ros.nodes.composed.node',
+    'masmc_ros.nodes.recorder.node',
+    'helpers.precompile',
+]
+"""Modules to import before the fork; without rclpy those that need it are skipped."""
 
 
-class Forked:
-    """`masmc ARGUMENTS` in a fork, with what a `subprocess.Popen` of it has."""
+class CommandProcess:
+    """`masmc ARGUMENTS` in a forked process, with the interface of `subprocess.Popen`."""
 
     def __init__(
         self,
@@ -46,7 +51,7 @@ class Forked:
         _start_server()
         self._arguments = list(arguments)
         self._process = _CONTEXT.Process(
-            target=_be,
+            target=_run_in_fork,
             args=(self._arguments, dict(environment), out, err, folder or Path.cwd()),
             daemon=True,
         )
@@ -54,21 +59,21 @@ class Forked:
 
     @property
     def pid(self) -> int:
-        """Its number among the processes."""
+        """Process id."""
         assert self._process.pid is not None
         return self._process.pid
 
     @property
     def returncode(self) -> int | None:
-        """Its exit status, None while it runs, or minus the signal that ended it."""
+        """Exit status, None while it runs, or minus the signal that ended it."""
         return self._process.exitcode
 
     def poll(self) -> int | None:
-        """Return its exit status, None while it runs."""
+        """Return the exit status, None while it runs."""
         return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end; return its exit status."""
+        """Wait for the end of the process; return its exit status."""
         self._process.join(timeout)
         status = self._process.exitcode
         if status is None:
@@ -76,18 +81,18 @@ class Forked:
         return status
 
     def send_signal(self, number: signal.Signals) -> None:
-        """Send it a signal, unless it has ended."""
+        """Send a signal, unless the process has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
 
 @cache
 def _start_server() -> None:
-    """Start the process that is forked: it finds what this one finds."""
+    """Start the process to fork, with this process's import path."""
     _CONTEXT.set_forkserver_preload(_IMPORTED)
     before = os.environ.get('PYTHONPATH')
     os.environ['PYTHONPATH'] = os.pathsep.join(entry or os.getcwd() for entry in sys.path)
@@ -100,10 +105,10 @@ def _start_server() -> None:
             os.environ['PYTHONPATH'] = before
 
 
-def _be(
+def _run_in_fork(
     arguments: list[str], environment: Mapping[str, str], out: Path, err: Path, folder: Path
 ) -> None:
-    """Be a process as a command line starts it."""
+    """Run a command in this forked process as a command line does."""
     from masmc_ros.cli.main import main
 
     for number, path in ((1, out), (2, err)):
@@ -117,13 +122,13 @@ def _be(
     sys.exit(main(arguments))
 
 
-def completed(
+def run_command(
     *arguments: str, folder: Path, environment: Mapping[str, str]
 ) -> subprocess.CompletedProcess[str]:
     """Run `masmc ARGUMENTS` in a folder to its end."""
-    with tempfile.TemporaryDirectory() as place:
-        out, err = Path(place) / 'out', Path(place) / 'err'
-        process = Forked(arguments, environment, out, err, folder)
+    with tempfile.TemporaryDirectory() as outputs:
+        out, err = Path(outputs) / 'out', Path(outputs) / 'err'
+        process = CommandProcess(arguments, environment, out, err, folder)
         try:
             status = process.wait(PATIENCE)
         finally:

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a stranger may send on a topic: any bytes of the right type, and of none."""
+"""Messages of third-party publishers on the nodes' topics: valid, invalid and random bytes."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ TYPES = {
     for topic in (*TOPICS, *SYSTEM_TOPICS)
     if topic.name not in ('/rosout',)
 } | {'recorder/progress': 'builtin_interfaces/msg/Time'}
-"""Topics that nodes listen to, and their types."""
+"""Topics that nodes subscribe to, and their types."""
 
 FIXED = frozenset(
     ('geometry_msgs/msg/Twist', 'builtin_interfaces/msg/Time', 'rosgraph_msgs/msg/Clock')
 )
-"""Types of a fixed size: the middleware does not take more bytes."""
+"""Types of a fixed size: the middleware does not accept more bytes."""
 
 NUMBERS = (float('nan'), float('inf'), -float('inf'), -1.0, 1e300, -1e308, 5e-324, 2.0**63, 1e10)
 WORDS = (0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 999_999_999, 1_000_000_000)
 
 
 def record(**wrong: Any) -> str:
-    """Return a record of parameters as a node tells it, with something else in places."""
-    right = {
+    """Return a node's record of parameters, with some fields replaced."""
+    valid = {
         'node': '/plant',
         'tick': 0,
         'stamp': 0,
@@ -55,7 +55,7 @@ def record(**wrong: Any) -> str:
         'changed': [],
         'event': '',
     }
-    return json.dumps({**right, **wrong})
+    return json.dumps({**valid, **wrong})
 
 
 NESTED = '{"node": "/plant", "tick": 0, "stamp": 0, "changed": [], "parameters": {"a": %s}}'
@@ -95,8 +95,8 @@ TEXTS = (
 )
 
 
-def right_message(topic: str) -> bytes:
-    """Return a message of a topic such as our own nodes send."""
+def valid_message(topic: str) -> bytes:
+    """Return a message of a topic like those of this package's nodes."""
     messages = {
         STATE_TOPIC: JointStateCdr(),
         COMMAND_TOPIC: EffortCdr(),
@@ -118,12 +118,12 @@ def serialize_window() -> bytes:
     return ReferenceWindow(0, 0.01, np.zeros((10, 3, 4))).to_bytes()
 
 
-def strange_message(draw: random.Random, topic: str) -> bytes:
-    """Return bytes that a stranger may send on a topic."""
+def random_message(draw: random.Random, topic: str) -> bytes:
+    """Return a random message of a third-party publisher on a topic."""
     if TYPES[topic] == 'std_msgs/msg/String' and draw.random() < 0.7:
         text = draw.choice(TEXTS)
         return string_message(text.encode('utf-8', 'surrogatepass').decode('utf-8', 'replace'))
-    changed = bytearray(right_message(topic))
+    changed = bytearray(valid_message(topic))
     kind = draw.randrange(6)
     size = len(changed)
     if kind == 0:
@@ -131,17 +131,17 @@ def strange_message(draw: random.Random, topic: str) -> bytes:
             changed[draw.randrange(size)] ^= 1 << draw.randrange(8)
     elif kind == 1 and size >= 12:
         for _ in range(draw.choice([1, 2, 8])):
-            place = 4 + 8 * draw.randrange((size - 4) // 8)
-            changed[place:place + 8] = struct.pack('<d', draw.choice(NUMBERS))
+            offset = 4 + 8 * draw.randrange((size - 4) // 8)
+            changed[offset:offset + 8] = struct.pack('<d', draw.choice(NUMBERS))
     elif kind == 2 and size >= 8:
         for _ in range(draw.choice([1, 2])):
-            place = 4 * draw.randrange(1, size // 4)
-            changed[place:place + 4] = struct.pack('<I', draw.choice(WORDS))
+            offset = 4 * draw.randrange(1, size // 4)
+            changed[offset:offset + 4] = struct.pack('<I', draw.choice(WORDS))
     elif kind == 3:
         changed = changed[: draw.randrange(4, size + 1)]
     elif kind == 4:
         changed[4:] = draw.randbytes(size - 4)
     elif TYPES[topic] not in FIXED:
         changed += draw.randbytes(draw.choice([1, 4, 1000]))
-    # As the middleware delivers it: in whole words.
+    # The middleware delivers multiples of four bytes.
     return bytes(changed[: len(changed) // 4 * 4])

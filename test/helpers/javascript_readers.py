@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The libraries with which viewers read logs, installed once beside the user's caches."""
+"""Log readers of viewers: JavaScript libraries, installed once into the user's cache folder."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _READING = 120.0
 
 def read_log(log: Path, *more: Path) -> Any:
     """
-    Return what `node/read_log.mjs` tells of a log, and of a layout's scripts.
+    Return the output of `node/read_log.mjs` for a log and a layout's scripts.
 
-    Skips the test where Node.js is not installed, and where its packages cannot be had;
-    the latter is a failure where CI is set.
+    Skips the test if Node.js is not installed or its packages cannot be downloaded. The latter
+    is a failure if the environment variable CI is set.
     """
     result = run_read_log(log, *more)
     assert result.returncode == 0, result.stderr
@@ -36,7 +36,7 @@ def read_log(log: Path, *more: Path) -> Any:
 def run_read_log(log: Path, *more: Path) -> subprocess.CompletedProcess[str]:
     """Run `node/read_log.mjs`, skipping as `read_log` does."""
     folder = _installed()
-    # Modules are looked for beside the scripts.
+    # Node.js searches modules in the folder of the script.
     for script in SOURCES.glob('*.mjs'):
         shutil.copyfile(script, folder / script.name)
     return subprocess.run(
@@ -55,22 +55,22 @@ def _installed() -> Path:
     folder = caches / 'masmc_ros' / f'node_{hashlib.sha256(package).hexdigest()[:16]}'
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent) as made:
-            fault = _install(Path(made), package)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as temporary:
+            fault = _install(Path(temporary), package)
             if fault and os.environ.get('CI'):
                 pytest.fail(fault)
             if fault:
                 pytest.skip(fault)
             try:
-                (Path(made) / 'packages').rename(folder)
+                (Path(temporary) / 'packages').rename(folder)
             except OSError:
                 assert folder.is_dir()  # another test process was faster
     return folder
 
 
-def _install(where: Path, package: bytes) -> str:
-    """Install into `packages` of a folder; return what went wrong, '' for nothing."""
-    folder = where / 'packages'
+def _install(parent: Path, package: bytes) -> str:
+    """Install into `packages` of a folder; return the error, '' on success."""
+    folder = parent / 'packages'
     folder.mkdir()
     (folder / 'package.json').write_bytes(package)
     options = ['--no-package-lock', '--no-audit', '--no-fund', '--ignore-scripts']
