@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.robot.two_link.names import TORQUE_LIMIT
+from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT
 import numpy as np
 from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest

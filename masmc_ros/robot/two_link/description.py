@@ -18,8 +18,8 @@ from xml.etree import ElementTree as Xml
 from masmc_ros.robot.two_link.constants import constants
 from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.names import FIXED_JOINT, FRAMES
-from masmc_ros.robot.two_link.parameters import ROBOT
+from masmc_ros.robot.two_link.paper_robot import FIXED_JOINT, FRAMES
+from masmc_ros.robot.two_link.physical_parameters import ROBOT
 
 _COLOURS = {
     'platform': '0.16 0.20 0.27 1.0',

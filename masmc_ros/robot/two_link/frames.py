@@ -17,7 +17,7 @@ from typing import Any
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.two_link.paper_robot import FRAMES
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
