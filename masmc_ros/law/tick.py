@@ -31,7 +31,7 @@ class Tick(NamedTuple):
     desired_acceleration: Numbers  # xddot_d
     error: Numbers  # e of the task, x - x_d
     error_derivative: Numbers  # de/dt
-    error_rate: Numbers  # velocity of the task less the desired one; edot where e = x - x_d
+    error_rate: Numbers  # task velocity minus the desired one; edot if e = x - x_d
     surface: Numbers  # s = edot + sigma e, reduced if v_r cannot be J^-1 xdot_r
     regressor: Any  # Y(q, v, v_r, a_r)
     is_singular: bool  # True if J is close to singular, and v_r and a_r are damped

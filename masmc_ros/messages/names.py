@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from masmc_ros.loop.signals import PUBLISHED
-from masmc_ros.robot.names import all_joints
+from masmc_ros.robot.joint_names import all_joints
 from masmc_ros.robot.registry import DEFAULT
 
 JOINTS = all_joints(DEFAULT)

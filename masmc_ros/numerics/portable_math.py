@@ -101,7 +101,7 @@ def _cosine(r: float) -> float:
 
 @formula
 def _turned(sine: float, cosine: float, shifted: float) -> tuple[float, float]:
-    # The last bits of a number of this size are those of n: one tells whether sine and cosine
+    # The last bits of a number of this size are those of n: one determines if sine and cosine
     # are exchanged, the next one is the sign.
     quadrant = bits_of(shifted)
     odd = (quadrant & 1) != 0

@@ -82,7 +82,7 @@ class ReferenceWindows:
 
     def __init__(self, axes: int, on_notice: Callable[[str], object] = lambda _: None) -> None:
         """Initialise without a reference; `on_notice` receives a text if a source is replaced."""
-        self._size, self._told = 3 * axes, on_notice
+        self._size, self._on_notice = 3 * axes, on_notice
         self._windows: list[Window] = []
         self._recent: Window | None = None
         self._set_point: Array | None = None
@@ -143,7 +143,7 @@ class ReferenceWindows:
             return self._set_point
         if self._set_point is not None:
             self._set_point = None
-            self._told('a trajectory has begun, and the set-point is given up')
+            self._on_notice('a trajectory has begun, and the set-point is given up')
         self._recent = window
         self._forget_before(stamp)
         return window.at(stamp)

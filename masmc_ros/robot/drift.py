@@ -3,7 +3,7 @@
 
 
 """
-Accelerations that neither the model nor the task explains: what a tick remembers of them.
+Drift: accelerations in the null space of the task that the model does not explain.
 
 The disturbance estimate of a law is on the task axes. A robot with more velocities than axes is
 also accelerated in the null space of the task. Such a mechanism estimates

@@ -43,7 +43,7 @@ If a straight line to the reference could leave the robot's reach, it may have:
 
     approach_start, approach_sample   kernels in place of those of `reference/approach.py`
     regular_posture(angles, rates)    joint angles from which a law in task space can start; None
-                                      if it can from those given, with these velocities
+                                      if it can start from these angles and velocities
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ def resource_path(uri: str, folder: Path | None = None) -> Path:
     if package_folder is None:
         raise InputError(
             f"{uri}: no package '{name}' in the ament indices of AMENT_PREFIX_PATH"
-            f" ({_told('AMENT_PREFIX_PATH')}) and {sys.prefix}, in ROS_PACKAGE_PATH"
-            f" ({_told('ROS_PACKAGE_PATH')}), or among Python's; source the workspace that has"
+            f" ({_value_of('AMENT_PREFIX_PATH')}) and {sys.prefix}, in ROS_PACKAGE_PATH"
+            f" ({_value_of('ROS_PACKAGE_PATH')}), or among Python's; source the workspace that has"
             ' it, or give a path'
         )
     return package_folder / path
@@ -82,5 +82,5 @@ def _listed(variable: str) -> list[Path]:
     return [Path(path) for path in os.environ.get(variable, '').split(os.pathsep) if path]
 
 
-def _told(variable: str) -> str:
+def _value_of(variable: str) -> str:
     return os.environ.get(variable) or 'not set'

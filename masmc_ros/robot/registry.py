@@ -19,7 +19,7 @@ from masmc_ros.errors import InputError
 from masmc_ros.params.declaration import Parameter
 from masmc_ros.params.plug_ins import load_plug_in, plugged_in
 from masmc_ros.robot.declaration import Mechanism, register, SPEED_LIMITS, URDF
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 
 DEFAULT = TWO_LINK
 """Robot of the paper."""

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Robot descriptions in URDF: links, joints, and the line on which each stands.
+Parser of robot descriptions in URDF: links, joints, and their lines.
 
-What the package needs of a description is read, and nothing else: inertias, joints and where
-meshes are. Errors name link or joint and line. Text of XML beyond that (document types, and
-with them entities) is rejected; files of other programs (xacro) are named as such.
+The parser reads only inertias, joints and file names of meshes. Errors name link or joint and
+line. It rejects document types, and therefore entities. Errors also identify files of xacro.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ MOST_BYTES = 10_000_000
 """Longest description in bytes that is read; the longest known has one million."""
 
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed')
-"""Joints that can be had; floating and planar ones have more than one axis."""
+"""Supported types of joints; floating and planar ones have more than one axis."""
 
 
 @dataclass(frozen=True)
 class Pose:
     """
-    A frame in another.
+    Pose of a frame in another one.
 
     Attributes
     ----------
@@ -55,9 +54,9 @@ class Link:
     Attributes
     ----------
     name
-        its name.
+        Name of the link.
     line
-        on which it begins.
+        Line of its start.
     mass
         in kg; 0 for a link without inertia.
     centre
@@ -65,7 +64,7 @@ class Link:
     inertia
         xx, xy, xz, yy, yz, zz about the centre of mass, in that frame, in kg m2.
     meshes
-        file names of its meshes as they stand: `packages.resource_path` finds them.
+        File names of its meshes as in the file; `packages.resource_path` finds them.
 
     """
 
@@ -85,7 +84,7 @@ class Joint:
     Attributes
     ----------
     name, line
-        its name, and the line on which it begins.
+        Name of the joint, and line of its start.
     kind
         one of KINDS.
     parent, child
@@ -95,13 +94,13 @@ class Joint:
     axis
         unit vector in the child's frame.
     lower, upper
-        in rad or m; infinite where nothing limits it.
+        Range in rad or m; infinite without a limit.
     speed, effort
-        the most, in rad/s or m/s and N m or N; infinite where nothing limits them.
+        Maxima in rad/s or m/s, and N·m or N; infinite without a limit.
     damping, friction
         viscous friction in N m s or N s/m, and Coulomb's in N m or N.
     mimics
-        name of the joint that it follows; empty for none.
+        Name of the mimicked joint; empty without one.
 
     """
 
@@ -124,7 +123,7 @@ class Joint:
 @dataclass(frozen=True)
 class Description:
     """
-    A robot as its URDF describes it.
+    Robot description of a URDF.
 
     Attributes
     ----------
@@ -156,19 +155,19 @@ class _Element:
 
 def read_urdf(text: str | bytes, where: str) -> Description:
     """
-    Read a description.
+    Return the description in a URDF.
 
     Parameters
     ----------
     text
-        the URDF.
+        URDF.
     where
-        where it stands, for messages: a path, or the name of a topic.
+        Source for messages: a path, or the name of a topic.
 
     Raises
     ------
     InputError
-        where it cannot be understood, or is of no robot that can be.
+        If the text is invalid, or the robot is not supported.
 
     """
     root = _parsed(text, where)
@@ -196,12 +195,12 @@ def read_urdf_file(uri: str | Path) -> Description:
     Parameters
     ----------
     uri
-        its path, or a URI such as `package://NAME/path`: see `packages.resource_path`.
+        Path, or URI such as `package://NAME/path`, see `packages.resource_path`.
 
     Raises
     ------
     InputError
-        where it is not found, or as `read_urdf` does.
+        If there is no such file, or `read_urdf` raises it.
 
     """
     path = resource_path(str(uri))
@@ -260,7 +259,7 @@ def _keep(among: dict[str, Any], named: Any, where: str) -> None:
 
 
 class _Reader:
-    """Reads elements; an error names the line."""
+    """Reader of elements; errors name the line."""
 
     def __init__(self, where: str) -> None:
         self._where = where
@@ -297,7 +296,7 @@ class _Reader:
         about = f"joint '{name}'"
         kind = element.attributes.get('type', '')
         if kind not in KINDS:
-            self._refuse(element, about, f"type '{kind}'; {suggestion(kind, KINDS)}")
+            self._reject(element, about, f"type '{kind}'; {suggestion(kind, KINDS)}")
         limits = {
             key: self._attribute(self._child(element, key, about), 'link', about)
             for key in ('parent', 'child')
@@ -308,14 +307,14 @@ class _Reader:
             # Not by `sum`, which Python 3.12 rounds in another way.
             length = math.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
             if not 1.0e-6 < length < math.inf:
-                self._refuse(axis_element, about, f'axis {axis}, expected a vector of length 1')
-            # As it stands where it is of length 1, rounded decimals included.
+                self._reject(axis_element, about, f'axis {axis}, expected a vector of length 1')
+            # An axis of length 1 is unmodified, including rounded decimals.
             axis = axis if abs(length - 1.0) < 1.0e-12 else tuple(e / length for e in axis)
         bounds: dict[str, float] = {}
         if kind != 'fixed' and (limit := element.child('limit')) is not None:
             bounds = self._limits(limit, kind, about)
         elif kind in ('revolute', 'prismatic'):
-            self._refuse(element, about, f'no <limit>, which a {kind} joint needs')
+            self._reject(element, about, f'no <limit>, which a {kind} joint needs')
         if kind != 'fixed' and (dynamics := element.child('dynamics')) is not None:
             for key in ('damping', 'friction'):
                 if key in dynamics.attributes:
@@ -341,11 +340,11 @@ class _Reader:
             if key in limit.attributes:
                 bounds[own] = self._number(limit, key, about, lambda x: x >= 0.0, 'a number >= 0')
         if kind != 'continuous':
-            # URDF: what is not given is 0.
+            # The default of URDF is 0.
             for key in ('lower', 'upper'):
                 bounds[key] = self._number(limit, key, about) if key in limit.attributes else 0.0
             if bounds['lower'] > bounds['upper']:
-                self._refuse(
+                self._reject(
                     limit, about, f'lower {bounds["lower"]} above upper {bounds["upper"]}'
                 )
         return bounds
@@ -356,13 +355,13 @@ class _Reader:
     def _attribute(self, element: _Element, key: str, about: str) -> str:
         value = element.attributes.get(key, '').strip()
         if not value:
-            self._refuse(element, about, f'<{element.tag}> without {key}')
+            self._reject(element, about, f'<{element.tag}> without {key}')
         return value
 
     def _child(self, element: _Element, tag: str, about: str) -> _Element:
         child = element.child(tag)
         if child is None:
-            self._refuse(element, about, f'no <{tag}>')
+            self._reject(element, about, f'no <{tag}>')
         return child
 
     def _number(
@@ -379,7 +378,7 @@ class _Reader:
         except ValueError:
             value = math.nan
         if not (math.isfinite(value) and is_right(value)):
-            self._refuse(element, about, f"{key} '{text[:40]}', expected {expected}")
+            self._reject(element, about, f"{key} '{text[:40]}', expected {expected}")
         return value
 
     def _vector(self, element: _Element, key: str, about: str) -> Numbers:
@@ -389,7 +388,7 @@ class _Reader:
         except ValueError:
             values = ()
         if len(values) != 3 or not all(map(math.isfinite, values)):
-            self._refuse(element, about, f"{key} '{text[:40]}', expected 3 finite numbers")
+            self._reject(element, about, f"{key} '{text[:40]}', expected 3 finite numbers")
         return values
 
     def _pose(self, origin: _Element | None, about: str) -> Pose:
@@ -397,12 +396,12 @@ class _Reader:
             return Pose()
         return Pose(self._vector(origin, 'xyz', about), self._vector(origin, 'rpy', about))
 
-    def _refuse(self, element: _Element, about: str, what: str) -> NoReturn:
+    def _reject(self, element: _Element, about: str, what: str) -> NoReturn:
         raise InputError(f'{self._where}, line {element.line}: {about}: {what}')
 
 
 def _root(links: Mapping[str, Link], joints: Mapping[str, Joint], where: str) -> str:
-    """Return the name of the one link that hangs on none; all others hang on it."""
+    """Return the name of the root link, of which all others are descendants."""
     above: dict[str, Joint] = {}
     for joint in joints.values():
         for end in (joint.parent, joint.child):

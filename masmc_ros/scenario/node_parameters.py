@@ -20,7 +20,7 @@ from masmc_ros.params.declaration import Parameter
 from masmc_ros.reference import trajectory
 from masmc_ros.robot import registry as mechanisms
 from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.names import joint_names_parameter, PREFIX
+from masmc_ros.robot.joint_names import joint_names_parameter, PREFIX
 
 PACING = ('lockstep', 'realtime')
 

@@ -16,7 +16,7 @@ from masmc_ros.robot.two_link.constants import base_parameters
 from masmc_ros.robot.two_link.dynamics import BaseParameters
 from masmc_ros.robot.two_link.geometry import Geometry, Posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import SINGULAR_SINE
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

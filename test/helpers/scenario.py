@@ -18,7 +18,7 @@ from masmc_ros.loop.simulated_robot import delay_line
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.numerics.record import fill
 from masmc_ros.reference.trajectory import LineSine
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 
 PAPER_LAWS = ('smc', 'rasmc')

@@ -17,7 +17,7 @@ from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import control_tick
 from masmc_ros.loop.signals import inputs
 from masmc_ros.numerics.record import fill
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
 

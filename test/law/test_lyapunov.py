@@ -29,7 +29,7 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.robot.two_link.dynamics import coriolis
 from masmc_ros.robot.two_link.geometry import joint_torque, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import task_drift, task_position
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
 

@@ -22,7 +22,7 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.loop import records
 from masmc_ros.loop.closed_loop import closed_loop, plant_start
 from masmc_ros.loop.simulated_robot import delay_line
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
 

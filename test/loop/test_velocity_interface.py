@@ -15,7 +15,7 @@ from masmc_ros.loop.tick_block import TickBlock
 from masmc_ros.numerics.record import fill
 from masmc_ros.robot.plant.drives import drive, joint_inertias
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

@@ -15,7 +15,7 @@ from masmc_ros.messages.transforms import (
     transforms_messages,
     TransformsCdr,
 )
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.two_link.paper_robot import FRAMES
 import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores

@@ -14,7 +14,7 @@ import sys
 
 from helpers.processes import NODES, PAPER, peer, processes, ros_arguments
 from masmc_ros.log.read.reader import read_run
-from masmc_ros.robot.two_link.names import TORQUE_LIMIT
+from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT
 import numpy as np
 import pytest
 

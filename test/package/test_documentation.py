@@ -9,7 +9,7 @@ import re
 from types import ModuleType
 
 from masmc_ros.params.file import read
-from masmc_ros.robot.two_link.names import TORQUE_LIMIT, TORQUE_RATE_LIMIT
+from masmc_ros.robot.two_link.paper_robot import TORQUE_LIMIT, TORQUE_RATE_LIMIT
 from masmc_ros.scenario.node_parameters import declared, NODES
 from masmc_ros.scenario.scenario import load_scenario
 import pytest

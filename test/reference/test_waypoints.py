@@ -17,7 +17,7 @@ from masmc_ros.reference.trajectory import parameters, Trajectory
 from masmc_ros.reference.waypoints import Waypoints
 from masmc_ros.reference.windows import ReferenceWindows
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.polynomial.polynomial import polyder, polyval, polyvander

@@ -49,7 +49,7 @@ from masmc_ros.robot.two_link.dynamics import (
 )
 from masmc_ros.robot.two_link.geometry import Posture, posture, quasi_velocity
 from masmc_ros.robot.two_link.kinematics import quasi_from_task, task_drift, task_force_from_quasi
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 import numpy as np
 import pytest
 

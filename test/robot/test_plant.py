@@ -31,7 +31,7 @@ from masmc_ros.numerics.record import fill
 from masmc_ros.robot.robot import Robot, robot_of
 from masmc_ros.robot.two_link.dynamics import inertia, inertia_times
 from masmc_ros.robot.two_link.geometry import posture, quasi_velocity
-from masmc_ros.robot.two_link.names import TWO_LINK
+from masmc_ros.robot.two_link.paper_robot import TWO_LINK
 from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 import pytest

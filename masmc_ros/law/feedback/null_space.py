@@ -86,7 +86,7 @@ def prioritised_force(mobility: Columns, wanted: Numbers, first: int) -> Numbers
 def _solve(
     n: int, mobility: Columns, wanted: Numbers, begin: int, end: int, work: Any, force: Any
 ) -> None:
-    """Solve for the forces from `begin` up to `end`, given the others: A is semi-definite."""
+    """Solve for the forces from `begin` to `end` with fixed others; A is semi-definite."""
     for i in range(begin, end):
         work[i, n] = wanted[i]
         for j in range(n):

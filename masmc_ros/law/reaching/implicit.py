@@ -286,7 +286,7 @@ IMPLICIT = register(
         (*GAINS, OBSERVER_GAIN, SLIP_BACKOFF),
         (
             Field('disturbance', 'axes', 'Disturbance estimate d', 'N'),
-            Field('predicted', 'axes', 's+; not-a-number: there is none', 'm/s', initial=math.nan),
+            Field('predicted', 'axes', 's+; NaN: no prediction', 'm/s', initial=math.nan),
         ),
     )
 )

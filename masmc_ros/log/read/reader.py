@@ -50,7 +50,11 @@ from masmc_ros.messages.topics import FLOAT_ARRAY, ODOMETRY, TOPICS, TWIST, TWIS
 from masmc_ros.numerics.aliases import Array, Stamps
 from masmc_ros.numerics.field import ONE
 from masmc_ros.robot.declaration import Mechanism, Quantity, URDF
-from masmc_ros.robot.names import joint_names_of, JOINT_NAMES_PARAMETER, joint_names_parameter
+from masmc_ros.robot.joint_names import (
+    joint_names_of,
+    JOINT_NAMES_PARAMETER,
+    joint_names_parameter,
+)
 from masmc_ros.robot.registry import DEFAULT, load, mechanism_from
 from masmc_ros.robot.registry import NAME as MECHANISM
 import numpy as np

@@ -53,7 +53,7 @@ from masmc_ros.messages.topics import (
     TWIST_STAMPED,
 )
 from masmc_ros.messages.transforms import transforms_messages
-from masmc_ros.robot.names import check_frame_prefix, joint_names
+from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from masmc_ros.nodes.middleware.past import subscribe_with_past
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.robot.base_pose import BasePose, OLDEST_POSE_NS
-from masmc_ros.robot.names import driven_joint_names, joint_names
+from masmc_ros.robot.joint_names import driven_joint_names, joint_names
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState

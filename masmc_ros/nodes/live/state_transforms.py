@@ -11,7 +11,7 @@ from typing import Any
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.joint_state import JointStateCdr
 from masmc_ros.messages.transforms import TransformsCdr
-from masmc_ros.robot.names import check_frame_prefix, joint_names
+from masmc_ros.robot.joint_names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_of
 
 

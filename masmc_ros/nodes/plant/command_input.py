@@ -18,7 +18,7 @@ from masmc_ros.nodes.plant.command_sources import rate_sources, Source, torque_s
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.plant.commands import CommandPart
-from masmc_ros.robot.names import driven_joint_names
+from masmc_ros.robot.joint_names import driven_joint_names
 from masmc_ros.robot.registry import mechanism_from
 from rclpy.node import Node
 

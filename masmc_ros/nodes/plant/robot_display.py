@@ -17,7 +17,7 @@ from masmc_ros.messages.transforms import TransformsCdr
 from masmc_ros.nodes.middleware.raw_types import raw_class
 from masmc_ros.nodes.process.base import SuiteNode
 from masmc_ros.numerics.compiled import bound
-from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_description, robot_of
 from nav_msgs.msg import Path
 import numpy as np

@@ -18,7 +18,7 @@ from masmc_ros.messages.telemetry import TelemetryCdr
 from masmc_ros.nodes.middleware.qos import DEEP
 from masmc_ros.nodes.plant.robot_display import RobotDisplay
 from masmc_ros.nodes.process.base import SuiteNode
-from masmc_ros.robot.names import joint_names
+from masmc_ros.robot.joint_names import joint_names
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState

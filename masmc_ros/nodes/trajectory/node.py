@@ -23,7 +23,7 @@ from masmc_ros.nodes.process.command_line import CommandLine
 from masmc_ros.nodes.process.refusals import Refusals
 from masmc_ros.nodes.process.runtime import run
 from masmc_ros.reference.trajectory import Trajectory
-from masmc_ros.robot.names import check_frame_prefix
+from masmc_ros.robot.joint_names import check_frame_prefix
 from masmc_ros.robot.robot import robot_of
 from nav_msgs.msg import Odometry, Path
 from rclpy.context import Context

@@ -40,8 +40,8 @@ def joint_inertias(plant: Any, angles: Any, lane: int) -> NDArray[np.float64]:
     """
     Return the diagonal (joints) of the reduced inertia H of (10) of one lane, kg m2.
 
-    `plant` is an array of one record of the plant's settings, of which the other lanes need not
-    be written yet; `angles` (joints) in rad.
+    `plant` is an array of one record of the plant's settings; other lanes need not be written yet.
+    `angles` (joints) are in rad.
     """
     record = plant[0]
     diagonal = np.empty(len(angles))

@@ -72,7 +72,7 @@ def _share(total: float, value: float, steps: float) -> float:
 
 @formula
 def _hold_rates(plant: Any, memory: Any, signals: Any, lane: int, h: float, steps: int) -> None:
-    """Let the drives follow the commanded rates for one step of h seconds."""
+    """Advance the drives, which follow the commanded rates, by one step of h seconds."""
     model = mechanism.model_of(plant, lane)
     commanded = mechanism.commanded_joint_rates(model, get(signals, 'rates', lane))
     missing = elementwise(minus, commanded, get(memory, 'rates', lane))
@@ -97,8 +97,8 @@ def take_command(plant: Any, memory: Any, signals: Any, holds: bool) -> None:
     """
     Use the command in `signals` for one period, none if `holds`.
 
-    Writes `driven` and `applied`, of torques within the motors' limits; with rates both are what
-    the drives then make of them, step by step.
+    Writes `driven` and `applied`: torques within the motor limits. With commanded rates, the
+    drives update both at every step.
     """
     lanes = lane_count(plant)
     # Conditions equal in all lanes are outside of the loops, which otherwise do not vectorise.
@@ -176,7 +176,7 @@ def advance(plant: Any, memory: Any, tick: int, signals: Any, holds: bool) -> No
         if shares:
             write_waves(plant, time, step, h, waves)
         for stage in range(4):
-            # At the start of a later step it is what it was at the end of the one before.
+            # The disturbance at the start of a later step is that at the end of the previous one.
             if (stage == 1) | (stage == 3) | (step + stage == 0):
                 halves = (stage + 1) // 2
                 if shares:

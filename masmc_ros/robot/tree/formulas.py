@@ -4,7 +4,7 @@
 """
 Interface of mechanisms for a tree of bodies with tasks of frame poses and joint positions.
 
-Positions are x, y and yaw of the base in the world (where it stands, if it is fixed), then the
+Positions are x, y and yaw of the base in the world (constant if it is fixed), then the
 positions of the wheels, and of the joints in the tree's order. Velocities are nu of `dynamics`.
 Task, redundancy and physical consistency are in separate files.
 """

@@ -175,7 +175,7 @@ _MOMENTS = (
 
 
 _FRICTION = (('viscous', 'N·m·s', 'N·s/m'), ('coulomb', 'N·m', 'N'))
-"""Kinds of friction, and their units where a joint turns and where it slides."""
+"""Types of friction, and their units for revolute and prismatic joints."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

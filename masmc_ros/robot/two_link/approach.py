@@ -80,7 +80,7 @@ def approach_start(
     start: Any,
 ) -> float:
     """
-    Write how far the reference is away, how the robot moves, and where it starts.
+    Write the distance to the reference, the motion of the robot, and its start.
 
     `distance` (12) and `motion` (4) are those of rho, psi, x_F and y_F; `start` (4) is x. Returns
     the longest way of the end effector on an axis in m.

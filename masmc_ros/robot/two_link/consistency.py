@@ -44,7 +44,7 @@ def weakest_motion(
     first = theta.mass
     if not first > 0.0:
         return first, 1.0, 0.0, 0.0, 0.0
-    # Rows 1-3 less their part along row 0; each later pivot is what is left in the corner.
+    # Rows 1-3 minus their part along row 0; each later pivot is the remaining corner entry.
     q_01, q_02, q_03 = theta.offset / first, theta.moment_1 / first, theta.moment_2 / first
     second = theta.yaw_inertia - q_01 * theta.offset
     if not second > 0.0:

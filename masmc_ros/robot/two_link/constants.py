@@ -22,7 +22,7 @@ def constants(values: Mapping[str, Any]) -> tuple[Geometry, BaseParameters]:
     """
     Return the lengths and base parameters of checked values, named as in ROBOT without `robot.`.
 
-    Raises InputError where the arm's base lies on the axle: its sideways motion would
+    Raises InputError if the arm's base is on the axle: its sideways motion would
     then not depend on the platform's rotation, and (3) could not be inverted.
     """
     arm_base = values['com_offset'] + values['arm_offset']
@@ -44,7 +44,7 @@ def constants(values: Mapping[str, Any]) -> tuple[Geometry, BaseParameters]:
 def start(
     values: Mapping[str, Any], pose: tuple[float, ...], angles: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the positions where C is at a pose (x, y, yaw), and the joints' angles are these."""
+    """Return the positions for a pose (x, y, yaw) of C and joint angles."""
     x, y, yaw = pose
     s, c = sin_cos(yaw)
     d = values['com_offset']

@@ -5,8 +5,8 @@
 URDF of the robot: shapes, masses and joints.
 
 Frames and joints are those of `frames` and of joint_states. Masses, centres of mass and
-inertias about the vertical are the parameters'. What a planar model does not know is filled
-in so that it is physically possible: heights, shapes, and the inertias about the other axes.
+inertias about the vertical are the parameters'. Values that a planar
+model does not have are physically plausible: heights, shapes, and inertias about other axes.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from xml.etree import ElementTree as Xml
 from masmc_ros.robot.two_link.constants import constants
 from masmc_ros.robot.two_link.frames import frame_origins, link_thickness, PLATFORM_TOP
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.names import FIXED_JOINT, FRAMES
-from masmc_ros.robot.two_link.parameters import ROBOT
+from masmc_ros.robot.two_link.paper_robot import FIXED_JOINT, FRAMES
+from masmc_ros.robot.two_link.physical_parameters import ROBOT
 
 _COLOURS = {
     'platform': '0.16 0.20 0.27 1.0',
@@ -43,7 +43,7 @@ class _Inertia(NamedTuple):
 
 
 class _Shape(NamedTuple):
-    """A primitive: name of the URDF element, its sizes in m, where it is, its colour."""
+    """Primitive: name of the URDF element, its sizes in m, its position, its colour."""
 
     kind: str
     sizes: Mapping[str, str]
@@ -59,16 +59,16 @@ def description(values: Mapping[str, Any], driven: Sequence[str], frame_prefix: 
     Parameters
     ----------
     values
-        checked values of ROBOT, by names as declared there; others are left aside.
+        Checked values of ROBOT by name; others are ignored.
     driven
-        names of the joints that take a torque, in v's order.
+        Names of the driven joints, in the order of v.
     frame_prefix
-        put before the name of every link, so that links and frames are the same.
+        Prefix of the name of every link, so links and frames have equal names.
 
     Raises
     ------
     InputError
-        as `constants`.
+        If `constants` raises it.
 
     """
     p = {parameter.name.removeprefix('robot.'): values[parameter.name] for parameter in ROBOT}
@@ -122,7 +122,7 @@ def _inertias(p: Mapping[str, float], geometry: Geometry) -> dict[str, _Inertia]
 
 
 def _shapes(geometry: Geometry, com_offset: float) -> dict[str, list[_Shape]]:
-    """Return what every link looks like."""
+    """Return the shapes of every link."""
     radius, thickness = geometry.wheel_radius, link_thickness(geometry)
     wheel_width = min(0.6 * radius, 0.5 * geometry.half_track)
     # The platform carries axle, centre of mass and arm, with a margin in front and behind.

@@ -4,8 +4,8 @@
 """
 Transforms of the robot's frames.
 
-The model is planar and knows no heights. They are chosen here, so that the wheels stand on
-the plane z = 0 of `odom` and the arm's links lie on the platform, one above the other:
+The model is planar and has no heights. This module defines them: the wheels are on the plane z = 0
+of `odom`, and the links of the arm are on the platform, one above the other:
 `base_link` is on the ground below the axle's middle O, `link_1` has its origin in the arm's
 base F, `link_2` in the elbow, `end_effector` in E. In x and y all of them are those of (1).
 """
@@ -17,7 +17,7 @@ from typing import Any
 from masmc_ros.numerics.compiled import kernel
 from masmc_ros.numerics.portable_math import sin_cos
 from masmc_ros.robot.two_link.geometry import Geometry
-from masmc_ros.robot.two_link.names import FRAMES
+from masmc_ros.robot.two_link.paper_robot import FRAMES
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -35,7 +35,7 @@ def link_thickness(geometry: Geometry) -> float:
 
 def frame_origins(lengths: ArrayLike) -> NDArray[np.float64]:
     """
-    Return where each frame of FRAMES is in its parent, (6, 3) in m, from lengths (5).
+    Return the position of each frame of FRAMES in its parent, (6, 3) in m, for lengths (5).
 
     Row 0 is zero: `base_link` moves in `odom`.
     """

@@ -16,7 +16,7 @@ from masmc_ros.numerics.compiled import formula
 from masmc_ros.robot.two_link.geometry import Geometry, Posture
 
 SINGULAR_SINE = 0.02
-"""The arm counts as singular where |sin(theta_2)| is below this."""
+"""Largest |sin(theta_2)| of a singular arm."""
 
 
 @formula
@@ -90,8 +90,8 @@ def _inverse_sine(posture: Posture) -> float:
     """
     Return 1 / sin(theta_2); inside the singular band the damped sin / 0.02**2.
 
-    The two agree where they meet, and the damped one goes through zero at the singularity,
-    so that motion along the lost direction is given up there instead of growing without end.
+    Both agree at the edge of the band. The damped function is zero at the singularity, so motion
+    along the lost direction stops there instead of growing without bound.
     """
     damped = posture.s2 / (SINGULAR_SINE * SINGULAR_SINE)
     return damped if is_singular(posture) else 1.0 / posture.s2
