@@ -15,9 +15,9 @@ from masmc_ros.compare.tables import as_json, page, text
 from masmc_ros.compare.trials import trials_named
 from masmc_ros.errors import InputError
 from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.files import make_folder, whole_file
 from masmc_ros.robot.registry import chosen
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 from tqdm import tqdm
 

@@ -21,11 +21,11 @@ from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
 from masmc_ros.log.read.reader import Run
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import metrics
 from masmc_ros.report.measure.table import number
 from masmc_ros.robot.registry import chosen, DEFAULT
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 

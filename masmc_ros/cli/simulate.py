@@ -19,11 +19,11 @@ from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import largest_slip
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
+from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.report.measure.labels import law_label
 from masmc_ros.report.measure.metrics import measure, second_half
 from masmc_ros.report.measure.recomputed import Recomputed
 from masmc_ros.report.measure.table import text_table
-from masmc_ros.scenario.scenario import activation, load_scenario, logged_scenario, strays
 from masmc_ros.share import scenario_file
 import numpy as np
 from tqdm import tqdm

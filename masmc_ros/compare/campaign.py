@@ -20,10 +20,10 @@ from typing import Any
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
 from masmc_ros.loop.side_by_side import SideBySide
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.measure.metrics import measure, Metrics, second_half
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from numpy.typing import NDArray
 

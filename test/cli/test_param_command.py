@@ -14,7 +14,7 @@ import time
 
 from forked import completed
 from masmc_ros.params.file import read
-from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.params.node_parameters import declared
 from processes import PATIENCE, peer, Processes, processes
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterEvent

@@ -18,7 +18,7 @@ import time
 from typing import Any
 
 from masmc_ros.cli.main import main
-from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.params.node_parameters import declared, NODES
 import pytest
 from test_bad_input import PAPER, PATIENCE, the_line
 from viewed_run import computed_run

@@ -8,7 +8,7 @@ from __future__ import annotations
 from core_loop import CoreLoop, node_values
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import numpy as np
 from processes import PAPER as PAPER_FILE
 import pytest

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from core_loop import CoreLoop
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import numpy as np
 from processes import PAPER
 import pytest

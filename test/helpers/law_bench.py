@@ -17,8 +17,8 @@ from typing import Any
 from lagrangian import matrices
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from robots import Array, DEFAULT
 

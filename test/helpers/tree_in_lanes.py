@@ -17,7 +17,7 @@ from typing import Any
 
 from masmc_ros.loop.side_by_side import SideBySide
 from masmc_ros.loop.simulation import Simulation
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import numpy as np
 from small_tree import hand_at_start, write_scenario
 

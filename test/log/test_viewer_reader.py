@@ -17,8 +17,8 @@ import struct
 from typing import Any
 
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 from node_readers import read_log, run_read_log, SOURCES
 import numpy as np
 import pytest

@@ -12,8 +12,8 @@ from cart_arm import CART_ARM, constants, Posture, regressor, regressor_times
 from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.registry import ENTRY_POINTS
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 from processes import processes, ros_arguments
 import pytest

@@ -10,7 +10,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import pytest
 from run_limits import limits_of
 from small_tree import hand_at_start, write_scenario

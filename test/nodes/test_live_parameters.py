@@ -12,7 +12,7 @@ from typing import Any
 from log_contents import read_log
 from masmc_ros.cli.main import main
 from masmc_ros.law.registry import LAWS
-from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.params.node_parameters import declared
 from processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 import pytest
 from rcl_interfaces.msg import ParameterType

@@ -12,7 +12,7 @@ import signal
 from log_contents import LogContents, read_log
 from masmc_ros.cli.main import main
 from masmc_ros.nodes.live.state_transforms import StateTransforms
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 from processes import NODES, PAPER, peer, processes, ros_arguments
 import pytest
 from std_msgs.msg import String

@@ -14,7 +14,7 @@ from launch_file import launched, Started
 from masmc_ros.cli.main import main
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 from processes import PAPER, peer, processes
 import pytest
 from std_msgs.msg import String

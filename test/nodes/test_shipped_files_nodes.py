@@ -10,7 +10,7 @@ from pathlib import Path
 
 from launch_file import launched
 from masmc_ros.messages.parameter_record import read_record
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.share import scenarios
 from processes import peer, processes
 import pytest

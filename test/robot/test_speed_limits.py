@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.errors import InputError
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import chosen, DEFAULT
-from masmc_ros.scenario.scenario import load_scenario
 import pytest
 from small_tree import parameters, URDF, write_scenario
 

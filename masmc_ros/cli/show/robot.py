@@ -10,10 +10,10 @@ import json
 import math
 from typing import Any
 
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.report.aligned import aligned
 from masmc_ros.robot.registry import chosen
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 import numpy as np
 

@@ -18,11 +18,7 @@ from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
 from masmc_ros.params.declaration import check_all
 from masmc_ros.params.file import parse_value, read
-from masmc_ros.params.precedence import node_values
-from masmc_ros.params.values import FileValue
-from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import chosen
-from masmc_ros.scenario.node_parameters import (
+from masmc_ros.params.node_parameters import (
     accepted,
     declared,
     drop_foreign,
@@ -30,6 +26,10 @@ from masmc_ros.scenario.node_parameters import (
     NODES,
     shared,
 )
+from masmc_ros.params.precedence import node_values
+from masmc_ros.params.values import FileValue
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import chosen
 import numpy as np
 
 Values = dict[str, Any]
