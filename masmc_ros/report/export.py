@@ -18,7 +18,7 @@ from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.loop.signals import TOLD
 from masmc_ros.report.columns import table_of
-from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
+from masmc_ros.report.files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
 _BLOCK = 10_000
@@ -77,8 +77,7 @@ def check_export(
     check_apart([directory, *paths], logs)
     check_folder(directory)
     for path in paths:
-        if path.exists() and not overwrite:
-            raise InputError(f'{path}: is there already; add --overwrite to replace it')
+        check_absent(path, overwrite=overwrite)
     return paths
 
 

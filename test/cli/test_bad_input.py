@@ -364,7 +364,6 @@ def test_a_recording_that_is_there_is_kept(tmp_path: Path, masmc: Masmc) -> None
         (('run', 'plantt'), 'did you mean plant?'),
         (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, composed'),
         (('simulat', PAPER), 'simulate'),
-        ((), '--help'),
         (('simulate',), '--help'),
         (('run',), '--help'),
         (('report', 'missing.mcap'), 'missing.mcap'),

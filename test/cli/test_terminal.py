@@ -17,7 +17,7 @@ import sys
 import time
 from typing import Any
 
-from masmc_ros.cli.main import main
+from masmc_ros.cli.main import COMMANDS, main
 from masmc_ros.params.node_parameters import declared, NODES
 import pytest
 from test_bad_input import PAPER, PATIENCE, the_line
@@ -321,3 +321,36 @@ def test_what_is_no_log_and_what_was_cut_off(
     line = the_line(status, captured.out, captured.err)
     assert words in line
     assert ('cut off' in line) == content.startswith(b'\x89')
+
+
+def test_masmc_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    printed, error = capsys.readouterr()
+    assert error == ''
+    assert main(['--help']) == 0
+    assert capsys.readouterr().out == printed
+    for command, text in COMMANDS.items():
+        assert f'{command} ' in printed
+        assert text[:40] in ' '.join(printed.split())
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_help_of_a_command_fits_80_columns(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
+    assert main([command, '--help']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f'usage: masmc {command} ')
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize(
+    'arguments', [('laws',), ('robot', PAPER), ('simulate', PAPER, '--set', 'duration=0.01')]
+)
+def test_printed_tables_fit_80_columns(
+    arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(list(arguments)) == 0
+    table = capsys.readouterr().out.partition('distance of')[0]
+    assert max(map(len, table.splitlines())) <= 80

@@ -111,7 +111,7 @@ def test_the_command_writes_what_it_prints(
         (['--laws', 'smc:tan'], "--laws: 'tan' in 'smc:tan' is unknown"),
         (['--laws', 'nonlinear_feedback:tanh'], 'asks for no reaching term'),
         (['--trials', 'noisy'], "--trials: 'noisy' is unknown"),
-        (['--seeds', '0'], "'0': expected a whole number from 1 on"),
+        (['--seeds', '0'], "'0': expected a whole number >= 1"),
         (['--set', 'controller.command_interface=velocity', '--set',
           'plant.command_interface=velocity'], 'expected effort'),
     ],

@@ -41,8 +41,8 @@ class Recomputed:
         else:
             self._compare('commands', run.torque, stamps, stretch.torque)
 
-    def verdict(self, *, set_anew: bool) -> str:
-        """Return one line on what was found; `set_anew` where other parameters were set."""
+    def verdict(self, *, is_changed: bool) -> str:
+        """Return the result in one line; `is_changed` if parameters differ from the log's."""
         states, commands = self._same['states'], self._same['commands']
         run = self._run
         sent = len(run.cmd_vel) + len(run.arm_rates) if run.commands_rates else len(run.torque)
@@ -50,7 +50,7 @@ class Recomputed:
         if states == len(self._states) and commands == sent:
             return f'computed again: all {total} of {self._run.path} are the same bits'
         # Different settings give a different run.
-        reason = ' with other parameters' if set_anew else ''
+        reason = ' with other parameters' if is_changed else ''
         where = 'outside the ticks of the run'
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'

@@ -10,21 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
-from masmc_ros import __version__
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.report.measure.table import (
-    cells,
-    CONTACT_NOTE,
-    heads,
-    points_of,
-    tells_contact,
-)
+from masmc_ros.report.measure.table import cells, contact_note, heads
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
-from masmc_ros.report.page.template import STYLE, template_at
+from masmc_ros.report.page.template import rendered
 from plotly.offline import get_plotlyjs
 
 _SOURCES = Path(__file__).parent
@@ -40,23 +33,19 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
     Scripts, styles and data are in the page, and its content security policy keeps the
     browser from loading anything else.
     """
-    points, is_told = points_of(reached), tells_contact(reached)
+    rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
     span = span_of([each.run for each in compared])
-    return template_at(_PAGE).render(
-        version=__version__,
-        heads=heads(points, contact=is_told),
-        rows=[
-            cells(each.label, row, points, contact=is_told)
-            for each, row in zip(compared, reached, strict=True)
-        ],
+    return rendered(
+        _PAGE,
+        heads=[f'{name} {unit}'.rstrip() for name, unit in heads(rows)],
+        rows=cells(rows),
         band=f'{BAND:.0%}',
         floor=f'{FLOOR * 1e3:g} mm',
-        contact=CONTACT_NOTE if is_told else '',
+        contact=contact_note(rows),
         comparison=_plots('all', comparison_plots(compared, span)),
         runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
         scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
-        style=Markup(STYLE.read_text(encoding='utf-8')),
     )
 
 

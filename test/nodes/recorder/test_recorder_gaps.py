@@ -10,7 +10,7 @@ import shutil
 import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
-from masmc_ros.cli.recover import recover
+from masmc_ros.cli.main import main
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.stamps import header_stamp
@@ -34,7 +34,7 @@ def on_disk(log: Path, reports: list[DiagnosticArray]) -> int:
     reports.clear()
     copy = log.with_name('copy.mcap')
     shutil.copy(log, copy)
-    recover([str(copy)])
+    main(['recover', str(copy)])
     return sum(gaps.missing for gaps in state_gaps(copy).values())
 
 
@@ -83,7 +83,7 @@ def test_a_recorder_that_was_held_up_tells_what_is_missing(
             node.wait()
             capsys.readouterr()
     if ends == 'cut off':
-        assert recover([str(log)]) == 0
+        assert main(['recover', str(log)]) == 0
         assert 'joint_states: ' in capsys.readouterr().out
     run = read_run(log)
     (gaps,) = state_gaps(log).values()
