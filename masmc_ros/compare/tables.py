@@ -10,13 +10,15 @@ import json
 import math
 from pathlib import Path
 import sys
+from textwrap import fill
 
 from masmc_ros.compare.ranking import COMPARED, LOST, Ranked
 from masmc_ros.compare.trials import Trial
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.report.aligned import aligned
-from masmc_ros.report.measure.table import number, SMALL
+from masmc_ros.report.measure.table import number
+from masmc_ros.report.measure.tracking import SMALL
 from masmc_ros.report.page.template import rendered
 from masmc_ros.robot.declaration import Point, symbols_of
 
@@ -47,14 +49,14 @@ def text(
         together = ' together' if len(points) > 1 else ''
         head = f'RMS error of {symbols}{together}, {_units(points)}:'
         lines += ['', head, '', *aligned([names, *rows], (0,), width=width), '']
-        lines += [f'{trial.name}: {trial.description}' for trial in trials[1:]]
+        lines += [fill(f'{trial.name}: {trial.description}', width) for trial in trials[1:]]
     runs = next(iter(ranked[0].rows.values())).runs
-    lines += [
-        '',
+    notes = (
         f'Errors, torques and their variation over the second half of a run; medians of {runs} '
         f'run{"s" if runs != 1 else ""}.',
         f'{_LOST}: diverged, or farther than {_farthest(points)} from the path, in most runs.',
-    ]
+    )
+    lines += ['', *(fill(note, width) for note in notes)]
     return '\n'.join(lines) + '\n'
 
 

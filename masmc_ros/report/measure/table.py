@@ -11,11 +11,13 @@ import io
 import math
 from operator import attrgetter
 import sys
+from textwrap import fill
 from typing import NamedTuple
 
 from masmc_ros.report.aligned import aligned
 from masmc_ros.report.measure.metrics import declared, Metric, Metrics, Reached
 from masmc_ros.report.measure.settling import BAND, FLOOR
+from masmc_ros.report.measure.tracking import SMALL
 from masmc_ros.robot.declaration import listed, Point, symbols_of
 import numpy as np
 
@@ -25,8 +27,6 @@ CONTACT_NOTE = (
 )
 _UNKNOWN = Reached()
 _DIGITS = 5
-SMALL = 1.0e3
-"""Factor of errors in mm and mrad, and of slip in mm/s."""
 
 
 class Column(NamedTuple):
@@ -88,16 +88,16 @@ def text_table(rows: Mapping[str, Metrics], width: int = sys.maxsize) -> str:
     titles = listed([f'of the {point.title.removeprefix("the ")}' for point in points])
     count = max(row.joints for row in rows.values())
     commands = _COUNTS[count] if count < len(_COUNTS) else str(count)
-    note = contact_note(rows)
-    return '\n'.join(table) + (
-        '\n\n'
+    notes = (
         f'{symbols_of(points)}: distance {titles} from where'
-        f' {"they" if len(points) > 1 else "it"} should be.\n'
+        f' {"they" if len(points) > 1 else "it"} should be.',
         f'Settles: when it comes to stay below {BAND:.0%} of the first distance, or'
-        f' {FLOOR * SMALL:g} {units} if that is more.\n'
-        f'Torque variation: sum of the changes of all {commands} commands, per second.\n'
-        + (f'{note}\n' if note else '')
+        f' {FLOOR * SMALL:g} {units} if that is more.',
+        f'Torque variation: sum of the changes of all {commands} commands, per second.',
+        contact_note(rows),
     )
+    texts = (fill(note, width) for note in notes if note)
+    return '\n'.join([*table, '', *texts]) + '\n'
 
 
 def markdown_table(rows: Mapping[str, Metrics]) -> str:
