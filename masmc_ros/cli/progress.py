@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Progress of a run on real nodes, observed by the stamps of odom."""
+"""Progress of a run on real nodes, from the stamps of odom."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class RunProgress:
-    """Listens to a run in a domain of this machine; a context manager."""
+    """Context manager that subscribes to a run in a domain of this machine."""
 
     def __init__(self, domain: int) -> None:
-        """Join the domain."""
+        """Initialise the node in a domain."""
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         self._time = 0.0
         prepare_transport()
@@ -42,12 +42,12 @@ class RunProgress:
         self._executor.add_node(self._node)
 
     def time(self) -> float:
-        """Return the run's time in s, after waiting a moment for news."""
+        """Return the time of the run in s, after at most 0.1 s for a message."""
         self._executor.spin_once(timeout_sec=0.1)
         return self._time
 
     def _on_odometry(self, raw: bytes) -> None:
-        with suppress(InputError):  # of a stranger's odometry
+        with suppress(InputError):  # odometry of a third-party node
             self._time = header_stamp(raw) * 1e-9
 
     def __enter__(self) -> RunProgress:
