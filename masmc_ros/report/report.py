@@ -70,8 +70,8 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
     compared = [
         Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
     ]
-    reached = [metrics(each.run, tracked=each.tracked) for each in compared]
-    rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
+    reached = [metrics(entry.run, tracked=entry.tracked) for entry in compared]
+    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
     directory = Path(directory)
     make_folder(directory)
     tables = {name: table(rows).encode() for name, table in _TABLES.items()}

@@ -109,7 +109,7 @@ def test_the_command_writes_what_it_prints(
     [
         (['--laws', 'smcc'], "--laws: 'smcc' is unknown"),
         (['--laws', 'smc:tan'], "--laws: 'tan' in 'smc:tan' is unknown"),
-        (['--laws', 'nonlinear_feedback:tanh'], 'asks for no reaching term'),
+        (['--laws', 'nonlinear_feedback:tanh'], 'has no reaching term'),
         (['--trials', 'noisy'], "--trials: 'noisy' is unknown"),
         (['--seeds', '0'], "'0': expected a whole number >= 1"),
         (['--set', 'controller.command_interface=velocity', '--set',

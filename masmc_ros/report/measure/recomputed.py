@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a run that was computed again is the one in the log, bit for bit."""
+"""Comparison of a run that was computed again with its log, bit by bit."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 
 class Recomputed:
-    """Compares stretches of a computed run with the states and commands of a log."""
+    """Comparison of blocks of a computed run with the states and commands of a log."""
 
     def __init__(self, run: Run) -> None:
-        """Take the logged run."""
+        """Initialise the comparison with the logged run."""
         self._run = run
         stamps = np.rint(run.times * NANOSECONDS).astype(np.int64)
         self._states = Series(stamps, np.hstack([run.position, run.velocity, run.applied_effort]))
@@ -26,7 +26,7 @@ class Recomputed:
         self._first: tuple[int, str] | None = None
 
     def compare(self, stretch: Stretch, timing: Timing) -> None:
-        """Compare consecutive ticks; to be called for all of them in turn."""
+        """Compare a block of ticks; called for all blocks in their order."""
         first = stretch.first
         stamps = np.array(
             [timing.stamp(tick) for tick in range(first, first + len(stretch))], np.int64

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as one page that needs nothing but a browser."""
+"""The report as one page without external resources."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
 def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str:
     """
-    Return the report of runs as HTML: the same text for the same runs.
+    Return the report of runs as HTML, identical for identical runs.
 
-    Scripts, styles and data are in the page, and its content security policy keeps the
-    browser from loading anything else.
+    Scripts, styles and data are in the page; its content security policy prevents the browser
+    from loading other resources.
     """
-    rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
-    span = span_of([each.run for each in compared])
+    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
+    span = span_of([entry.run for entry in compared])
     return rendered(
         _PAGE,
         heads=[f'{name} {unit}'.rstrip() for name, unit in heads(rows)],
@@ -43,15 +43,15 @@ def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str
         floor=f'{FLOOR * 1e3:g} mm',
         contact=contact_note(rows),
         comparison=_plots('all', comparison_plots(compared, span)),
-        runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
+        runs=[_run(number, entry, span) for number, entry in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
         scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
     )
 
 
-def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, Any]:
-    """Return what the template shows of a run."""
-    run = each.run
+def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, Any]:
+    """Return the values of a run for the template."""
+    run = entry.run
     changes = run_changes(run)
     later: dict[tuple[str, str], list[str]] = {}
     for change in changes:
@@ -61,16 +61,16 @@ def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, An
         later.setdefault((change.node, change.name), []).append(text)
     return {
         'id': f'run-{number}',
-        'label': each.label,
+        'label': entry.label,
         'path': str(run.path),
         'states': len(run.times),
         'duration': f'{run.times[-1] - run.times[0]:g}',
-        'missing': missing(run, each.tracked),
+        'missing': missing(run, entry.tracked),
         'changes': [
             (f'{c.time:.3f}', c.tick, c.node, c.name, *change_texts(c))
             for c in changes
         ],
-        'plots': _plots(f'run-{number}', run_plots(each, span)),
+        'plots': _plots(f'run-{number}', run_plots(entry, span)),
         'parameters': {
             node: [
                 (name, value_text(value), ', '.join(later.get((node, name), ())))
@@ -99,7 +99,7 @@ def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, Any]]:
 
 
 def _json(plot: Plot) -> Markup:
-    """Return a plot as JSON that may stand in a script element."""
+    """Return a plot as JSON for a script element."""
     text = plot.figure.to_json(engine='json')
     for letter, escape in _ESCAPES.items():
         text = text.replace(letter, escape)
@@ -107,5 +107,5 @@ def _json(plot: Plot) -> Markup:
 
 
 def _script(text: str) -> Markup:
-    """Return a script that its own text does not end."""
+    """Return a script without end tags in its text."""
     return Markup(text.replace('</script', '<\\/script'))
