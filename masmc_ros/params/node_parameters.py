@@ -237,7 +237,7 @@ def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[
 
 
 def drop_foreign(
-    node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
+    node: str, values: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
 ) -> list[str]:
     """
     Remove the values of other nodes; return the names that no node of this package knows.
@@ -246,7 +246,7 @@ def drop_foreign(
     ----------
     node
         Name of the node.
-    given
+    values
         Values by name. Unknown names outside wildcards stay, so that the node rejects them.
     shared
         Names under wildcards such as `/**`, which nodes of other packages read as well.
@@ -260,19 +260,19 @@ def drop_foreign(
         service.
 
     """
-    mechanism = mechanisms.chosen(given)
+    mechanism = mechanisms.chosen(values)
     own = {parameter.name for parameter in declared(node, mechanism)}
     known = _known(mechanism)
     foreign = []
-    for name in [name for name in given if name not in own]:
+    for name in [name for name in values if name not in own]:
         place = where if isinstance(where, str) else where.get(name, '')
         if name in _FROM_RCL or (name in shared and name in known):
-            del given[name]
+            del values[name]
         elif name in shared:
             if get_close_matches(name, known, n=1, cutoff=_SLIP):
                 hint = suggestion(name, known)
                 raise InputError(f"{place}unknown parameter '{name}'; {hint}")
-            del given[name]
+            del values[name]
             foreign.append(name)
         elif name.startswith(_QOS_OVERRIDES):
             raise InputError(
