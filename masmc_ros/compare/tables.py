@@ -52,8 +52,8 @@ def text(
         lines += [fill(f'{trial.name}: {trial.description}', width) for trial in trials[1:]]
     runs = next(iter(ranked[0].rows.values())).runs
     notes = (
-        f'Errors, torques and their variation over the second half of a run; medians of {runs} '
-        f'run{"s" if runs != 1 else ""}.',
+        'Errors, torques and variation: over the second half of a run;'
+        f' medians of {runs} run{"s" if runs != 1 else ""}.',
         f'{_LOST}: diverged, or farther than {_farthest(points)} from the path, in most runs.',
     )
     lines += ['', *(fill(note, width) for note in notes)]

@@ -25,6 +25,14 @@ class Column(NamedTuple):
     unit: str
 
 
+class Part(NamedTuple):
+    """Adjacent columns; their numbers (n, k) at the states, or at other times, or None."""
+
+    name: str
+    columns: list[Column]
+    numbers: Floats | Series | None
+
+
 class Table(NamedTuple):
     """
     Numbers of a run, with a row per state.
@@ -52,11 +60,11 @@ def table_of(run: Run) -> Table:
     Values with other stamps than the states are in the row of the last state before; of several
     in one row, the last is kept.
     """
-    columns, numbers = zip(*_parts(run), strict=True)
-    values, known = zip(*(
-        _rows(run.times, part, len(heads)) for heads, part in zip(columns, numbers, strict=True)
-    ), strict=True)
-    return Table(tuple(chain(*columns)), np.hstack(values), np.hstack(known))
+    parts = tuple(parts_of(run))
+    rows = (_rows(run.times, part.numbers, len(part.columns)) for part in parts)
+    values, known = zip(*rows, strict=True)
+    columns = chain.from_iterable(part.columns for part in parts)
+    return Table(tuple(columns), np.hstack(values), np.hstack(known))
 
 
 def _columns(quantity: str, names: Sequence[str], units: Sequence[str]) -> list[Column]:
@@ -69,26 +77,29 @@ def _columns(quantity: str, names: Sequence[str], units: Sequence[str]) -> list[
     ]
 
 
-def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
-    """Yield adjacent columns and their numbers: (n, k) at the states, or at other times."""
+def parts_of(run: Run) -> Iterator[Part]:
+    """Yield all numbers of a run, in the order of the columns."""
     mechanism, joints = run.mechanism, run.joint_names
     units = [position.unit for position in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
     driven = joints[len(mechanism.base):]
-    yield _columns('time', [''], ['s']), run.times[:, None]
-    yield _columns('position', joints, units), run.position
-    yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
+    rates = [f'{unit}/s' for unit in units]
+    yield Part('time_s', _columns('time', [''], ['s']), run.times[:, None])
+    yield Part('position', _columns('position', joints, units), run.position)
+    yield Part('velocity', _columns('velocity', joints, rates), run.velocity)
     efforts = [joint.effort_unit for joint in mechanism.joints]
-    yield _columns('applied_effort', driven, efforts), run.applied_effort
+    heads = _columns('applied_effort', driven, efforts)
+    yield Part('applied_effort', heads, run.applied_effort)
     if not run.commands_rates:
-        yield _columns('command', driven, efforts), run.torque
+        yield Part('command', _columns('command', driven, efforts), run.torque)
     # Commands of drives that follow velocities.
     if len(run.cmd_vel) or len(run.arm_rates):
         twist = mechanism.twist
         names = [velocity.name.replace(' ', '_') for velocity in twist]
-        yield _columns('command', names, [velocity.unit for velocity in twist]), run.cmd_vel
+        heads = _columns('command', names, [velocity.unit for velocity in twist])
+        yield Part('cmd_vel', heads, run.cmd_vel)
         rates = [f'{joint.unit}/s' for joint in mechanism.own_rates]
-        yield _columns('command', driven[len(twist):], rates), run.arm_rates
+        yield Part('arm_rate', _columns('command', driven[len(twist):], rates), run.arm_rates)
     reference = [
         column
         for name, per in (('position', ''), ('velocity', '/s'), ('acceleration', '/s²'))
@@ -96,13 +107,13 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
             f'reference_{name}', axes, [axis.unit + per for axis in mechanism.axes]
         )
     ]
-    yield reference, run.reference
+    yield Part('reference', reference, run.reference)
     for signal in TOLD:
         if not (signal.of_torques and run.commands_rates):
             components = run.components(signal)
             units = [signal.unit_of(component.unit) for component in components]
             heads = _columns(signal.name, [component.name for component in components], units)
-            yield heads, run.telemetry.get(signal.name)
+            yield Part(signal.name, heads, run.telemetry.get(signal.name))
     if run.contact is not None:
         contacts = [
             column
@@ -110,7 +121,7 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Floats | Series | None]]:
             for part in CONTACT
             for column in _columns(part.name, [name], [part.unit])
         ]
-        yield contacts, run.contact
+        yield Part('contact', contacts, run.contact)
 
 
 def _rows(

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 import csv
 from importlib.util import find_spec
 import io
@@ -13,11 +13,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.loop.signals import TOLD
-from masmc_ros.report.columns import table_of
+from masmc_ros.report.columns import parts_of, table_of
 from masmc_ros.report.files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
@@ -119,32 +117,13 @@ def _write_parquet(run: Run, stream: BinaryIO) -> None:
 
 def _write_npz(run: Run, stream: BinaryIO) -> None:
     """Write the unmodified signals of the log, each with its own times."""
-    arrays = {
-        'time_s': run.times,
-        'position': run.position,
-        'velocity': run.velocity,
-        'applied_effort': run.applied_effort,
-        **_with_times({
-            'command': None if run.commands_rates else run.torque,
-            'cmd_vel': run.cmd_vel or None,
-            'arm_rate': run.arm_rates or None,
-        }),
-        'reference': run.reference,
-        **_with_times({signal.name: run.telemetry.get(signal.name) for signal in TOLD}),
-        **_with_times({'contact': run.contact}),
-    }
-    known = {name: values for name, values in arrays.items() if values is not None}
-    np.savez(stream, allow_pickle=False, **known)
-
-
-def _with_times(signals: Mapping[str, Series | None]) -> dict[str, np.ndarray]:
-    """Return the arrays of known series by name, each after its times."""
-    return {
-        key: array
-        for name, series in signals.items()
-        if series is not None
-        for key, array in ((f'{name}_time_s', series.times), (name, series.values))
-    }
+    arrays: dict[str, np.ndarray] = {}
+    for name, _, numbers in parts_of(run):
+        if isinstance(numbers, np.ndarray):
+            arrays[name] = numbers
+        elif numbers or (numbers is not None and name not in ('cmd_vel', 'arm_rate')):
+            arrays |= {f'{name}_time_s': numbers.times, name: numbers.values}
+    np.savez(stream, allow_pickle=False, **{**arrays, 'time_s': run.times})
 
 
 FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {

@@ -175,12 +175,12 @@ def _watch(
 ) -> None:
     """Show progress until all nodes have ended or one has failed; UserError after `patience`."""
     # Imported here: without rclpy, `demo` ends with one line.
-    from masmc_ros.cli.progress import RunProgress
+    from masmc_ros.cli.progress import run_progress
 
     limit = time.monotonic() + patience
     form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'
     with (
-        RunProgress(int(domain['ROS_DOMAIN_ID'])) as progress,
+        run_progress(int(domain['ROS_DOMAIN_ID'])) as progress,
         tqdm(total=duration, desc=name.rjust(8), bar_format=form, disable=None) as bar,
     ):
         while any(process.poll() is None for process in processes.values()):
@@ -188,5 +188,5 @@ def _watch(
                 return
             if time.monotonic() > limit:
                 raise UserError(f'{name}: no end after {patience:.0f} s')
-            bar.update(min(progress.time(), duration) - bar.n)
+            bar.update(min(progress(), duration) - bar.n)
         bar.update(duration - bar.n)

@@ -161,7 +161,7 @@ def _contacts(run: Run, contact: Series) -> Iterator[Shown]:
     ):
         parts = [part for part, signal in enumerate(CONTACT) if signal.unit == unit]
         labels = [
-            f'{escape(wheel)}, {CONTACT[part].description}' for wheel in names for part in parts
+            f'{escape(place)}, {CONTACT[part].description}' for place in names for part in parts
         ]
         shown = values[:, :, parts].reshape(len(contact), -1)
         drawn = lines(labels, contact.times - run.times[0], shown)
