@@ -21,9 +21,9 @@ def node_help(name: str, description: str) -> str:
     own = '' if name != 'composed' else '[--record] '
     example = f'{name}:NAME' if name != 'composed' else 'NODE:NAME'
     intro = (
-        'A parameter is given as -p NAME:=VALUE, or in a ROS 2 parameter file under'
-        f' ros__parameters; -p {example}:=VALUE is for that node alone. Those marked live can be'
-        ' changed while the node runs, with `ros2 param set` or `masmc param set`.'
+        'Set a parameter by -p NAME:=VALUE, or in a ROS 2 parameter file under ros__parameters;'
+        f' -p {example}:=VALUE applies to one node. Parameters marked live can be changed while'
+        ' the node runs, with `ros2 param set` or `masmc param set`.'
     )
     lines = [
         f'usage: masmc run {name} {own}[--ros-args [-p NAME:=VALUE] [--params-file FILE]'

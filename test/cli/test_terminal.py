@@ -232,7 +232,7 @@ def test_a_long_run_says_what_it_writes_or_is_refused(
     status = main(['simulate', PAPER, '--set', 'duration=1e8', '--output', str(output)])
     captured = capsys.readouterr()
     line = the_line(status, captured.out, captured.err)
-    assert re.search(r': 100000000001 ticks take about 5\d TB, of which the disk has', line)
+    assert re.search(r': 100000000001 ticks take about 5\d TB; the disk has only', line)
     assert list(tmp_path.iterdir()) == []
     few = ('--set', 'controller.telemetry_decimation=0', '--set', 'plant.tf_decimation=0')
     length = ('--set', 'duration=201.0', '--output', str(output))

@@ -153,8 +153,8 @@ def _print_size(path: str, per_tick: float, ticks: int) -> None:
     text = f'{path}: {ticks} ticks take about {_size_text(expected)}'
     if expected > free:
         raise InputError(
-            f'{text}, of which the disk has {_size_text(free)} left; expected a shorter duration,'
-            ' or fewer messages (controller.telemetry_decimation, plant.tf_decimation)'
+            f'{text}; the disk has only {_size_text(free)} left; use a shorter duration, or fewer'
+            ' messages (controller.telemetry_decimation, plant.tf_decimation)'
         )
     print(text, file=sys.stderr)
 

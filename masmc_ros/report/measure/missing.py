@@ -50,9 +50,8 @@ def unread(run: Run) -> list[str]:
         return []
     states = next(name for name in run.topics if f'/{name}'.endswith(f'/{STATE_TOPIC}'))
     return [
-        f'Not read are {", ".join(run.elsewhere)}: the topics of a run are known by their names,'
-        f' and those that are missing would have to be called {", ".join(lacking)} beside'
-        f' {states}.'
+        f'Not read are {", ".join(run.elsewhere)}: the topics of a run are identified by their'
+        f' names; the missing ones would be {", ".join(lacking)} next to {states}.'
     ]
 
 
