@@ -120,17 +120,12 @@ class Parameter:
         return Bounds(self.minimum, self.maximum, self.exclusive_minimum, self.exclusive_maximum)
 
     @property
-    def range_text(self) -> str:
-        """Return the range of a number, such as '>= 0' or 'in (0, 1]'; '' without bounds."""
-        return str(self.bounds)
-
-    @property
     def expected(self) -> str:
         """Return the expected value, such as 'a number or 4 numbers, each >= 0'."""
         if self.rule is not None:
             return self.rule_text
         choices = ', '.join(self.known_choices())
-        limits = self.range_text or (f'one of {choices}' if choices else '')
+        limits = str(self.bounds) or (f'one of {choices}' if choices else '')
         noun = _NOUNS[self.kind]
         if self.kind == 'string' and choices:
             return limits
@@ -171,10 +166,7 @@ class Parameter:
         return self._checked(value, integers_for_doubles or self.broadcast, self.known_choices())
 
     def _checked(
-        self,
-        value: object,
-        integers_for_doubles: bool,
-        choices: tuple[str, ...],
+        self, value: object, integers_for_doubles: bool, choices: tuple[str, ...]
     ) -> Value:
         coerced = self._coerced(value)
         fits = coerced is not None and self._in_bounds(coerced, choices)

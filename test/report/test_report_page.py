@@ -311,7 +311,7 @@ def test_a_log_whose_topics_were_renamed_says_what_it_needs(
     assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
     assert 'controller/tracking_error' in line
     assert 'cmd_vel, arm_velocity_commands' in line
-    assert line.endswith('beside /joint_states.')
+    assert line.endswith('next to /joint_states.')
     found = Page((folder / 'report.html').read_text(encoding='utf-8'))
     (box,) = found.root.find_all('div', **{'class': 'missing'})
     assert 'Not read are /arm_controller/commands' in box.text
