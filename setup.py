@@ -9,12 +9,13 @@ not take them from there.
 """
 
 from glob import glob
+from pathlib import Path
 import sys
 
 from setuptools import find_packages, setup
 
 NAME = 'masmc_ros'
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live', 'composed')
+NODES = sorted(Path(file).parent.name for file in glob(f'{NAME}/nodes/*/node.py'))
 WHEELS = "platform_system == 'Linux' and platform_machine == 'x86_64'"
 
 # `ros2 run` looks for executables in lib/masmc_ros. colcon puts console scripts there by

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's experiment: plant, trajectory, controller and, if wanted, the recorder."""
+"""The paper's experiment: plant, trajectory, controller and, optionally, the recorder."""
 
 from __future__ import annotations
 
@@ -50,19 +50,19 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             'frame_prefix',
             default_value='',
-            description='Put before all names of frames, such as left/; empty: as in params_file.',
+            description='Prefix of all frames, such as left/; empty: as in params_file.',
         ),
         DeclareLaunchArgument(
             'clock',
             default_value='',
-            description='Topic of the simulated time, such as /clock, on which one robot alone '
-            'may send; empty: clock in the namespace, so that every robot has its own.',
+            description='Topic of the simulated time, such as /clock, for which only one robot '
+            'may publish; empty: clock in the namespace, one topic per robot.',
         ),
         DeclareLaunchArgument(
             'record',
             default_value='true',
             choices=SWITCH,
-            description='Whether the run is recorded (MCAP).',
+            description='Record the run (MCAP).',
         ),
         DeclareLaunchArgument(
             'output',
@@ -79,69 +79,70 @@ def generate_launch_description() -> LaunchDescription:
             'live',
             default_value='false',
             choices=SWITCH,
-            description='Whether Foxglove may look on (ws://127.0.0.1:8765); until interrupted.',
+            description='Serve Foxglove (ws://127.0.0.1:8765) until interrupted.',
         ),
         DeclareLaunchArgument(
             'use_sim_time',
             default_value='false',
             choices=SWITCH,
-            description="Whether the nodes' own clock follows the topic of the argument clock.",
+            description='Use the topic of the argument clock as the clock of the nodes.',
         ),
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
 
 
 def _nodes(context: LaunchContext) -> list[object]:
-    def given(name: str) -> str:
+    def argument(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
     def is_on(name: str) -> bool:
-        return given(name).lower() == 'true'
+        return argument(name).lower() == 'true'
 
-    files = [given('params_file')]
+    files = [argument('params_file')]
     if not files[0]:
         files = [_config('paper.yaml')]
-        if given('pacing') == 'realtime':
+        if argument('pacing') == 'realtime':
             files.append(_config('realtime.yaml'))
     record = is_on('record')
-    # The nodes send on `clock`; with use_sim_time they, like all nodes of ROS, follow `/clock`.
-    clock = given('clock') or '/'.join(['', *filter(None, given('namespace').split('/')), 'clock'])
+    # The nodes publish on `clock`; with use_sim_time they subscribe to `/clock`, as all nodes do.
+    namespace = filter(None, argument('namespace').split('/'))
+    clock = argument('clock') or '/'.join(['', *namespace, 'clock'])
     remappings = [('clock', clock), ('/clock', clock)]
     names = ['trajectory', 'controller', 'plant'] + (['recorder'] if record else [])
     settings: dict[str, dict[str, object]] = {name: {} for name in names}
     settings['plant']['wait_for'] = [name for name in names if name != 'plant']
-    if given('law'):
-        settings['controller']['law'] = given('law')
-    if given('pacing'):
+    if argument('law'):
+        settings['controller']['law'] = argument('law')
+    if argument('pacing'):
         for name in ('plant', 'controller'):
-            settings[name]['pacing'] = given('pacing')
+            settings[name]['pacing'] = argument('pacing')
     if record:
-        settings['recorder']['output'] = given('output')
+        settings['recorder']['output'] = argument('output')
     if is_on('live'):
         settings['live'] = {}
     for name in settings:
-        if given('frame_prefix') and name != 'live':
-            settings[name]['frame_prefix'] = given('frame_prefix')
+        if argument('frame_prefix') and name != 'live':
+            settings[name]['frame_prefix'] = argument('frame_prefix')
         settings[name]['use_sim_time'] = is_on('use_sim_time')
     processes = list(settings)
     nodes = []
     if is_on('composed'):
         processes = [name for name in processes if name not in names]
         together = {name: settings[name] for name in names}
-        nodes = [_composed(files, given('namespace'), together, remappings, record=record)]
+        nodes = [_composed(files, argument('namespace'), together, remappings, record=record)]
     nodes += [
         Node(
             package=PACKAGE,
             executable=name,
             name=name,
-            namespace=given('namespace'),
+            namespace=argument('namespace'),
             parameters=[*files, settings[name]],
             remappings=remappings,
             output='screen',
         )
         for name in processes
     ]
-    # The others end by themselves when the run is over; where one fails, all end.
+    # All nodes end when the run is complete, or when one of them fails.
     return [*nodes, RegisterEventHandler(OnProcessExit(on_exit=_end_on_failure))]
 
 

@@ -11,21 +11,21 @@ from difflib import get_close_matches
 
 class UserError(Exception):
     """
-    Something that the user can put right: what, where, and what would be right.
+    Error that the user can correct, with the value, its place and the remedy.
 
-    The message is one line: line breaks in what it quotes become spaces. A command that
-    meets this error prints the message alone and ends with `exit_status`.
+    The message is one line: line breaks in quoted values become spaces. A command prints only
+    the message and ends with `exit_status`.
     """
 
     exit_status = 2
 
     def __init__(self, message: str) -> None:
-        """Make an error of one line from `message`."""
+        """Initialise the error with one line from `message`."""
         super().__init__(' '.join(message.splitlines()))
 
 
 class InputError(UserError):
-    """A file, a parameter, an option or a name that cannot be used as it was given."""
+    """Invalid file, parameter, option or name."""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -35,14 +35,14 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     Parameters
     ----------
     word
-        the name that is not known.
+        unknown name.
     known
-        the names that are.
+        known names.
 
     Returns
     -------
-        'did you mean A or B?' with the nearest names, 'known are A, B, C' where none is
-        near, 'none is known' where there are no names at all.
+        'did you mean A or B?' with the nearest names, 'known are A, B, C' if none is near,
+        'none is known' without known names.
 
     """
     names = list(known)

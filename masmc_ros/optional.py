@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Packages that not every installation has, and what to do where one is missing.
+Packages that an installation may lack, and the remedy if one is missing.
 
 They are for logs, reports and viewers. rosdep installs some of them by pip, which a machine may
-not allow, and does not know the others. Therefore nothing that steers a robot imports them.
+not allow, and does not know the others. Therefore no node that controls a robot imports them.
 """
 
 from __future__ import annotations
+
+from importlib import import_module
 
 from masmc_ros.errors import UserError
 
@@ -23,12 +25,24 @@ PACKAGES = {
     'rosbags': 'rosbags',
     'zstandard': 'zstandard',
 }
-"""Modules, and the names by which pip installs them."""
+"""Names of the modules for pip."""
 
 
 def explained(error: ModuleNotFoundError) -> UserError:
-    """Return what to do about a module that is missing; raise the error if it is none of these."""
+    """Return the remedy for a missing module; raise the error for a module not in PACKAGES."""
     module = (error.name or '').partition('.')[0]
     if module not in PACKAGES:
         raise error
     return UserError(f'{module} is not installed; pip install {PACKAGES[module]}')
+
+
+def require_rclpy() -> None:
+    """Raise UserError with the remedy if rclpy cannot be imported."""
+    try:
+        import_module('rclpy')
+    except ImportError as error:
+        raise UserError(
+            f'rclpy cannot be imported ({error}); source a ROS 2 Jazzy installation, or install'
+            " its wheels in a checkout with pip install '.[ros]' (Linux x86_64); masmc simulate"
+            ' runs without it'
+        ) from error

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that come with the package, wherever it is installed."""
+"""Files that are installed with the package."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from masmc_ros.errors import InputError
 
 def shared_file(*parts: str) -> Path:
     """
-    Return a file such as `config/paper.yaml`; InputError where it is not installed.
+    Return a file such as `config/paper.yaml`; InputError if it is not installed.
 
-    Looks next to the sources, in the prefix of a pip installation and in that of colcon.
+    The folders are those of the sources, of a pip installation and of colcon.
     """
     for folder in _folders():
         path = folder.joinpath(*parts)
@@ -26,12 +26,12 @@ def shared_file(*parts: str) -> Path:
 
 def scenarios() -> dict[str, Path]:
     """Return the parameter files that are installed with the package, by name."""
-    found = (sorted(folder.glob('config/*.yaml')) for folder in _folders())
-    return {path.stem: path for path in next(filter(None, found), [])}
+    files = (sorted(folder.glob('config/*.yaml')) for folder in _folders())
+    return {path.stem: path for path in next(filter(None, files), [])}
 
 
 def scenario_file(name: str) -> str:
-    """Return the path of a parameter file: the one that is there, or that of an installed name."""
+    """Return the path of a parameter file: an existing one, or that of an installed name."""
     if Path(name).exists() or Path(name).name != name:
         return name
     installed = scenarios()

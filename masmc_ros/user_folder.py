@@ -17,14 +17,14 @@ def runtime_folder() -> Path:
     """
     Return the user's folder, created if missing: owned, no link, writable by no other user.
 
-    It is in XDG_RUNTIME_DIR, or in the temporary folder where that is not set. Raises
-    UserError if another user has created something in its place.
+    It is in XDG_RUNTIME_DIR, or in the temporary folder if that is not set. Raises UserError if
+    another user has created a file or folder of this name.
     """
     if not hasattr(os, 'getuid'):
-        return Path(tempfile.gettempdir())  # on Windows it is the user's own
-    given = os.environ.get('XDG_RUNTIME_DIR')
-    if given and is_private(Path(given)):
-        folder = Path(given) / 'masmc_ros'
+        return Path(tempfile.gettempdir())  # on Windows each user has a separate one
+    runtime = os.environ.get('XDG_RUNTIME_DIR')
+    if runtime and is_private(Path(runtime)):
+        folder = Path(runtime) / 'masmc_ros'
     else:
         folder = Path(tempfile.gettempdir()) / f'masmc_ros-{os.getuid()}'
     try:
@@ -43,10 +43,9 @@ def runtime_folder() -> Path:
 def is_private(folder: Path) -> bool:
     """Return True for a folder, not a link, of this user, writable by no other user."""
     try:
-        found = folder.lstat()
+        status = folder.lstat()
     except OSError:
         return False
     others = stat.S_IWGRP | stat.S_IWOTH
-    return (
-        stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others
-    )
+    is_own = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+    return is_own and not status.st_mode & others

@@ -19,7 +19,7 @@ from masmc_ros.law.reaching.reaching import BOUNDARY_LAYER
 from masmc_ros.messages.topics import SYSTEM_TOPICS, TOPICS
 from masmc_ros.params import plug_ins
 from masmc_ros.params.documentation import markdown_table
-from masmc_ros.scenario.node_parameters import declared, NODES, shared
+from masmc_ros.params.node_parameters import declared, NODES, shared
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER_LAWS = ('smc', 'rasmc')

@@ -26,7 +26,7 @@ class Ended(KeyboardInterrupt):
     """A signal ended the process."""
 
     def __init__(self, number: int) -> None:
-        """Take the signal's number."""
+        """Initialise the error with the number of the signal."""
         super().__init__(number)
         self.number = number
         self.name = signal.Signals(number).name
@@ -35,24 +35,24 @@ class Ended(KeyboardInterrupt):
 @contextmanager
 def ended_by_signals(*, restores: bool = True) -> Iterator[None]:
     """
-    Raise Ended within where a signal comes, and leave no unfinished file behind.
+    Raise Ended when a signal arrives, and remove unfinished files.
 
-    A signal that is ignored, as under `nohup`, stays so. Afterwards the handlers are those of
-    before if this `restores` them; otherwise signals are ignored, for a process that ends.
+    Ignored signals, as under `nohup`, remain ignored. Afterwards the previous handlers are
+    restored if `restores` is True; otherwise signals are ignored until the process ends.
     """
     handlers = {number: signal.getsignal(number) for number in ENDING}
-    taken = {n: each for n, each in handlers.items() if each not in (None, signal.SIG_IGN)}
-    for number in taken:
+    replaced = {n: h for n, h in handlers.items() if h not in (None, signal.SIG_IGN)}
+    for number in replaced:
         signal.signal(number, _end)
     try:
         yield
     finally:
-        # A terminal that is closed sends it more than once.
-        for number in taken:
+        # A closed terminal sends its signal more than once.
+        for number in replaced:
             signal.signal(number, signal.SIG_IGN)
         remove_unfinished()
         if restores:
-            for number, handler in taken.items():
+            for number, handler in replaced.items():
                 signal.signal(number, handler)
 
 
@@ -62,10 +62,10 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 def final(status: int) -> int:
     """
-    Return an exit status that no later signal changes.
+    Return an exit status that later signals do not change.
 
-    While the interpreter is finalised, it has removed its own handlers: a signal would then end
-    the process by its default action, although the work is complete.
+    The interpreter removes its handlers before it ends: a signal would then end the process by
+    its default action, although the work is complete.
     """
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
@@ -73,19 +73,19 @@ def final(status: int) -> int:
 
 
 def child_environment() -> dict[str, str]:
-    """Return the variable by which a `masmc run` that this process starts ends with it."""
+    """Return the variable that makes a child `masmc run` end with this process."""
     return {_PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
     """
-    End by SIGTERM when the process ends that asked for it, killed or not.
+    End this process by SIGTERM when the parent that requested it ends, killed or not.
 
-    Only that process's own child does; Linux tells it.
+    Only direct children of that process end with it, and only on Linux.
     """
     parent = os.environ.pop(_PARENT, None)
     if parent is None or sys.platform != 'linux':
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    if str(os.getppid()) != parent:  # it ended before
+    if str(os.getppid()) != parent:  # the parent has already ended
         os.kill(os.getpid(), signal.SIGTERM)

@@ -5,18 +5,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 import sys
 
+from masmc_ros.cli.commands.run import NODES
 from masmc_ros.cli.endings import final
 from masmc_ros.cli.main import main
-from masmc_ros.cli.run import NODES
 
 
-def _executable(name: str) -> int:
+def _run(name: str) -> int:
     return final(main(['run', name, *sys.argv[1:]]))
 
 
-plant, trajectory, controller, recorder, live, composed = (
-    partial(_executable, name) for name in NODES
-)
+def __getattr__(name: str) -> Callable[[], int]:
+    """Return the entry point of a node."""
+    if name not in NODES:
+        raise AttributeError(name)
+    return partial(_run, name)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc run NODE --help`: what a node does, and its parameters."""
+"""Output of `masmc run NODE --help`: usage of a node, and its parameters."""
 
 from __future__ import annotations
 
@@ -9,35 +9,27 @@ import shutil
 import textwrap
 
 from masmc_ros.params.documentation import plain_list
-from masmc_ros.scenario.node_parameters import declared, shared
+from masmc_ros.params.node_parameters import declared, shared
 
-_DOES = {
-    'plant': 'The simulated robot: takes commands, sends its states.',
-    'trajectory': 'Sends the reference along a path, ahead of the robot.',
-    'controller': 'The control law: answers each state of the robot with a command.',
-    'recorder': 'Records every message of a run, byte for byte, into an MCAP file.',
-    'live': 'Shows a running robot in Foxglove, with its parameters to turn.',
-    'composed': 'Plant, trajectory and controller in one process.',
-}
 _COMPOSED = ('plant', 'trajectory', 'controller', 'recorder')
 _WIDEST = 99
 
 
-def node_help(name: str) -> str:
+def node_help(name: str, description: str) -> str:
     """Return the help of a node, as wide as the terminal."""
     width = min(_WIDEST, shutil.get_terminal_size().columns)
     own = '' if name != 'composed' else '[--record] '
     example = f'{name}:NAME' if name != 'composed' else 'NODE:NAME'
     intro = (
-        'A parameter is given as -p NAME:=VALUE, or in a ROS 2 parameter file under'
-        f' ros__parameters; -p {example}:=VALUE is for that node alone. Those marked live can be'
-        ' changed while the node runs, with `ros2 param set` or `masmc param set`.'
+        'Set a parameter by -p NAME:=VALUE, or in a ROS 2 parameter file under ros__parameters;'
+        f' -p {example}:=VALUE applies to one node. Parameters marked live can be changed while'
+        ' the node runs, with `ros2 param set` or `masmc param set`.'
     )
     lines = [
         f'usage: masmc run {name} {own}[--ros-args [-p NAME:=VALUE] [--params-file FILE]'
         ' [-r FROM:=TO] ...]',
         '',
-        _DOES[name],
+        description,
         '',
         *textwrap.wrap(intro, width),
     ]
@@ -51,5 +43,5 @@ def node_help(name: str) -> str:
     needed = {p.name for node in nodes for p in declared(node)}
     common = [p for p in shared() if p.name in needed]
     if common:
-        lines += ['', 'parameters that nodes share:', *plain_list(common, width)]
+        lines += ['', 'shared parameters of all nodes:', *plain_list(common, width)]
     return '\n'.join(lines) + '\n'

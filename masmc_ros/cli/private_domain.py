@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A ROS domain of one's own on this machine, so that a run meets no other and no robot."""
+"""Private ROS domain on this machine, separate from other runs and robots."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from masmc_ros.errors import UserError
 from masmc_ros.user_folder import runtime_folder
 
 _DOMAINS = range(1, 102)
-"""Domains whose ports lie below those that the system hands out by itself."""
+"""Domains whose ports lie below those that the system assigns automatically."""
 
 
 @contextmanager
 def private_domain() -> Iterator[dict[str, str]]:
     """
-    Yield environment variables of a domain that no other such run uses meanwhile.
+    Yield the environment variables of a domain that no other run uses.
 
-    Raises UserError where all are taken.
+    Raises UserError if all are in use.
     """
     used = os.environ.get('ROS_DOMAIN_ID', '0')
     candidates = [domain for domain in _DOMAINS if str(domain) != used]
@@ -36,9 +36,9 @@ def private_domain() -> Iterator[dict[str, str]]:
 @contextmanager
 def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
     """
-    Yield the first domain that no other process of this user has locked, and no one uses.
+    Yield the first unused domain that no other process of this user has locked.
 
-    Raises UserError where all are taken.
+    Raises UserError if all are in use.
     """
     folder = runtime_folder()
     for domain in candidates:
@@ -46,7 +46,7 @@ def locked_domain(candidates: Iterable[int]) -> Iterator[int]:
         try:
             lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         except OSError:
-            continue  # a link, say
+            continue  # for example a link
         try:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

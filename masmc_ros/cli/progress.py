@@ -1,13 +1,13 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Progress of a run on real nodes, observed by the stamps of odom."""
+"""Progress of a run on real nodes, from the stamps of odom."""
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 import os
-from types import TracebackType
 
 from masmc_ros.errors import InputError
 from masmc_ros.messages.stamps import header_stamp
@@ -20,48 +20,33 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 
-class RunProgress:
-    """Listens to a run in a domain of this machine; a context manager."""
+@contextmanager
+def run_progress(domain: int) -> Iterator[Callable[[], float]]:
+    """Yield a function that returns the time of a run in s, after at most 0.1 s of waiting."""
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    prepare_transport()
+    context = Context()
+    options = SignalHandlerOptions.NO
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=options)
+    node = rclpy.create_node('progress', context=context, enable_rosout=False)
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    stamp = 0
 
-    def __init__(self, domain: int) -> None:
-        """Join the domain."""
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-        self._time = 0.0
-        prepare_transport()
-        self._context = Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node('progress', context=self._context, enable_rosout=False)
-        self._node.create_subscription(
-            Odometry, 'odom', self._on_odometry, QoSProfile(depth=1), raw=True
-        )
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
+    def on_odometry(raw: bytes) -> None:
+        nonlocal stamp
+        with suppress(InputError):  # odometry of a third-party node
+            stamp = header_stamp(raw)
 
-    def time(self) -> float:
-        """Return the run's time in s, after waiting a moment for news."""
-        self._executor.spin_once(timeout_sec=0.1)
-        return self._time
+    def time() -> float:
+        executor.spin_once(timeout_sec=0.1)
+        return stamp * 1e-9
 
-    def _on_odometry(self, raw: bytes) -> None:
-        with suppress(InputError):  # of a stranger's odometry
-            self._time = header_stamp(raw) * 1e-9
-
-    def __enter__(self) -> RunProgress:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Leave the domain."""
-        self._executor.remove_node(self._node)
-        self._node.destroy_node()
-        self._executor.shutdown()
-        self._context.try_shutdown()
+    node.create_subscription(Odometry, 'odom', on_odometry, QoSProfile(depth=1), raw=True)
+    try:
+        yield time
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        context.try_shutdown()

@@ -4,8 +4,8 @@
 """
 Runs of all contenders in all trials, on all processors.
 
-A process takes a law with all its runs, whose kernel it loads once. Many runs of a trial are
-computed side by side in lanes, a few one after the other: they have the same bits.
+A process computes all runs of a law, whose kernel it loads once. Many runs of a trial are
+computed side by side in lanes, a few one after the other; both are bitwise identical.
 """
 
 from __future__ import annotations
@@ -20,18 +20,17 @@ from typing import Any
 from masmc_ros.compare.contenders import Contender
 from masmc_ros.compare.trials import drawn, Trial
 from masmc_ros.loop.batch_simulation import BatchSimulation
-from masmc_ros.report.measure.metrics import measure, Metrics, second_half
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.measure.metrics import Metrics, Samples
 from masmc_ros.robot.declaration import Mechanism
 from masmc_ros.robot.registry import mechanism_from
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
-from numpy.typing import NDArray
 
 LANES = 16
-"""Runs side by side, as many as fill the widest vectors twice."""
+"""Number of runs side by side, which fills the widest vectors twice."""
 
 _WORTH_LANES = 4 * LANES
-"""Runs of a trial from which on it pays to compile for lanes."""
+"""Number of runs of a trial from which compilation for lanes is faster."""
 
 
 @dataclass(frozen=True)
@@ -55,39 +54,39 @@ class Task:
 
 
 def outcomes(tasks: Sequence[Task]) -> Iterator[Sequence[Outcome]]:
-    """Yield the outcomes of each task, in the order in which they are done."""
+    """Yield the outcomes of each task, in the order of completion."""
     workers = min(os.cpu_count() or 1, len(tasks))
     if workers == 1:
         yield from map(compute, tasks)
         return
-    # Not forked: the caller may have started threads.
+    # Spawned processes, as the caller may have started threads.
     context = multiprocessing.get_context('spawn')
     with context.Pool(workers, _leave_interrupts_to_parent) as pool:
         yield from pool.imap_unordered(compute, tasks)
 
 
 def _leave_interrupts_to_parent() -> None:
-    """Ignore Ctrl-C: the process that hands the work out ends this one."""
+    """Ignore Ctrl-C: the parent process ends this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def compute(task: Task) -> tuple[Outcome, ...]:
-    """Compute all runs of a contender; InputError where there are none."""
+    """Compute all runs of a contender; InputError for invalid settings."""
     settings = (*task.settings, *task.contender.settings)
     mechanism = mechanism_from(load_scenario(task.file, settings)['plant'])
-    found = []
+    computed = []
     for trial in task.trials:
         scenario = load_scenario(task.file, (*settings, *trial.settings_for(mechanism)))
         runs = [drawn(scenario, mechanism, seed) for seed in range(task.seeds)]
         together = LANES if task.seeds >= _WORTH_LANES else 1
         reached: list[Metrics | None] = []
         for first in range(0, len(runs), together):
-            some = runs[first:first + together]
-            # The last few fill their lanes with one of them again: one kernel serves all.
-            padded = [*some, *[some[-1]] * (together - len(some))]
-            reached += _reached(padded, mechanism)[:len(some)]
-        found.append(Outcome(task.contender, trial.name, tuple(reached)))
-    return tuple(found)
+            block = runs[first:first + together]
+            # The last run is repeated in the remaining lanes: one kernel for all blocks.
+            padded = [*block, *[block[-1]] * (together - len(block))]
+            reached += _reached(padded, mechanism)[:len(block)]
+        computed.append(Outcome(task.contender, trial.name, tuple(reached)))
+    return tuple(computed)
 
 
 def _reached(runs: Sequence[Any], mechanism: Mechanism) -> list[Metrics | None]:
@@ -98,20 +97,12 @@ def _reached(runs: Sequence[Any], mechanism: Mechanism) -> list[Metrics | None]:
         errors.append(signals['error'].copy())
         torques.append(signals['torque'].copy())
     error, torque = np.concatenate(errors), np.concatenate(torques)
-    times = np.arange(len(error)) * loop.timing.period
-    return [
-        _metrics(times, error[:, :, lane], torque[:, :, lane], mechanism)
+    period, points = loop.timing.period, mechanism.points
+    samples = (
+        Samples.of_ticks(error[:, :, lane], torque[:, :, lane], period, points)
         for lane in range(len(runs))
+    )
+    return [
+        run.metrics() if np.isfinite(run.error).all() and np.isfinite(run.torque).all() else None
+        for run in samples
     ]
-
-
-def _metrics(
-    times: NDArray[Any],
-    error: NDArray[Any],
-    torque: NDArray[Any],
-    mechanism: Mechanism,
-) -> Metrics | None:
-    if not (np.isfinite(error).all() and np.isfinite(torque).all()):
-        return None
-    window = second_half(times)
-    return measure(times, error, times, torque, None, window, points=mechanism.points)

@@ -14,19 +14,19 @@ from masmc_ros.robot.declaration import Mechanism
 
 
 class Contender(NamedTuple):
-    """A law, and the switching term that it has other than the scenario's; '' for that one."""
+    """A law with its switching term; empty: that of the scenario."""
 
     law: str
     switching: str = ''
 
     @property
     def label(self) -> str:
-        """Return how tables call it."""
+        """Return the name in tables."""
         return f'{self.law}:{self.switching}' if self.switching else self.law
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Return the settings that choose it."""
+        """Return the settings that select it."""
         chosen = (f'controller.law={self.law}',)
         return (*chosen, f'controller.switching={self.switching}') if self.switching else chosen
 
@@ -34,21 +34,21 @@ class Contender(NamedTuple):
 _ALL = 'all'
 
 _BOTH = ('tanh', 'implicit')
-"""Reaching terms with which all laws are compared: smooth, and the one that the sampling knows."""
+"""Reaching terms of all laws in comparisons: a smooth and a sampled one."""
 
 
 def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, ...]:
     """
-    Return what `--laws` names: LAW or LAW:SWITCHING, separated by commas, or `all`.
+    Return the contenders of `--laws`: LAW or LAW:SWITCHING, separated by commas, or `all`.
 
-    `all` is every law that a robot of this kind can have; those that ask for a reaching term have
-    the scenario's `own`, and also `tanh` and `implicit`. Raises InputError for an unknown
-    name, and for a law that is not of formulas or none for the robot.
+    `all` is every law for this kind of robot; laws with a reaching term have that of the scenario,
+    `own`, and also `tanh` and `implicit`. Raises InputError for an unknown name, and for a law
+    that is not compiled or not suitable for the robot.
     """
     if names == _ALL:
         return tuple(_every(mechanism, own))
-    found = []
-    for name in (each.strip() for each in names.split(',')):
+    selected = []
+    for name in map(str.strip, names.split(',')):
         law, colon, switching = name.partition(':')
         if law not in registry.names():
             raise InputError(f"--laws: '{law}' is unknown; {suggestion(law, registry.names())}")
@@ -59,18 +59,18 @@ def contenders(names: str, mechanism: Mechanism, own: str) -> tuple[Contender, .
         if not isinstance(loaded, Law):
             raise InputError(f"--laws: '{law}' is plain Python; expected laws of formulas")
         if colon and not loaded.uses_switching:
-            raise InputError(f"--laws: '{name}': {law} asks for no reaching term; write {law}")
-        found.append(Contender(law, switching))
-    return tuple(dict.fromkeys(found))
+            raise InputError(f"--laws: '{name}': {law} has no reaching term; write {law}")
+        selected.append(Contender(law, switching))
+    return tuple(dict.fromkeys(selected))
 
 
 def _every(mechanism: Mechanism, own: str) -> list[Contender]:
-    found = []
+    every = []
     for name in registry.names():
         law = registry.load(name)
         if not isinstance(law, Law) or not law.fits(mechanism):
             continue
-        found.append(Contender(name))
+        every.append(Contender(name))
         if law.uses_switching:
-            found += [Contender(name, switching) for switching in _BOTH if switching != own]
-    return found
+            every += [Contender(name, switching) for switching in _BOTH if switching != own]
+    return every

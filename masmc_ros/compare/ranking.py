@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ranking of contenders: medians over the seeds, in the order of the error."""
+"""Ranking of contenders: medians over the seeds, sorted by error."""
 
 from __future__ import annotations
 
@@ -12,64 +12,71 @@ from typing import Any
 
 from masmc_ros.compare.campaign import Outcome
 from masmc_ros.compare.contenders import Contender
-from masmc_ros.report.measure.metrics import Metrics
+from masmc_ros.report.measure.metrics import declared, Metrics
 import numpy as np
 
 LOST = 1.0
-"""Error in m from which a robot that does not diverge does not follow either."""
+"""Error in m from which a run is lost although it does not diverge."""
+
+COMPARED = {name: metric for name, metric in declared(Metrics).items() if metric.is_compared}
+"""Metrics of whole runs that are compared."""
 
 
 @dataclass(frozen=True)
 class Row:
     """
-    How a contender did in a trial; numbers are medians over the runs that did not diverge.
+    Results of a contender in a trial; numbers are medians over the runs that did not diverge.
 
     Attributes
     ----------
+    error
+        RMS distance of all points together, m; infinite if most runs were lost.
     errors
         RMS distance of each of the robot's points, m, by its key.
-    error
-        RMS distance of all points together, m; infinite where most runs were lost.
     worst
-        the largest of the runs' errors, m; infinite where one was lost.
+        largest error of the runs, m; infinite if one was lost.
     largest
-        largest distance of any point on the way, m.
-    torque_rms
-        N m.
-    torque_variation
-        N m/s, large for a command that chatters.
+        largest distance of any point during a run, m.
+    efforts
+        metrics of COMPARED by name.
     runs
-        how many there were.
+        number of runs.
     lost
-        how many of them diverged, or were farther than LOST from the path.
+        number of runs that diverged, or were farther than LOST from the path.
 
     """
 
-    errors: Mapping[str, float]
     error: float
+    errors: Mapping[str, float]
     worst: float
     largest: float
-    torque_rms: float
-    torque_variation: float
+    efforts: Mapping[str, float]
     runs: int
     lost: int
+
+    def numbers(self) -> dict[str, float]:
+        """Return all numbers by name."""
+        errors = {f'{key}_rms': value for key, value in self.errors.items()}
+        extremes = {'worst': self.worst, 'largest': self.largest}
+        counts = {'runs': self.runs, 'lost': self.lost}
+        return {'error': self.error, **errors, **extremes, **self.efforts, **counts}
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A contender with what it did in each trial, by name."""
+    """A contender with its results in each trial, by name."""
 
     contender: Contender
     rows: Mapping[str, Row]
 
 
-def ranking(found: Iterable[Outcome], first: str) -> list[Ranked]:
-    """Return the contenders by their error in a trial, the least first."""
+def ranking(outcomes: Iterable[Outcome], first: str) -> list[Ranked]:
+    """Return the contenders by their error in the trial `first`, the smallest error first."""
     rows: dict[Contender, dict[str, Row]] = {}
-    for outcome in found:
+    for outcome in outcomes:
         rows.setdefault(outcome.contender, {})[outcome.trial] = _row(outcome.reached)
-    ranked = [Ranked(contender, each) for contender, each in rows.items()]
-    return sorted(ranked, key=lambda each: (each.rows[first].error, each.contender.label))
+    ranked = [Ranked(contender, trials) for contender, trials in rows.items()]
+    return sorted(ranked, key=lambda entry: (entry.rows[first].error, entry.contender.label))
 
 
 def _together(reached: Metrics) -> float:
@@ -78,8 +85,8 @@ def _together(reached: Metrics) -> float:
 
 
 def _row(reached: tuple[Metrics | None, ...]) -> Row:
-    there = [each for each in reached if each is not None]
-    kept = [each for each in there if _together(each) < LOST]
+    finite = [metrics for metrics in reached if metrics is not None]
+    kept = [metrics for metrics in finite if _together(metrics) < LOST]
     lost = len(reached) - len(kept)
     is_lost = 2 * lost > len(reached)
 
@@ -87,14 +94,13 @@ def _row(reached: tuple[Metrics | None, ...]) -> Row:
         numbers = [value for value in values if value is not None]
         return float(np.median(numbers)) if numbers and not is_lost else math.inf
 
-    points = tuple(there[0].points) if there else ()
+    points = tuple(finite[0].points) if finite else ()
     return Row(
-        errors={p.key: median(each.points[p].rms for each in kept) for p in points},
         error=median(map(_together, kept)),
+        errors={p.key: median(run.points[p].rms for run in kept) for p in points},
         worst=math.inf if lost else max(map(_together, kept)),
-        largest=median(max(p.largest or 0.0 for p in each.points.values()) for each in kept),
-        torque_rms=median(each.torque_rms for each in kept),
-        torque_variation=median(each.torque_variation for each in kept),
+        largest=median(max(p.largest or 0.0 for p in run.points.values()) for run in kept),
+        efforts={name: median(getattr(run, name) for run in kept) for name in COMPARED},
         runs=len(reached),
         lost=lost,
     )

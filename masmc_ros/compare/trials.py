@@ -16,19 +16,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Trial:
-    """Settings on top of a scenario, as `--set` has them."""
+    """Settings that change a scenario, in the form of `--set`."""
 
     name: str
     description: str
     settings: tuple[str, ...] = ()
 
     def settings_for(self, mechanism: Mechanism) -> tuple[str, ...]:
-        """Return the settings for a robot, whose drives have limits of their own."""
+        """Return the settings for a robot, with the limits of its drives."""
         drives = {
             name: list(mechanism.default(name, 'joints'))
             for name in ('torque_limit', 'torque_rate_limit')
         }
-        return tuple(each.format(**drives) for each in self.settings)
+        return tuple(setting.format(**drives) for setting in self.settings)
 
 
 AS_IS = Trial('as it is', 'the scenario itself')
@@ -60,25 +60,25 @@ def trials_named(names: str) -> tuple[Trial, ...]:
     known = {trial.name: trial for trial in TRIALS}
     if names == 'all':
         return TRIALS
-    found = []
-    for name in (each.strip() for each in names.split(',')):
+    selected = []
+    for name in map(str.strip, names.split(',')):
         if name not in known:
             raise InputError(f"--trials: '{name}' is unknown; {suggestion(name, known)}")
-        found.append(known[name])
-    return tuple(dict.fromkeys((AS_IS, *found)))
+        selected.append(known[name])
+    return tuple(dict.fromkeys((AS_IS, *selected)))
 
 
 _INERTIAL = ('kg', 'kg·m²')
-"""Units of the robot's parameters that are drawn."""
+"""Units of the robot's parameters that are drawn randomly."""
 
 
 def drawn(scenario: dict[str, dict[str, Any]], mechanism: Mechanism, seed: int) -> Any:
     """
-    Return a scenario with another true robot, disturbance and noise, drawn by a seed.
+    Return a scenario with a true robot, disturbance and noise that are drawn by a seed.
 
-    Seed 0 is the scenario as it is. Else each mass and inertia of the robot is multiplied by
-    0.6 to 1.4, which the controller does not know, amplitudes of the disturbance by 0.5 to 1.5,
-    phases are any.
+    Seed 0 is the unmodified scenario. Otherwise masses and inertias of the robot, unknown to the
+    controller, are multiplied by 0.6 to 1.4, amplitudes of the disturbance by 0.5 to 1.5; phases
+    are uniformly distributed.
     """
     if seed == 0:
         return scenario

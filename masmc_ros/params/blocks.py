@@ -40,11 +40,11 @@ class Block:
 
     @property
     def is_shared(self) -> bool:
-        """Whether its key is a wildcard, so that nodes of other packages read it too."""
+        """Return True if the key is a wildcard, which nodes of other packages read as well."""
         return node_name.is_wildcard(self.pattern)
 
     def is_for(self, name: str, namespace: str = '/') -> bool:
-        """Return True if a node takes its parameters from here."""
+        """Return True if the block applies to a node."""
         return node_name.matches(self.pattern, node_name.qualified(name, namespace))
 
 
@@ -81,16 +81,19 @@ def read_blocks(data: bytes, source: str) -> tuple[Block, ...]:
 
 
 class _BlockReader:
-    """Reads the nodes of a YAML document; `blocks` has the result by pattern."""
+    """Reader of the nodes of a YAML document; `blocks` has the result by pattern."""
 
     def __init__(self, source: str) -> None:
-        """Start without blocks; `source` names the file in messages."""
+        """Initialise the reader of a file with the name `source` in messages."""
         self.source = source
         self.blocks: dict[str, Block] = {}
 
     def place(self, line: int) -> str:
-        """Name a line of the file (from 1)."""
+        """Return the name of a line of the file (from 1)."""
         return f'{self.source}:{line}'
+
+    def _error(self, item: yaml.Node, message: str) -> InputError:
+        return error_at(self.place, item, message)
 
     def read_nodes(self, parent: yaml.Node, path: str = '', line: int = 0) -> None:
         """
@@ -110,8 +113,7 @@ class _BlockReader:
             content = (
                 f"value '{parent.value}'" if isinstance(parent, yaml.ScalarNode) else 'array'
             )
-            raise error_at(
-                self.place,
+            raise self._error(
                 parent,
                 f"{content} outside of {PARAMETERS_KEY}; write 'NODE:', below it "
                 f"'{PARAMETERS_KEY}:' and below that 'name: value'",
@@ -119,20 +121,16 @@ class _BlockReader:
         has_parameters = False
         for key, child in self._pairs(parent):
             if has_parameters:
-                raise error_at(
-                    self.place,
-                    key,
-                    f"key '{key.value}' after {PARAMETERS_KEY}; write {PARAMETERS_KEY} as the "
-                    'last key of its node',
-                )
+                problem = f"key '{key.value}' after {PARAMETERS_KEY}"
+                remedy = f'write {PARAMETERS_KEY} as the last key of its node'
+                raise self._error(key, f'{problem}; {remedy}')
             if key.value == PARAMETERS_KEY:
                 has_parameters = True
                 self._read_block(key, child, path, line)
                 continue
             separator = '' if not path or path.endswith('/') else '/'
             if path and '/' in key.value:
-                raise error_at(
-                    self.place,
+                raise self._error(
                     key,
                     f"node name '{key.value}' below '{path}': it has a slash; write one name a "
                     f"level, or the full name '{path}{separator}{key.value}' at the first level",
@@ -143,21 +141,15 @@ class _BlockReader:
         self, key: yaml.ScalarNode, parameters: yaml.Node, pattern: str, line: int
     ) -> None:
         if not pattern:
-            raise error_at(
-                self.place,
-                key,
-                f"{PARAMETERS_KEY} without a node name above it; write 'NODE:' "
-                "(or '/**:' for every node) one level up",
-            )
+            remedy = "write 'NODE:' (or '/**:' for every node) one level up"
+            raise self._error(key, f'{PARAMETERS_KEY} without a node name above it; {remedy}')
         if problem := node_name.complaint(pattern):
             raise InputError(
                 f"{self.place(line)}: node name '{pattern}': {problem}; write a name such "
                 'as controller, /left/controller, /**/controller or /**',
             )
         if not isinstance(parameters, yaml.MappingNode):
-            raise error_at(
-                self.place, parameters, f"no map below {PARAMETERS_KEY}; write 'name: value'"
-            )
+            raise self._error(parameters, f"no map below {PARAMETERS_KEY}; write 'name: value'")
         block = self.blocks.setdefault(pattern, Block(pattern, line))
         self._read_parameters(parameters, block.values)
 
@@ -182,17 +174,13 @@ class _BlockReader:
             else:
                 self._read_parameters(child, values, f'{name}.')
                 continue
-            raise error_at(self.place, key, f'{name} is {problem}')
+            raise self._error(key, f'{name} is {problem}')
 
     def _pairs(self, parent: yaml.MappingNode) -> Iterator[tuple[yaml.ScalarNode, yaml.Node]]:
-        """Return keys and values of a map whose keys are names."""
+        """Yield keys and values of a map whose keys are names."""
         for key, child in parent.value:
             if not isinstance(key, yaml.ScalarNode):
-                raise error_at(
-                    self.place, key, "array or map in the place of a name; write 'name: value'"
-                )
+                raise self._error(key, "array or map in place of a name; write 'name: value'")
             if not key.value:
-                raise error_at(
-                    self.place, key, "no name in front of ':'; write 'name: value'"
-                )
+                raise self._error(key, "no name in front of ':'; write 'name: value'")
             yield key, child

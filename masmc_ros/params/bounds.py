@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The range of a number: bounds, inclusive or exclusive, or none."""
+"""Range of a number with inclusive, exclusive or no bounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import math
 
 @dataclass(frozen=True)
 class Bounds:
-    """An interval of the finite numbers; None is no bound on that side."""
+    """Interval of the finite numbers; None: no bound on that side."""
 
     minimum: float | None
     maximum: float | None
@@ -31,7 +31,7 @@ class Bounds:
         )
 
     def __str__(self) -> str:
-        """Write '>= 0', '< 5', 'in (0, 1]', or '' for no bounds."""
+        """Return '>= 0', '< 5', 'in (0, 1]', or '' without bounds."""
         if self.minimum is not None and self.maximum is not None:
             opening = '(' if self.exclusive_minimum else '['
             closing = ')' if self.exclusive_maximum else ']'
@@ -44,6 +44,6 @@ class Bounds:
 
 
 def _short(number: float) -> str:
-    """Write a bound without a needless '.0'."""
+    """Return a bound as text, without a trailing '.0'."""
     text = f'{number:g}'
     return text if float(text) == number else repr(number)

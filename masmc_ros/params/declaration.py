@@ -44,9 +44,9 @@ class Parameter:
     name
         dotted name within its node.
     default
-        value where none is given; a broadcast one is widened to all entries.
+        value without a setting; a broadcast one is extended to all entries.
     description
-        what it means, one sentence without the unit.
+        meaning, one sentence without the unit.
     unit
         SI unit or ''.
     length
@@ -69,14 +69,14 @@ class Parameter:
     read_only
         False if it may be changed while the node runs.
     size
-        name of what an array has an entry for each of, as compiled code knows it.
+        name, in compiled code, of the number of entries of an array, such as 'joints'.
     rule
-        what else holds of a value of the right type, length and range; None for nothing.
+        further condition on a value of the right type, length and range, or None.
     rule_text
-        what is right, where `rule` is there: 'the names of 4 joints'.
+        expected value in messages if there is a `rule`: 'the names of 4 joints'.
     kind
-        'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); found
-        from the default, the empty tuple being one of strings, where it is not given.
+        'bool', 'integer', 'double', 'string', 'doubles' or 'strings' (arrays); by default
+        that of the default value, with 'strings' for the empty tuple.
 
     """
 
@@ -98,11 +98,11 @@ class Parameter:
     kind: Kind = ''
 
     def __post_init__(self) -> None:
-        """Find the kind and hold the default against the declaration itself."""
+        """Set the kind and check the default."""
         if self.broadcast and self.length is None and self._kind_of_default() == 'doubles':
             raise ValueError(f'{self.name}: a broadcast parameter needs a length')
         object.__setattr__(self, 'kind', self.kind or self._kind_of_default())
-        # Choices from a function may come from plug-ins: not asked for while modules load.
+        # Functions of choices may load plug-ins, and are not called while modules load.
         choices = () if callable(self.choices) else self.choices
         object.__setattr__(self, 'default', self._checked(self.default, self.broadcast, choices))
 
@@ -120,17 +120,12 @@ class Parameter:
         return Bounds(self.minimum, self.maximum, self.exclusive_minimum, self.exclusive_maximum)
 
     @property
-    def range_text(self) -> str:
-        """Return the range of a number, as in '>= 0' or 'in (0, 1]'; '' for no bounds."""
-        return str(self.bounds)
-
-    @property
     def expected(self) -> str:
-        """Say what is right, as in 'a number or 4 numbers, each >= 0'."""
+        """Return the expected value, such as 'a number or 4 numbers, each >= 0'."""
         if self.rule is not None:
             return self.rule_text
         choices = ', '.join(self.known_choices())
-        limits = self.range_text or (f'one of {choices}' if choices else '')
+        limits = str(self.bounds) or (f'one of {choices}' if choices else '')
         noun = _NOUNS[self.kind]
         if self.kind == 'string' and choices:
             return limits
@@ -143,20 +138,20 @@ class Parameter:
         return f'{many}, each {limits}' if limits else many
 
     def known_choices(self) -> tuple[str, ...]:
-        """Choices as they are now."""
+        """Return the current choices."""
         return tuple(self.choices() if callable(self.choices) else self.choices)
 
     def check(self, value: object, *, integers_for_doubles: bool = False) -> Value:
         """
-        Coerce a value to this parameter's type and hold it against length and range.
+        Coerce a value to the type of this parameter and check its length and range.
 
         Parameters
         ----------
         value
-            as a parameter file, a ROS 2 node or a command line gives it.
+            value of a parameter file, a ROS 2 node or a command line.
         integers_for_doubles
-            take `1` where `1.0` is meant. ROS 2 rejects that for a
-            parameter of static type; a broadcast parameter takes it always.
+            accept `1` for `1.0`. ROS 2 rejects it for a parameter of static type; a
+            broadcast parameter always accepts it.
 
         Returns
         -------
@@ -165,16 +160,13 @@ class Parameter:
         Raises
         ------
         InputError
-            names the parameter, the value and what would be right.
+            with the parameter, the value and the expected value.
 
         """
         return self._checked(value, integers_for_doubles or self.broadcast, self.known_choices())
 
     def _checked(
-        self,
-        value: object,
-        integers_for_doubles: bool,
-        choices: tuple[str, ...],
+        self, value: object, integers_for_doubles: bool, choices: tuple[str, ...]
     ) -> Value:
         coerced = self._coerced(value)
         fits = coerced is not None and self._in_bounds(coerced, choices)
@@ -211,7 +203,7 @@ class Parameter:
         return f'{self.name} = {text}'
 
     def _coerced(self, value: object) -> Value | None:
-        """Return the value in this parameter's type, None if it has none in it."""
+        """Return the value in the type of this parameter, None if that is not possible."""
         if self.kind == 'bool':
             return value if isinstance(value, bool) else None
         if self.kind == 'integer':
@@ -260,8 +252,8 @@ def check_all(
     values
         value by parameter name.
     where
-        where the values stand, put in front of messages as it is ('controller: '); a
-        mapping gives the place of each name.
+        prefix of messages with the place of the values ('controller: '); a mapping has the
+        places by name.
     integers_for_doubles
         as in `Parameter.check`.
 
@@ -272,15 +264,15 @@ def check_all(
     Raises
     ------
     InputError
-        an unknown name, or a value that is not right.
+        for an unknown name or an invalid value.
 
     """
     declared = {parameter.name: parameter for parameter in parameters}
-    checked: Values = {name: each.default for name, each in declared.items()}
+    checked: Values = {parameter.name: parameter.default for parameter in parameters}
     for name, value in values.items():
         place = where if isinstance(where, str) else where.get(name, '')
         if name not in declared:
-            # Some write the node's name with a dot, as on the command line of `masmc simulate`.
+            # Users write the name of the node with a dot, as for `masmc simulate`.
             short = name.partition('.')[2]
             hint = f'did you mean {short}?' if short in declared else suggestion(name, declared)
             raise InputError(f"{place}unknown parameter '{name}'; {hint}")
@@ -305,7 +297,7 @@ def _is_array(value: object) -> TypeGuard[list[Any] | tuple[Any, ...] | array.ar
 
 
 def _has_integer(value: object, kind: str) -> bool:
-    """Whether a value meant for doubles is or holds an integer."""
+    """Return True if a value for doubles is or contains an integer."""
     if kind not in ('double', 'doubles'):
         return False
     entries = value if _is_array(value) else (value,)

@@ -15,7 +15,7 @@ _HEADER = ('parameter', 'meaning', 'unit', 'default', 'range', 'change')
 
 
 def markdown_table(parameters: Iterable[Parameter]) -> str:
-    """Write declarations as a Markdown table, in their order, ending with a line break."""
+    """Return declarations as a Markdown table, in their order, with a final line break."""
     rows = [_HEADER, ('---',) * len(_HEADER), *(_row(parameter) for parameter in parameters)]
     return ''.join(f'| {" | ".join(row)} |\n' for row in rows)
 
@@ -32,7 +32,7 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
 
 
 def plain_list(parameters: Iterable[Parameter], width: int) -> Iterator[str]:
-    """Yield the lines of a list for a terminal: each parameter with all that there is to say."""
+    """Yield the lines of a list for a terminal, with all properties of the parameters."""
     for parameter in parameters:
         unit = f' {parameter.unit}' if parameter.unit else ''
         default = f'default {_default(parameter)}{unit}'
@@ -46,7 +46,7 @@ def plain_list(parameters: Iterable[Parameter], width: int) -> Iterator[str]:
 
 
 def _default(parameter: Parameter) -> str:
-    """Write the default the short way: one number where all entries are equal."""
+    """Return the default as text, one number if all entries are equal."""
     default = parameter.default
     if parameter.broadcast and len(set(default)) == 1:
         default = default[0]
@@ -54,5 +54,5 @@ def _default(parameter: Parameter) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Keep a text within its cell."""
+    """Return text that stays within its cell."""
     return ' '.join(text.replace('|', r'\|').splitlines())

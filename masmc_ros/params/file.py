@@ -12,7 +12,8 @@ from pathlib import Path
 
 from masmc_ros.errors import InputError
 from masmc_ros.params.blocks import Block, read_blocks
-from masmc_ros.params.values import FileValue, read_value
+from masmc_ros.params.values import FileValue, value_of
+from masmc_ros.params.yaml_nodes import compose
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,9 @@ class ParameterFile:
     Attributes
     ----------
     path
-        where it was read from, as the user wrote it.
+        path of the file as the user wrote it.
     blocks
-        in the order in which their keys first appear. Blocks of the same key are one.
+        blocks in the order in which their keys first appear, one per key.
 
     """
 
@@ -33,24 +34,24 @@ class ParameterFile:
     blocks: tuple[Block, ...]
 
     def for_node(self, name: str, namespace: str = '/') -> dict[str, FileValue]:
-        """Return the values for a node: of each name the last one in the matching blocks."""
+        """Return the values for a node, of several for a name the last in the matching blocks."""
         return {parameter: value for parameter, (value, _) in self._merged(name, namespace)}
 
     def places(self, name: str, namespace: str = '/') -> dict[str, str]:
-        """Place of each value of `for_node`, as 'path:line: ' in front of a message."""
+        """Return the places of the values of `for_node`, 'path:line: ', for messages."""
         return {
             parameter: f'{self.path}:{line}: '
             for parameter, (_, line) in self._merged(name, namespace)
         }
 
     def shared(self, name: str, namespace: str = '/') -> set[str]:
-        """Names that reach a node by wildcards alone, so that they may be for others."""
+        """Return names that apply to a node only by wildcards, and may be for other nodes."""
         blocks = [block for block in self.blocks if block.is_for(name, namespace)]
-        own = {each for block in blocks if not block.is_shared for each in block.values}
-        return {each for block in blocks if block.is_shared for each in block.values} - own
+        own = {name for block in blocks if not block.is_shared for name in block.values}
+        return {name for block in blocks if block.is_shared for name in block.values} - own
 
     def unmatched(self, names: Iterable[str], namespace: str = '/') -> tuple[Block, ...]:
-        """Blocks that are for none of these nodes."""
+        """Return the blocks that apply to none of these nodes."""
         nodes = tuple(names)
         return tuple(
             block
@@ -60,7 +61,7 @@ class ParameterFile:
 
     def _merged(self, name: str, namespace: str) -> list[tuple[str, tuple[FileValue, int]]]:
         matching = [block for block in self.blocks if block.is_for(name, namespace)]
-        # A key may stand twice, with a more specific key between: the lines decide.
+        # A key may appear twice, with a more specific key between; the last line applies.
         ascending = sorted(
             (item for block in matching for item in block.values.items()),
             key=lambda item: item[1][1],
@@ -95,14 +96,14 @@ def read(path: str | os.PathLike[str]) -> ParameterFile:
 
 def parse_value(text: str, source: str = '') -> FileValue:
     """
-    Type one value from the command line as `-p NAME:=VALUE` does.
+    Return the typed value of a command line, as `-p NAME:=VALUE` does.
 
     Parameters
     ----------
     text
         a scalar (`150`, `1.0`, `rasmc`) or an array (`[150.0, 80.0]`).
     source
-        what it is, for the message.
+        name of the value in messages.
 
     Raises
     ------
@@ -110,7 +111,8 @@ def parse_value(text: str, source: str = '') -> FileValue:
         empty, not YAML, a map, or an array of several types.
 
     """
-    what = source or repr(text)
+    name = source or repr(text)
     if not text:
-        raise InputError(f"{what}: no value; write one ('' for an empty string)")
-    return read_value(text.encode('utf-8', 'surrogateescape'), what)
+        raise InputError(f"{name}: no value; write one ('' for an empty string)")
+    root = compose(text.encode('utf-8', 'surrogateescape'), lambda _: name)
+    return None if root is None else value_of(root, 'it', lambda _: name)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Node names as parameter files write them, wildcards included."""
+"""Node names of parameter files, with wildcards."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WILDCARDS = ('*', '**')
 
 def complaint(pattern: str) -> str:
     """
-    Return the reason for which rcl rejects a node name in a parameter file.
+    Return the reason why rcl rejects a node name in a parameter file.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def complaint(pattern: str) -> str:
 
     Returns
     -------
-        What is wrong with it, '' if nothing is.
+        The reason, '' for a valid name.
 
     """
     if pattern in ('/*', '/**'):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choices that installed packages bring: classes named by entry points of a group."""
+"""Choices of installed packages: classes that entry points of a group name."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from masmc_ros.errors import InputError
 
 
 def plugged_in(group: str) -> tuple[str, ...]:
-    """Return the names that installed packages bring to a group, in alphabetical order."""
+    """Return the names of installed packages in a group, in alphabetical order."""
     return _names(entry_points, group, tuple(sys.path))
 
 
 @cache
 def _names(read: Callable[..., Any], group: str, path: tuple[str, ...]) -> tuple[str, ...]:
-    # The metadata of every installed package on the path are read: some 20 ms.
+    # Cached, as reading the metadata of all installed packages takes some 20 ms.
     return tuple(sorted(point.name for point in read(group=group)))
 
 
 def load_plug_in(group: str, parameter: str, name: str) -> Any:
     """
-    Return what a name of a group stands for.
+    Return the object of a name in a group.
 
-    Raises InputError, naming the parameter that has the name as its value, where it cannot
-    be loaded.
+    Raises InputError with the parameter whose value is the name, if it cannot be loaded.
     """
     for point in entry_points(group=group, name=name):
         try:

@@ -30,8 +30,8 @@ class NodeValues:
     places
         place of each value of a file, as 'path:line: ' in front of a message.
     shared
-        names that reach the node only by wildcards such as `/**`, so that they may be for
-        other nodes.
+        names that apply to the node only by wildcards such as `/**`, and may be for other
+        nodes.
 
     """
 
@@ -52,7 +52,7 @@ def node_values(
     Parameters
     ----------
     files
-        parameter files in the order in which they are given.
+        parameter files in the order of the command line.
     settings
         values of the command line by parameter name; they replace those of all files.
     name

@@ -71,7 +71,7 @@ def typed(text: str) -> Scalar:
 
 
 def _double(text: str) -> float | None:
-    """Return the double of a text; None if it is none, or out of range."""
+    """Return the double of a text; None for another type or out of range."""
     if _YAML_SPECIAL.fullmatch(text) or _C_SPECIAL.fullmatch(text):
         return float(text.replace('.', ''))
     if match := _DECIMAL.fullmatch(text):

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values as a user writes them in a parameter file or on a command line."""
+"""Values as text of a parameter file or of a command line."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./-]*')
 
 def yaml_text(value: object) -> str:
     """
-    Write a value on one line so that a parameter file gives back the same value.
+    Return a value as one line that a parameter file reads as the same value.
 
     Parameters
     ----------
     value
-        a bool, int, float, str or an iterable of those; None is written as an empty
-        array, which is how a file says that a parameter has no value.
+        a bool, int, float, str or an iterable of those; None, a parameter without a value, is
+        an empty array.
 
     """
     if value is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from masmc_ros.params.scalar import Scalar, typed
-from masmc_ros.params.yaml_nodes import compose, error_at, Place
+from masmc_ros.params.yaml_nodes import error_at, Place
 import yaml
 
 FileValue = Scalar | list[bool] | list[int] | list[float] | list[str] | None
@@ -56,7 +56,7 @@ def value_of(node: yaml.Node, name: str, place: Place) -> FileValue:
             raise error_at(
                 place,
                 entry,
-                f'{name} has {_TYPE_NAMES[type(value)]} ({entry.value}) in an array that began '
+                f'{name} has {_TYPE_NAMES[type(value)]} ({entry.value}) in an array that starts '
                 f'with {_TYPE_NAMES[type(values[0])]}; write all its entries as one '
                 'type (doubles with a point: 1.0)',
             )
@@ -71,17 +71,3 @@ def _scalar(node: yaml.ScalarNode, name: str, place: Place) -> Scalar:
     if not node.value:
         raise error_at(place, node, f"no value for {name}; write one ('' for an empty string)")
     return str(node.value) if node.tag == _STRING_TAG else typed(node.value)
-
-
-def read_value(data: bytes, source: str) -> FileValue:
-    """
-    Type one value, as `-p NAME:=VALUE` does; `source` names it in messages.
-
-    Raises
-    ------
-    InputError
-        not YAML, or neither a scalar nor an array of one type.
-
-    """
-    root = compose(data, lambda _: source)
-    return None if root is None else value_of(root, 'it', lambda _: source)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The columns of an exported run: a row a state."""
+"""Columns of an exported run, with a row per state."""
 
 from __future__ import annotations
 
@@ -18,26 +18,32 @@ from numpy.typing import NDArray
 
 
 class Column(NamedTuple):
-    """A column."""
+    """Head of a column, which ends with the unit; units in letters, such as m_per_s2."""
 
     name: str
-    """Head of the column; it ends with the unit."""
     unit: str
-    """With `per` for a stroke, and no points or raised figures."""
+
+
+class Part(NamedTuple):
+    """Adjacent columns; their numbers (n, k) at the states, or at other times, or None."""
+
+    name: str
+    columns: list[Column]
+    numbers: Array | Series | None
 
 
 class Table(NamedTuple):
     """
-    The numbers of a run, a row a state.
+    Numbers of a run, with a row per state.
 
     Attributes
     ----------
     columns
-        (k) what they are.
+        (k) heads.
     values
         (n, k).
     known
-        (n, k) which of them the log has.
+        (n, k) True for values that the log has.
 
     """
 
@@ -48,52 +54,51 @@ class Table(NamedTuple):
 
 def table_of(run: Run) -> Table:
     """
-    Return the numbers of a run: of torques, of rates, or of both where both were sent.
+    Return the numbers of a run, with the torques and velocities that were commanded.
 
-    What was sent at other times than the states stands with the last state before it; of
-    several there, the last counts.
+    Values with other stamps than the states are in the row of the last state before; of several
+    in one row, the last is kept.
     """
-    columns, numbers = zip(*_parts(run), strict=True)
-    values, known = zip(*(
-        _rows(run.times, each, len(heads)) for heads, each in zip(columns, numbers, strict=True)
-    ), strict=True)
-    return Table(tuple(chain(*columns)), np.hstack(values), np.hstack(known))
+    parts = tuple(parts_of(run))
+    rows = (_rows(run.times, part.numbers, len(part.columns)) for part in parts)
+    values, known = zip(*rows, strict=True)
+    columns = chain.from_iterable(part.columns for part in parts)
+    return Table(tuple(columns), np.hstack(values), np.hstack(known))
 
 
-def _columns(quantity: str, of: Sequence[str], unit: str | Sequence[str]) -> list[Column]:
-    """Return columns of a quantity, one for each that it is of; of one unit, or of one each."""
-    units = [unit] * len(of) if isinstance(unit, str) else unit
+def _columns(quantity: str, names: Sequence[str], units: Sequence[str]) -> list[Column]:
+    """Return the columns of a quantity by the names of its components, such as joints."""
+    # kg_m2 for kg·m².
+    plain = [u.replace('·', '_').replace('²', '2').replace('/', '_per_') for u in units]
     return [
-        Column('_'.join(filter(None, (quantity, name, _unit(each)))), _unit(each))
-        for name, each in zip(of, units, strict=True)
+        Column('_'.join(filter(None, (quantity, name, unit))), unit)
+        for name, unit in zip(names, plain, strict=True)
     ]
 
 
-def _unit(text: str) -> str:
-    """Return a unit as names of columns have it: kg_m2 for kg·m²."""
-    return text.replace('·', '_').replace('²', '2').replace('/', '_per_')
-
-
-def _parts(run: Run) -> Iterator[tuple[list[Column], Array | Series | None]]:
-    """Yield neighbouring columns and their numbers: (n, k) of the states, or at other times."""
+def parts_of(run: Run) -> Iterator[Part]:
+    """Yield all numbers of a run, in the order of the columns."""
     mechanism, joints = run.mechanism, run.joint_names
-    units = [each.unit for each in mechanism.positions]
+    units = [position.unit for position in mechanism.positions]
     axes = [axis.name for axis in mechanism.axes]
     driven = joints[len(mechanism.base):]
-    yield _columns('time', [''], 's'), run.times[:, None]
-    yield _columns('position', joints, units), run.position
-    yield _columns('velocity', joints, [f'{unit}/s' for unit in units]), run.velocity
+    rates = [f'{unit}/s' for unit in units]
+    yield Part('time_s', _columns('time', [''], ['s']), run.times[:, None])
+    yield Part('position', _columns('position', joints, units), run.position)
+    yield Part('velocity', _columns('velocity', joints, rates), run.velocity)
     efforts = [joint.effort_unit for joint in mechanism.joints]
-    yield _columns('applied_effort', driven, efforts), run.applied_effort
+    heads = _columns('applied_effort', driven, efforts)
+    yield Part('applied_effort', heads, run.applied_effort)
     if not run.commands_rates:
-        yield _columns('command', driven, efforts), run.torque
+        yield Part('command', _columns('command', driven, efforts), run.torque)
     # Commands of drives that follow velocities.
     if len(run.cmd_vel) or len(run.arm_rates):
         twist = mechanism.twist
-        names = [each.name.replace(' ', '_') for each in twist]
-        yield _columns('command', names, [each.unit for each in twist]), run.cmd_vel
+        names = [velocity.name.replace(' ', '_') for velocity in twist]
+        heads = _columns('command', names, [velocity.unit for velocity in twist])
+        yield Part('cmd_vel', heads, run.cmd_vel)
         rates = [f'{joint.unit}/s' for joint in mechanism.own_rates]
-        yield _columns('command', driven[len(twist):], rates), run.arm_rates
+        yield Part('arm_rate', _columns('command', driven[len(twist):], rates), run.arm_rates)
     reference = [
         column
         for name, per in (('position', ''), ('velocity', '/s'), ('acceleration', '/s²'))
@@ -101,27 +106,27 @@ def _parts(run: Run) -> Iterator[tuple[list[Column], Array | Series | None]]:
             f'reference_{name}', axes, [axis.unit + per for axis in mechanism.axes]
         )
     ]
-    yield reference, run.reference
+    yield Part('reference', reference, run.reference)
     for signal in PUBLISHED:
         if not (signal.of_torques and run.commands_rates):
-            of = run.components(signal)
-            units = [signal.unit_of(each.unit) for each in of]
-            told = run.telemetry.get(signal.name)
-            yield _columns(signal.name, [each.name for each in of], units), told
+            components = run.components(signal)
+            units = [signal.unit_of(component.unit) for component in components]
+            heads = _columns(signal.name, [component.name for component in components], units)
+            yield Part(signal.name, heads, run.telemetry.get(signal.name))
     if run.contact is not None:
         contacts = [
             column
             for name in run.contact_names
             for part in CONTACT
-            for column in _columns(part.name, [name], part.unit)
+            for column in _columns(part.name, [name], [part.unit])
         ]
-        yield contacts, run.contact
+        yield Part('contact', contacts, run.contact)
 
 
 def _rows(
     states: Array, numbers: Array | Series | None, width: int
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return numbers in the rows of the states (n, width), and which rows have them."""
+    """Return numbers in the rows of the states (n, width), and the rows that have them."""
     if isinstance(numbers, np.ndarray):
         return numbers, ~np.isnan(numbers)
     values = np.zeros((len(states), width))

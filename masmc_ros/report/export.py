@@ -1,11 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logged runs as tables and arrays for other programs, number for number."""
+"""Logged runs as tables and arrays for other programs, without rounding."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 import csv
 from importlib.util import find_spec
 import io
@@ -13,23 +13,21 @@ from pathlib import Path
 from typing import BinaryIO
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.decode import Series
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
-from masmc_ros.loop.signals import PUBLISHED
-from masmc_ros.report.columns import table_of
-from masmc_ros.report.files import check_folder, file_stem, make_folder, whole_file
+from masmc_ros.report.columns import parts_of, table_of
+from masmc_ros.report.files import check_absent, check_folder, file_stem, make_folder, whole_file
 import numpy as np
 
 _BLOCK = 10_000
-"""Rows of a CSV file that are made into text at a time."""
+"""Rows of a CSV file that are converted to text at a time."""
 
 
 def write_export(
     runs: Sequence[Run], directory: str | Path, file_format: str, *, overwrite: bool
 ) -> list[Path]:
     """
-    Write one file a run, named by its log, into a folder, which is made if need be.
+    Write one file per run, with the name of its log, into a folder, created if necessary.
 
     Parameters
     ----------
@@ -40,7 +38,7 @@ def write_export(
     file_format
         one of FORMATS.
     overwrite
-        whether files that are there already may be replaced.
+        whether existing files may be replaced.
 
     Returns
     -------
@@ -49,8 +47,7 @@ def write_export(
     Raises
     ------
     InputError
-        for a file that is there or cannot be written, and where the format needs
-        what is not installed.
+        if a file exists or cannot be written, or if the format needs a missing package.
 
     """
     logs = [run.path for run in runs]
@@ -68,7 +65,7 @@ def check_export(
     """
     Return the files that an export of logs writes, without reading or writing any.
 
-    Raises InputError as `write_export`, and where a file would take the place of a log.
+    Raises InputError as `write_export`, and if a file would replace a log.
     """
     _check_format(file_format)
     directory = Path(directory)
@@ -77,22 +74,21 @@ def check_export(
     check_apart([directory, *paths], logs)
     check_folder(directory)
     for path in paths:
-        if path.exists() and not overwrite:
-            raise InputError(f'{path}: is there already; add --overwrite to replace it')
+        check_absent(path, overwrite=overwrite)
     return paths
 
 
 def _check_format(file_format: str) -> None:
-    """Raise InputError where a format cannot be written on this machine."""
+    """Raise InputError if this machine cannot write a format."""
     if file_format == 'parquet' and find_spec('pyarrow') is None:
         raise InputError(
             'parquet: needs pyarrow, which is not installed; pip install pyarrow, or'
-            ' take csv or npz'
+            ' use csv or npz'
         )
 
 
 def _write_csv(run: Run, stream: BinaryIO) -> None:
-    """Write a table as CSV: floats in the shortest form that reads as the same number."""
+    """Write a table as CSV: floats in the shortest form that gives the same number."""
     columns, values, known = table_of(run)
     text = io.TextIOWrapper(stream, encoding='utf-8', newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
@@ -105,8 +101,8 @@ def _write_csv(run: Run, stream: BinaryIO) -> None:
 
 
 def _write_parquet(run: Run, stream: BinaryIO) -> None:
-    """Write a table as Parquet, nulls where the log has nothing, units as fields' metadata."""
-    # Imported here: it is not installed everywhere.
+    """Write a table as Parquet: null for missing values, units as metadata of the fields."""
+    # Imported here, as the package is optional.
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -120,40 +116,14 @@ def _write_parquet(run: Run, stream: BinaryIO) -> None:
 
 
 def _write_npz(run: Run, stream: BinaryIO) -> None:
-    """Write the signals as they are in the log, each with its own times."""
-    arrays = {
-        'time_s': run.times,
-        'position': run.position,
-        'velocity': run.velocity,
-        'applied_effort': run.applied_effort,
-        **_commands(run),
-        'reference': run.reference,
-        **_with_times({signal.name: run.telemetry.get(signal.name) for signal in PUBLISHED}),
-        **_with_times({'contact': run.contact}),
-    }
-    there = {name: values for name, values in arrays.items() if values is not None}
-    np.savez(stream, allow_pickle=False, **there)
-
-
-def _commands(run: Run) -> dict[str, np.ndarray]:
-    """Return what was commanded, of torques and rates what the log has."""
-    return _with_times(
-        {
-            'command': None if run.commands_rates else run.torque,
-            'cmd_vel': run.cmd_vel or None,
-            'arm_rate': run.arm_rates or None,
-        }
-    )
-
-
-def _with_times(told: Mapping[str, Series | None]) -> dict[str, np.ndarray]:
-    """Return what there is of some series by name, before each its times."""
-    return {
-        key: array
-        for name, series in told.items()
-        if series is not None
-        for key, array in ((f'{name}_time_s', series.times), (name, series.values))
-    }
+    """Write the unmodified signals of the log, each with its own times."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, _, numbers in parts_of(run):
+        if isinstance(numbers, np.ndarray):
+            arrays[name] = numbers
+        elif numbers or (numbers is not None and name not in ('cmd_vel', 'arm_rate')):
+            arrays |= {f'{name}_time_s': numbers.times, name: numbers.values}
+    np.savez(stream, allow_pickle=False, **{**arrays, 'time_s': run.times})
 
 
 FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {
@@ -161,4 +131,4 @@ FORMATS: dict[str, Callable[[Run, BinaryIO], None]] = {
     'parquet': _write_parquet,
     'npz': _write_npz,
 }
-"""Writers of a run by format, which is also the suffix of the files."""
+"""Functions that write a run, by format, which is the suffix of the files."""

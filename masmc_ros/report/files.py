@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and folders for results: what is there is whole."""
+"""Files and folders for results; files are always complete."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from masmc_ros.whole_file import WholeFile
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it; InputError where that cannot be done."""
+    """Create a folder and its parents; InputError if that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _refused(folder, error) from error
+        raise _error(folder, error) from error
 
 
 def check_folder(folder: Path) -> None:
     """Raise InputError if a folder evidently cannot be created; write nothing."""
-    there = folder
-    while not os.path.lexists(there) and there != there.parent:
-        there = there.parent
-    if not os.path.isdir(there):
-        raise _refused(folder, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise _refused(folder, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+    existing = folder
+    while not os.path.lexists(existing) and existing != existing.parent:
+        existing = existing.parent
+    if not os.path.isdir(existing):
+        raise _error(folder, NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise _error(folder, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """
-    Write a file that takes its name, or another's place, once it is complete.
+    Write a file that gets its name, or replaces another file, once it is complete.
 
     Raises
     ------
     InputError
-        where it cannot be written. What was there before is there still.
+        if it cannot be written. A previous file of this name is kept.
 
     """
     try:
@@ -56,14 +56,26 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
             file.discard()
             raise
     except OSError as error:
-        raise _refused(path, error) from error
+        raise _error(path, error) from error
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file completely; InputError if it cannot be written."""
+    with whole_file(path) as stream:
+        stream.write(content)
+
+
+def check_absent(path: Path, *, overwrite: bool) -> None:
+    """Raise InputError for an existing file, unless `overwrite` allows to replace it."""
+    if path.exists() and not overwrite:
+        raise InputError(f'{path}: is there already; add --overwrite to replace it')
 
 
 def file_stem(name: str, taken: set[str]) -> str:
     """
-    Turn a name into that of a file, numbered if need be, which is `taken` from then on.
+    Return a file name for a name, with a number if necessary, and add it to `taken`.
 
-    Names that differ by upper and lower case only are the same on some machines.
+    File names that differ only in upper and lower case are identical on some machines.
     """
     stem = re.sub(r'[^\w.-]+', '_', name)
     free, number = stem, 1
@@ -74,7 +86,7 @@ def file_stem(name: str, taken: set[str]) -> str:
     return free
 
 
-def _refused(path: Path, error: OSError) -> InputError:
+def _error(path: Path, error: OSError) -> InputError:
     reason = error.strerror or str(error)
     return InputError(
         f'{path}: cannot be written ({reason}); expected a folder that can be made and written'

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 import hashlib
+from operator import itemgetter
 from pathlib import Path
 
-from masmc_ros.report.files import whole_file
+from masmc_ros.report.files import write_file
 
 MANIFEST = 'report.sha256'
 """Checksums in the form of `sha256sum`."""
@@ -20,12 +21,12 @@ Entry = tuple[str, str]
 
 
 def entry(name: str, content: bytes) -> Entry:
-    """Return what the manifest says of a file."""
+    """Return the entry of a file in the manifest."""
     return hashlib.sha256(content).hexdigest(), name
 
 
 def read_manifest(folder: Path) -> set[Entry]:
-    """Return what an earlier report says that it made; nothing where there is none."""
+    """Return the entries of an earlier report; empty without one."""
     with suppress(OSError, UnicodeDecodeError):
         lines = (folder / MANIFEST).read_text(encoding='utf-8').splitlines()
         entries = (line.partition('  ') for line in lines)
@@ -34,19 +35,18 @@ def read_manifest(folder: Path) -> set[Entry]:
 
 
 def write_manifest(folder: Path, entries: Iterable[Entry]) -> Path:
-    """Write the manifest; return where it is."""
+    """Write the manifest; return its path."""
     path = folder / MANIFEST
-    with whole_file(path) as stream:
-        for digest, name in sorted(entries, key=lambda each: each[1]):
-            stream.write(f'{digest}  {name}\n'.encode())
+    lines = (f'{digest}  {name}\n' for digest, name in sorted(entries, key=itemgetter(1)))
+    write_file(path, ''.join(lines).encode())
     return path
 
 
 def remove_stale(folder: Path, earlier: Iterable[Entry], names: Iterable[str]) -> None:
     """
-    Remove files of an earlier report that are none of this one's, by their names.
+    Remove files of an earlier report whose names this report does not have.
 
-    Files that were changed since are kept.
+    Files with a different content are kept.
     """
     kept = set(names)
     for digest, name in earlier:

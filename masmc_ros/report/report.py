@@ -1,20 +1,20 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A folder with everything there is to say about some runs."""
+"""Report of runs as a folder of files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-import os
 from pathlib import Path
+from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import Run
 from masmc_ros.log.recover.overlap import check_apart
 from masmc_ros.report.draw.figures import draw_figures
-from masmc_ros.report.files import check_folder, make_folder, whole_file
+from masmc_ros.report.files import check_folder, make_folder, write_file
 from masmc_ros.report.manifest import (
     Entry,
     entry,
@@ -24,20 +24,28 @@ from masmc_ros.report.manifest import (
     write_manifest,
 )
 from masmc_ros.report.measure.labels import labels
-from masmc_ros.report.measure.metrics import metrics
+from masmc_ros.report.measure.metrics import Metrics, metrics
 from masmc_ros.report.measure.table import csv_table, markdown_table, text_table
 from masmc_ros.report.measure.tracking import Compared, tracking
 from masmc_ros.report.page.page import report_page
 
-_TEXTS = ('report.html', 'table.txt', 'table.md', 'metrics.csv')
+_PAGE = 'report.html'
+_TABLES = {'table.txt': text_table, 'table.md': markdown_table, 'metrics.csv': csv_table}
 
 
-def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
+class Report(NamedTuple):
+    """Files of a report, and the metrics of its runs by label."""
+
+    files: list[Path]
+    metrics: Mapping[str, Metrics]
+
+
+def write_report(runs: Sequence[Run], directory: str | Path) -> Report:
     """
     Write metrics and figures of runs, and of all of them together, into a folder.
 
-    The folder is made if need be. Files of an earlier report in it are replaced, and those
-    removed that this one does not have.
+    The folder is created if necessary. Files of an earlier report in it are replaced, or removed
+    if this report does not have them.
 
     Parameters
     ----------
@@ -48,13 +56,13 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
 
     Returns
     -------
-        The files: report.html, table.txt, table.md, metrics.csv, the figures, the manifest.
+        report.html, table.txt, table.md, metrics.csv, the figures, the manifest; the metrics.
 
     Raises
     ------
     InputError
-        for a run without what a report needs and for a folder that cannot be
-        written. Nothing is written unless everything could be computed.
+        if a run lacks data that a report needs, or if the folder cannot be written. Nothing
+        is written unless everything could be computed.
 
     """
     if not runs:
@@ -62,26 +70,18 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
     compared = [
         Compared(label, run, tracking(run)) for label, run in zip(labels(runs), runs, strict=True)
     ]
-    reached = [metrics(each.run, tracked=each.tracked) for each in compared]
-    rows = {each.label: row for each, row in zip(compared, reached, strict=True)}
+    reached = [metrics(entry.run, tracked=entry.tracked) for entry in compared]
+    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
     directory = Path(directory)
     make_folder(directory)
-    texts = (
-        report_page(compared, reached),
-        text_table(rows),
-        markdown_table(rows),
-        csv_table(rows),
-    )
-    files = {
-        **{name: text.encode() for name, text in zip(_TEXTS, texts, strict=True)},
-        **dict(draw_figures(compared, reached)),
-    }
+    tables = {name: table(rows).encode() for name, table in _TABLES.items()}
+    figures = dict(draw_figures(compared, reached))
+    files = {_PAGE: report_page(compared, reached).encode(), **tables, **figures}
     earlier = read_manifest(directory)
     written: list[Entry] = []
     try:
         for name, content in files.items():
-            with whole_file(directory / name) as stream:
-                stream.write(content)
+            write_file(directory / name, content)
             written.append(entry(name, content))
     except BaseException:
         if written:
@@ -89,14 +89,14 @@ def write_report(runs: Sequence[Run], directory: str | Path) -> list[Path]:
                 write_manifest(directory, {*earlier, *written})
         raise
     remove_stale(directory, earlier, files)
-    return [*(directory / name for name in files), write_manifest(directory, written)]
+    paths = [*(directory / name for name in files), write_manifest(directory, written)]
+    return Report(paths, rows)
 
 
 def check_report(logs: Sequence[str], directory: str | Path) -> None:
-    """Raise InputError where a report of logs cannot be written there, before they are read."""
+    """Raise InputError if a report of logs cannot be written there, before they are read."""
     directory = Path(directory)
     check_apart([directory], logs)
     check_folder(directory)
-    there = [directory / name for name in os.listdir(directory)] if directory.exists() else []
-    figures = [path for path in there if path.suffix == '.png']
-    check_apart([*(directory / name for name in (*_TEXTS, MANIFEST)), *figures], logs)
+    figures = directory.glob('*.png')
+    check_apart([*(directory / name for name in (_PAGE, *_TABLES, MANIFEST)), *figures], logs)

@@ -366,7 +366,6 @@ def test_recorder_existing_log_kept(tmp_path: Path, masmc: Masmc) -> None:
         (('run', 'plantt'), 'did you mean plant?'),
         (('run', 'xyzzy'), 'plant, trajectory, controller, recorder, live, composed'),
         (('simulat', PAPER), 'simulate'),
-        ((), '--help'),
         (('simulate',), '--help'),
         (('run',), '--help'),
         (('report', 'missing.mcap'), 'missing.mcap'),

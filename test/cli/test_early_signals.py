@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import re
 import shutil
 import signal
 import subprocess
@@ -15,7 +14,7 @@ import sys
 import time
 
 from masmc_ros.cli import executables
-from masmc_ros.cli.run import NODES
+from masmc_ros.cli.commands.run import NODES
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -140,8 +139,8 @@ def test_colcon_script_in_bin_runs_masmc(tmp_path: Path) -> None:
 def test_colcon_executables_all_defined() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert "f'{node} = masmc_ros.cli.executables:{node}'" in setup
-    named = re.search(r'^NODES = \((.*)\)$', setup, re.MULTILINE)
-    assert named is not None
-    assert re.findall(r"'(\w+)'", named[1]) == list(NODES)
+    assert "glob(f'{NAME}/nodes/*/node.py')" in setup
+    folders = (ROOT / 'masmc_ros' / 'nodes').glob('*/node.py')
+    assert sorted(path.parent.name for path in folders) == sorted(NODES)
     for node in NODES:
         assert callable(getattr(executables, node))

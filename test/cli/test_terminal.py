@@ -18,8 +18,8 @@ import time
 from typing import Any
 
 from helpers.viewed_run import computed_run
-from masmc_ros.cli.main import main
-from masmc_ros.scenario.node_parameters import declared, NODES
+from masmc_ros.cli.main import COMMANDS, main
+from masmc_ros.params.node_parameters import declared, NODES
 import pytest
 from test_bad_input import error_line, PAPER, PATIENCE
 
@@ -232,7 +232,7 @@ def test_simulate_long_run_prints_size_or_is_rejected(
     status = main(['simulate', PAPER, '--set', 'duration=1e8', '--output', str(output)])
     captured = capsys.readouterr()
     line = error_line(status, captured.out, captured.err)
-    assert re.search(r': 100000000001 ticks take about 5\d TB, of which the disk has', line)
+    assert re.search(r': 100000000001 ticks take about 5\d TB; the disk has only', line)
     assert list(tmp_path.iterdir()) == []
     few = ('--set', 'controller.telemetry_decimation=0', '--set', 'plant.tf_decimation=0')
     length = ('--set', 'duration=201.0', '--output', str(output))
@@ -321,3 +321,36 @@ def test_masmc_invalid_or_truncated_log_one_error_line(
     line = error_line(status, captured.out, captured.err)
     assert words in line
     assert ('cut off' in line) == content.startswith(b'\x89')
+
+
+def test_masmc_alone_prints_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    printed, error = capsys.readouterr()
+    assert error == ''
+    assert main(['--help']) == 0
+    assert capsys.readouterr().out == printed
+    for command, text in COMMANDS.items():
+        assert f'{command} ' in printed
+        assert text[:40] in ' '.join(printed.split())
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_help_of_a_command_fits_80_columns(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
+    assert main([command, '--help']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f'usage: masmc {command} ')
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize(
+    'arguments', [('laws',), ('robot', PAPER), ('simulate', PAPER, '--set', 'duration=0.01')]
+)
+def test_printed_tables_fit_80_columns(
+    arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(list(arguments)) == 0
+    table = capsys.readouterr().out.partition('distance of')[0]
+    assert max(map(len, table.splitlines())) <= 80

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from helpers.small_tree import parameters
+from masmc_ros.cli.commands.layout import layout_for, mechanism_of
 from masmc_ros.cli.main import main
-from masmc_ros.cli.show.layout import layout_for, mechanism_of
 from masmc_ros.messages.definitions import definition
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.declaration import Mechanism

@@ -9,7 +9,7 @@ from helpers.core_loop import CoreLoop, node_values
 from helpers.processes import PAPER as PAPER_FILE
 from masmc_ros.law.registry import LAWS
 from masmc_ros.loop.runaway import RunawayWatch
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import numpy as np
 import pytest
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.loop.timing import LATE_TICKS
+from masmc_ros.params.scenario import Values
 from masmc_ros.reference.approach import Approach
 from masmc_ros.reference.trajectory import Trajectory
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import Values
 import numpy as np
 from numpy.typing import NDArray
 

@@ -18,8 +18,8 @@ from helpers.lagrangian import matrices
 from helpers.robots import Array, DEFAULT
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulation import Simulation
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 import numpy as np
 
 PAPER = str(Path(__file__).parents[2] / 'config' / 'paper.yaml')

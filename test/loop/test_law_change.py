@@ -12,8 +12,8 @@ from masmc_ros.law import registry
 from masmc_ros.loop import preparation
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.preparation import Code, Effect, LawChange
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 import pytest
 
 PAPER = Path(__file__).resolve().parents[2] / 'config' / 'paper.yaml'

@@ -20,7 +20,7 @@ from masmc_ros.law.registry import LAWS
 from masmc_ros.messages.parameter_record import ParameterRecord, read_record
 from masmc_ros.messages.stamps import header_stamp
 from masmc_ros.messages.text import text_of
-from masmc_ros.scenario.scenario import load_scenario
+from masmc_ros.params.scenario import load_scenario
 import pytest
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter

@@ -13,7 +13,7 @@ from helpers.log_contents import read_log
 from helpers.processes import PAPER, Peer, peer, Processes, processes, ros_arguments
 from masmc_ros.cli.main import main
 from masmc_ros.law.registry import LAWS
-from masmc_ros.scenario.node_parameters import declared
+from masmc_ros.params.node_parameters import declared
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically

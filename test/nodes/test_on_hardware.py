@@ -16,9 +16,9 @@ from helpers.processes import PAPER, Peer, peer, processes, ros_arguments
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.messages.commands import EffortCdr
 from masmc_ros.messages.names import JOINTS
+from masmc_ros.params.scenario import load_scenario
 from masmc_ros.robot.robot import robot_of
 from masmc_ros.robot.two_link.platform_motion import base_motion as platform_motion
-from masmc_ros.scenario.scenario import load_scenario
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@ import shlex
 import shutil
 import subprocess
 
-from masmc_ros.cli.main import _parser
+from masmc_ros.cli.main import parser_for
 import pytest
 import yaml
 
@@ -77,7 +77,7 @@ def test_masmc_commands_parse(page: Path, capsys: pytest.CaptureFixture[str]) ->
     for words in commands(page):
         if words[0] == 'masmc' and words[1:2] != ['run']:
             try:
-                _parser().parse_args(words[1:])
+                parser_for(words[1:]).parse_args(words[1:])
             except SystemExit:
                 pytest.fail(f'{shlex.join(words)}: {capsys.readouterr().err}')
 

@@ -12,6 +12,9 @@ import tokenize
 
 PACKAGE = Path(__file__).parents[2] / 'masmc_ros'
 
+PARAMETERS_OF_NODES = ('params.node_parameters', 'params.scenario')
+"""Modules of `params/` with the declarations of all nodes, which stand in all folders above."""
+
 ORDER = (
     '',  # modules such as errors
     'params',
@@ -25,7 +28,7 @@ ORDER = (
     'control',
     'plant',
     'log',
-    'scenario',
+    *PARAMETERS_OF_NODES,
     'report',
     'compare',
     'nodes',
@@ -60,15 +63,18 @@ def imported(path: Path) -> set[tuple[str, ...]]:
     return modules
 
 
-def folder_of(parts: tuple[str, ...]) -> str:
+def place_of(parts: tuple[str, ...]) -> str:
+    """Return the entry of ORDER for a module."""
+    if '.'.join(parts[:2]) in PARAMETERS_OF_NODES:
+        return '.'.join(parts[:2])
     return parts[0] if parts and (PACKAGE / parts[0]).is_dir() else ''
 
 
 def test_imports_follow_order_of_folders() -> None:
     for path in files():
-        own = folder_of(path.relative_to(PACKAGE).parts)
+        own = place_of(path.relative_to(PACKAGE).with_suffix('').parts)
         for parts in imported(path):
-            other = folder_of(parts)
+            other = place_of(parts)
             assert ORDER.index(other) <= ORDER.index(own), f'{path} imports {".".join(parts)}'
 
 

@@ -110,7 +110,7 @@ def test_parameter_file_blocks_of_unknown_nodes_are_listed(file: Path) -> None:
         ('a:\n  b/c:\n    ros__parameters: {}\n', 2, "node name 'b/c' below 'a': it has a slash"),
         ('a:\n  ros__parameters: {}\n  b: {}\n', 3, "key 'b' after ros__parameters"),
         ('a:\n  ros__parameters: {"k\\0": 1}\n', 2, 'NUL character'),
-        ('a:\n  ros__parameters: {? [1] : 1}\n', 2, 'in the place of a name'),
+        ('a:\n  ros__parameters: {? [1] : 1}\n', 2, 'in place of a name'),
         ('[' * 100_000, 1, 'more than 50 levels'),
     ],
 )

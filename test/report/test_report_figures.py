@@ -209,7 +209,7 @@ def test_report_arm_points_equal_kinematics(machine: Machine, angles: Angles) ->
 
 def test_write_report_returns_written_files(two_runs: list[Run], tmp_path: Path) -> None:
     folder = tmp_path / 'new' / 'report'
-    written = write_report(two_runs, folder)
+    written = write_report(two_runs, folder).files
     assert sorted(written) == sorted(folder.iterdir())
     assert [path.name for path in written[:4]] == [
         'report.html',
@@ -257,7 +257,7 @@ def test_report_command_invalid_log_leaves_no_folder(tmp_path: Path) -> None:
 
 def test_write_report_run_without_errors_is_in_table(two_runs: list[Run], tmp_path: Path) -> None:
     bare = replace(without_error(paper_like('bag.mcap')), parameters={}, reference=None)
-    names = [path.name for path in write_report([*two_runs, bare], tmp_path)]
+    names = [path.name for path in write_report([*two_runs, bare], tmp_path).files]
     assert 'comparison.png' in names
     assert not any(name.startswith('bag') for name in names)
     (line,) = (tmp_path / 'table.md').read_text().splitlines()[4:]

@@ -316,7 +316,7 @@ def test_report_renamed_topics_prints_expected_names(
     assert line.startswith(f'{log}: Not read are /arm_controller/commands, /base/cmd_vel:')
     assert 'controller/tracking_error' in line
     assert 'cmd_vel, arm_velocity_commands' in line
-    assert line.endswith('beside /joint_states.')
+    assert line.endswith('next to /joint_states.')
     parsed = Page((folder / 'report.html').read_text(encoding='utf-8'))
     (box,) = parsed.root.find_all('div', **{'class': 'missing'})
     assert 'Not read are /arm_controller/commands' in box.text

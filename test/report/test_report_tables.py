@@ -125,3 +125,12 @@ def test_aligned_columns_have_equal_widths() -> None:
     rows = [['law', 'RMS'], ['rasmc', '1'], ['', '10.25']]
     assert aligned(rows, left=(0,)) == ['law      RMS', 'rasmc      1', '       10.25']
     assert aligned(rows, left=range(2)) == ['law    RMS', 'rasmc  1', '       10.25']
+
+
+def test_wide_table_continues_below_with_its_key_column() -> None:
+    rows = [['law', 'a', 'b'], ['', '(m)', '(s)'], ['rasmc', '10', '20']]
+    assert aligned(rows, left=(0,), rule=2, width=10) == [
+        'law      a', '       (m)', '-----  ---', 'rasmc   10', '',
+        'law      b', '       (s)', '-----  ---', 'rasmc   20',
+    ]  # fmt: skip
+    assert len(aligned(rows, left=(0,), width=15)) == len(rows)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Files over HTTP for an application of this machine: parts of them, from any web page.
+Files over HTTP for an application of this machine, in parts and for any web page.
 
-A viewer reads the parts of a log that it shows by range requests. The addresses hold a secret,
-so that other pages that the browser has open do not find the files.
+A viewer reads the parts of a log that it shows by range requests. The addresses contain a secret;
+therefore other pages in the browser cannot find the files.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from masmc_ros.errors import InputError
 
 HOST = '127.0.0.1'
 _BLOCK = 1 << 16
-"""Bytes that are sent within the timeout: a slow connection is not ended."""
+"""Bytes that are sent at a time, each within the timeout."""
 
 _TIMEOUT = 30.0
-"""Time in s for which a connection waits for the other side."""
+"""Time in s after which a connection without data ends."""
 
 _MOST_THREADS = 64
-"""Threads of this process beyond which a connection is rejected; each connection has one."""
+"""Maximum number of threads of this process; each connection has one."""
 
 _BUSY = b'HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n'
 _RANGE = re.compile(r'bytes=(\d{0,999})-(\d{0,999})', re.ASCII)
 
 
 class FileServer(ThreadingHTTPServer):
-    """Serves files to this machine alone; a context manager."""
+    """Context manager that serves files to this machine only."""
 
     daemon_threads = True
 
     def __init__(self, port: int = 0) -> None:
-        """Listen at a port, 0 being any free one; InputError where that is not possible."""
+        """Initialise the server at a port, 0: any free one; InputError if that is not possible."""
         self.files: dict[str, Path] = {}
         self._secret = secrets.token_urlsafe(12)
         try:
@@ -51,7 +51,7 @@ class FileServer(ThreadingHTTPServer):
             raise InputError(f'port {port}: {error}; name a free one, or 0 for any') from error
 
     def add(self, path: Path, name: str = '') -> str:
-        """Serve a file, by another name than its own if one is given; return its address."""
+        """Serve a file, by default with its own name; return its address."""
         location = f'/{self._secret}/{quote(name or path.name)}'
         self.files[location] = path
         return f'http://{HOST}:{self.server_port}{location}'
@@ -65,7 +65,7 @@ class FileServer(ThreadingHTTPServer):
         return False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing: a viewer that hangs up does so while it is being sent something."""
+        """Ignore errors: a viewer may close a connection at any time."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -74,46 +74,46 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = _TIMEOUT
 
     def do_OPTIONS(self) -> None:
-        """Allow a page from elsewhere to ask for parts of the file."""
+        """Allow pages of other origins to request parts of the file."""
         self.send_response(HTTPStatus.NO_CONTENT)
         self._allow_pages()
         self.send_header('Access-Control-Allow-Methods', 'GET, HEAD, OPTIONS')
         self.send_header('Access-Control-Allow-Headers', 'Range')
         self.send_header('Access-Control-Max-Age', '600')
-        # Browsers ask this of servers on the machine that they run on.
+        # Browsers require this of servers on their own machine.
         self.send_header('Access-Control-Allow-Private-Network', 'true')
         self.end_headers()
 
     def do_HEAD(self) -> None:
         """Respond with the size of the file."""
-        self._answer(with_content=False)
+        self._respond(with_content=False)
 
     def do_GET(self) -> None:
         """Send the file or a part of it."""
-        self._answer(with_content=True)
+        self._respond(with_content=True)
 
     def log_message(self, *message: object) -> None:
-        """Say nothing."""
+        """Log no requests."""
 
-    def _answer(self, *, with_content: bool) -> None:
+    def _respond(self, *, with_content: bool) -> None:
         try:
             path = self.server.files[urlsplit(self.path).path]
         except ValueError:
-            self._refuse(HTTPStatus.BAD_REQUEST)
+            self._reject(HTTPStatus.BAD_REQUEST)
             return
         except KeyError:
-            self._refuse(HTTPStatus.NOT_FOUND)
+            self._reject(HTTPStatus.NOT_FOUND)
             return
         try:
             stream = path.open('rb')
         except OSError:
-            self._refuse(HTTPStatus.NOT_FOUND)
+            self._reject(HTTPStatus.NOT_FOUND)
             return
         with stream:
             size = stream.seek(0, 2)
             part = _part(self.headers.get('Range'), size)
             if part is None:
-                self._refuse(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, f'bytes */{size}')
+                self._reject(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, f'bytes */{size}')
                 return
             whole = part == range(size)
             self.send_response(HTTPStatus.OK if whole else HTTPStatus.PARTIAL_CONTENT)
@@ -134,7 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(block)
             left -= len(block)
 
-    def _refuse(self, status: HTTPStatus, content_range: str = '') -> None:
+    def _reject(self, status: HTTPStatus, content_range: str = '') -> None:
         self.send_response(status)
         self._allow_pages()
         self.send_header('Content-Length', '0')
@@ -151,15 +151,15 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _part(header: str | None, size: int) -> range | None:
     """
-    Return the bytes that a request asks for; None where the file has none of them.
+    Return the requested bytes; None if they are outside the file.
 
-    As HTTP allows, a header that is not understood, such as several ranges, asks for all.
+    As HTTP allows, a header that is not supported, such as several ranges, requests the file.
     """
     match = _RANGE.fullmatch((header or '').replace(' ', ''))
     if match is None or match[0] == 'bytes=-':
         return range(size)
     first, last = match.groups()
-    if not first:  # the last so many
+    if not first:  # the last bytes
         part = range(max(0, size - int(last)), size)
     elif last and int(last) < int(first):
         return range(size)

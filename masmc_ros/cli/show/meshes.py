@@ -1,11 +1,11 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A log with a description whose meshes a browser can load.
+Copies of logs whose robot description has meshes that a browser can load.
 
-A browser knows neither packages nor files: where the description names those, a copy of the log
-has a second one behind everything else, of the same topic and a nanosecond later, in which they
-are web addresses. Viewers show the latest.
+A browser cannot open packages and files. If the description names them, the copy of the log has
+a second description at its end, on the same topic and a nanosecond later, with web addresses.
+Viewers show the latest.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _DATA_END, _FOOTER = RECORD_HEAD.size + 4, RECORD_HEAD.size + 20
 
 
 class Described(NamedTuple):
-    """The last description in a log, and the meshes that it names."""
+    """Last description in a log, and its meshes."""
 
     text: str
     meshes: Mapping[str, Path]
@@ -49,21 +49,21 @@ def described(path: Path) -> Described | None:
             for channel in channels.values()
             if channel.topic.endswith(f'/{DESCRIPTION_TOPIC}')
         ]
-        found = [message for _, _, message in reader.iter_messages(topics)] if topics else []
+        messages = [message for _, _, message in reader.iter_messages(topics)] if topics else []
     try:
-        text = text_of(found[-1].data)
+        text = text_of(messages[-1].data)
         meshes = mesh_files(text)
     except (IndexError, InputError):
         return None
-    return Described(text, meshes, found[-1]) if meshes else None
+    return Described(text, meshes, messages[-1]) if meshes else None
 
 
 def write_with_addresses(
-    path: Path, copy: Path, told: Described, address: Callable[[Path], str]
+    path: Path, copy: Path, description: Described, address: Callable[[Path], str]
 ) -> None:
-    """Write a copy of a log with another description at its end, which has addresses."""
-    text = told.text
-    for name, file in told.meshes.items():
+    """Write a copy of a log with a further description at its end, with web addresses."""
+    text = description.text
+    for name, file in description.meshes.items():
         for quote in '"\'':
             text = text.replace(f'{quote}{name}{quote}', f'{quote}{address(file)}{quote}')
     with path.open('rb') as source, copy.open('wb') as target:
@@ -77,7 +77,8 @@ def write_with_addresses(
         shutil.copyfileobj(source, target)
         target.seek(end)
         target.truncate()
-        message = told.message.channel_id, told.message.log_time + 1, string_message(text)
+        last = description.message
+        message = last.channel_id, last.log_time + 1, string_message(text)
         chunk = OpenChunk()
         chunk.add_messages(arrived_records([message]), 0, 1, 0)
         stream = RecordStream(target, end, summary)

@@ -14,7 +14,7 @@ from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.draw.style import line_styles, new_figure, PAGE, plain, time_axis
 from masmc_ros.report.measure.metrics import total_variation
 from masmc_ros.report.measure.tracking import Compared
-from masmc_ros.robot.declaration import Group, Point
+from masmc_ros.robot.declaration import Group
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -23,31 +23,33 @@ import numpy as np
 _PANELS = 100.0
 _LEGEND_ROW = 4.5
 _LEGEND_WIDTH = 120
-"""Letters that fit into a row of the legend, lines counted."""
+"""Characters that fit into a row of the legend, with its lines."""
 _LINE = 8
-"""Letters that a legend's line takes the room of."""
-_SMALL = 1.0e3
-"""Errors are drawn in mm and mrad."""
+"""Width of a line of the legend in characters."""
 _LOWEST = 2.0
-"""Percentile of the values at the start of a logarithmic axis; zero crossings are below."""
+"""Percentile of the values at the start of a logarithmic axis, above zero crossings."""
+
+
+_Vectors = tuple[Array, Array]
+"""Times and vectors (n, m)."""
 
 
 class _Panel(NamedTuple):
-    """One plot: what it shows, and times and vectors (n, m) of a run, None where it has none."""
+    """One plot: title, quantity, and the vectors of a run, None if it has none."""
 
     title: str
     quantity: str
-    of: Callable[[Compared], tuple[Array, Array] | None]
+    vectors: Callable[[Compared], _Vectors | None]
 
 
 def comparison_figure(compared: Sequence[Compared]) -> Figure:
     """
     Draw the distances of all points from their references, and the norms of the torques.
 
-    The torques are those of each group of joints. Where no run has torques, there are the rates
-    that were commanded.
+    The torques are those of each group of joints. If no run has torques, the commanded velocities
+    are drawn.
     """
-    longest = max(len(each.label) for each in compared) + _LINE
+    longest = max(len(run.label) for run in compared) + _LINE
     rows = math.ceil(len(compared) / max(1, _LEGEND_WIDTH // longest))
     columns = math.ceil(len(compared) / rows)
     above = _LEGEND_ROW * rows
@@ -60,12 +62,12 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
         figure.add_subplot(layout[1 + number // 2, number % 2]) for number in range(len(panels))
     ]
     styles = dict(enumerate(line_styles(len(compared))))
-    # What chatters covers everything, so that it goes to the back.
+    # Chattering lines cover all others, therefore they are drawn first.
     order = sorted(styles, key=lambda i: -total_variation(compared[i].run.torque.values))
     for depth, i in enumerate(order):
         style = {**styles[i], 'zorder': 2.0 + depth / len(order)}
         for axes, panel in zip(drawn, panels, strict=True):
-            times, vectors = panel.of(compared[i]) or (np.zeros(0), np.zeros((0, 1)))
+            times, vectors = panel.vectors(compared[i]) or (np.zeros(0), np.zeros((0, 1)))
             _draw(axes, times, vectors, style)
     for axes, panel in zip(drawn, panels, strict=True):
         axes.set_title(panel.title)
@@ -73,27 +75,27 @@ def comparison_figure(compared: Sequence[Compared]) -> Figure:
         _scale(axes)
         time_axis(axes)
     lines = [drawn[0].get_lines()[order.index(i)] for i in styles]
-    _legend(figure.add_subplot(layout[0, :]), lines, [each.label for each in compared], columns)
+    _legend(figure.add_subplot(layout[0, :]), lines, [run.label for run in compared], columns)
     figure.align_ylabels()
     return figure
 
 
 def _panels(compared: Sequence[Compared]) -> list[_Panel]:
-    """Return what there is to compare of all kinds of robots, each once."""
-    kinds = tuple(dict.fromkeys(each.run.mechanism for each in compared))
+    """Return the plots for the robots of all runs, each once."""
+    kinds = tuple(dict.fromkeys(entry.run.mechanism for entry in compared))
     points = dict.fromkeys(point for kind in kinds for point in kind.points)
     panels = [
-        _Panel(point.name, f'$|e_{point.symbol}|$ ({point.small_unit})', partial(_distance, point))
-        for point in points
+        _Panel(p.name, f'$|e_{p.symbol}|$ ({p.small_unit})', partial(Compared.errors, point=p))
+        for p in points
     ]
-    if not all(each.run.commands_rates for each in compared):
+    if not all(entry.run.commands_rates for entry in compared):
         groups = dict.fromkeys(group for kind in kinds for group in kind.groups)
         return panels + [
             _Panel(f'{group.name} torques', r'$|\tau|$ (N·m)', partial(_torques, group))
             for group in groups
         ]
     for kind in kinds:
-        turns = tuple(i for i, each in enumerate(kind.twist) if each.unit == 'rad/s')
+        turns = tuple(i for i, velocity in enumerate(kind.twist) if velocity.unit == 'rad/s')
         chosen = turns or tuple(range(len(kind.twist)))
         names = ' and '.join(kind.twist[i].name for i in chosen)
         rates = r'$|\omega|$ (rad/s)'
@@ -105,26 +107,21 @@ def _panels(compared: Sequence[Compared]) -> list[_Panel]:
     return panels
 
 
-def _distance(point: Point, each: Compared) -> tuple[Array, Array] | None:
-    if point not in each.run.mechanism.points:
-        return None
-    return each.tracked.times, each.tracked.error[:, point.axes] * _SMALL
-
-
-def _torques(group: Group, each: Compared) -> tuple[Array, Array] | None:
-    run = each.run
+def _torques(group: Group, compared: Compared) -> _Vectors | None:
+    run = compared.run
     if group not in run.mechanism.groups:
         return None
     return run.torque.times - run.times[0], run.torque.values[:, group.joints]
 
 
-def _base(places: tuple[int, ...], each: Compared) -> tuple[Array, Array]:
-    run = each.run
+def _base(places: tuple[int, ...], compared: Compared) -> _Vectors:
+    run = compared.run
     return run.cmd_vel.times - run.times[0], run.cmd_vel.values[:, list(places)]
 
 
-def _own_rates(each: Compared) -> tuple[Array, Array]:
-    return each.run.arm_rates.times - each.run.times[0], each.run.arm_rates.values
+def _own_rates(compared: Compared) -> _Vectors:
+    run = compared.run
+    return run.arm_rates.times - run.times[0], run.arm_rates.values
 
 
 def _draw(axes: Axes, times: Array, vectors: Array, style: dict[str, Any]) -> None:
@@ -143,7 +140,7 @@ def _legend(axes: Axes, lines: Sequence[Line2D], labels: Sequence[str], columns:
 
 def _scale(axes: Axes) -> None:
     """
-    Make the axis logarithmic, from where the smallest line has its lowest values but a few.
+    Make the axis logarithmic, from the low percentile _LOWEST of the smallest line.
 
     An axis without positive values stays linear.
     """

@@ -14,15 +14,13 @@ from masmc_ros.report.draw.style import (
     time_axis,
 )
 from masmc_ros.report.measure.metrics import Metrics
-from masmc_ros.report.measure.tracking import Tracking
+from masmc_ros.report.measure.tracking import SMALL, Tracking
 from masmc_ros.robot.declaration import Point
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
 _HEIGHT = 78.0
-_SMALL = 1.0e3
-"""Errors are drawn in mm and mrad."""
 _HEADROOM = 1.15
 """Height of the lower panel over the largest error in the window."""
 
@@ -33,16 +31,16 @@ def error_figure(
     """
     Draw the errors of a point over the whole run and, enlarged, once settled.
 
-    Returns None where there are no errors in the window.
+    Returns None without errors in the window.
     """
     rms = reached.points[point].rms
     if rms is None:
         return None
     figure = new_figure(COLUMN, _HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    error = tracked.error[:, point.axes] * _SMALL
+    error = tracked.small_errors(point)
     unit = point.small_unit
-    # A path's axes have letters, joints have numbers.
+    # Letters for the axes of a path, numbers for joints.
     names = [str(1 + i) for i in range(point.size)]
     if point.is_place:
         names = [f'{axis}_{point.symbol}' for axis in 'xy']
@@ -56,7 +54,7 @@ def error_figure(
     lower.text(
         1.0,
         1.02,
-        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * _SMALL:.3g} {unit} over'
+        rf'enlarged; RMS $|e_{point.symbol}|$ = {rms * SMALL:.3g} {unit} over'
         f' {reached.begin:g}–{reached.end:g} s',
         transform=lower.transAxes,
         fontsize=7.0,

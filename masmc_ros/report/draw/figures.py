@@ -21,7 +21,7 @@ from masmc_ros.robot.registry import DEFAULT
 from matplotlib.figure import Figure
 
 PAPER_FIGURES = {'smc': 3, 'rasmc': 6}
-"""Number of the first of the paper's three figures of each law, of the robot that it has."""
+"""Number of the first of the paper's three figures of each law, for its robot."""
 
 
 def draw_figures(
@@ -30,13 +30,12 @@ def draw_figures(
     """
     Yield file name and PNG of every figure: path and points of each run, then all runs in one.
 
-    A run whose log lacks the positions has no figure of its path; one whose log lacks the
-    errors has none of these.
+    Without positions in the log there is no figure of the path, without errors none of the points.
     """
-    runs = [each.run for each in compared]
+    runs = [entry.run for entry in compared]
     with paper_style():
-        for each, metrics, names in zip(compared, reached, figure_names(runs), strict=True):
-            label, run, tracked = each
+        for entry, metrics, names in zip(compared, reached, figure_names(runs), strict=True):
+            label, run, tracked = entry
             figures: tuple[Figure | None, ...] = (
                 path_figure(run, tracked, label),
                 *(error_figure(tracked, metrics, label, point) for point in metrics.points),
@@ -51,11 +50,11 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
     """
     Return the file names of each run's figures, of its path and of each of its points.
 
-    The first run under each law of the paper has the paper's: figure_3_smc_path.png. The
-    others are named by their logs: RUN_path.png.
+    The first run of each law of the paper has the names of the paper's figures:
+    figure_3_smc_path.png. The others have the names of their logs: RUN_path.png.
     """
     numbers = dict(PAPER_FIGURES)
-    # A log may be named like one of the paper's figures.
+    # A log may have the name of one of the paper's figures.
     taken = {
         f'figure_{n + i}_{law}'
         for law, n in PAPER_FIGURES.items()
@@ -76,5 +75,5 @@ def figure_names(runs: Sequence[Run]) -> list[list[str]]:
 
 
 def _kinds(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return what the figures of a run show, in the order of the paper's."""
+    """Return the subjects of the figures of a run, in the order of the paper."""
     return ('path', *(point.key for point in mechanism.points))

@@ -30,16 +30,16 @@ _INSTANTS = 6
 _FLATTEST, _STEEPEST = 0.2, 0.8
 """Height of the drawing over its width."""
 _MARGIN = 0.02
-"""Of the drawing's longer side, around what is drawn."""
+"""Margin around the drawing, as a part of its longer side."""
 _WIDTH = 165.0
 """Width in mm of the axes in the figure."""
 _SURROUND = 17.0
-"""Height in mm that the labels and the legend take."""
+"""Height in mm of the labels and the legend."""
 
 
 def path_figure(run: Run, tracked: Tracking, label: str) -> Figure | None:
     """
-    Draw the paths of the robot's points, and the robot now and then.
+    Draw the paths of the robot's points, and the robot at several instants.
 
     Returns None if the log lacks the positions.
     """
@@ -86,12 +86,12 @@ def _draw_instants(axes: Axes, robot: Robot, run: Run) -> None:
             va='top',
             clip_on=True,
         )
-        # By itself a text does not count as drawn.
+        # A text does not extend the limits of the data automatically.
         axes.update_datalim([(x, y - outline.below - outline.text)])
 
 
 def _fit(axes: Axes) -> tuple[float, float]:
-    """Show all that is drawn, one metre as long in x as in y; return both extents in m."""
+    """Fit the axes to the drawing with equal scales; return both extents in m."""
     drawn = axes.dataLim
     margin = 2.0 * _MARGIN * max(drawn.width, drawn.height)
     width, height = drawn.width + margin, drawn.height + margin

@@ -17,7 +17,7 @@ _AREAS = {'body': (GREY, 0.35), 'part': (BLACK, 1.0)}
 
 
 def draw_robot(axes: Axes, outline: Outline, opacity: float) -> None:
-    """Draw the robot at one position, faintly."""
+    """Draw the robot at one position with an `opacity`."""
     for shape in outline.shapes:
         if shape.kind in _AREAS:
             colour, strength = _AREAS[shape.kind]

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The look of the figures: sizes, fonts and colours as for a journal's page."""
+"""Style of the figures: sizes, fonts and colours of a journal page."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ GREY = '#8C8C8C'
 
 _MILLIMETRES_PER_INCH = 25.4
 _GAP = 10.0
-"""Room in pixels, at 100 to the inch, after a title."""
+"""Space in pixels, at 100 per inch, after a title."""
 _NEXT_LINE = 16.0
 """Distance in points from the axes to a title above a row of the legend."""
 _LEGEND = 8
-"""Most lines that a row of it names."""
+"""Maximum number of lines in a row of the legend."""
 _STYLE: Any = {  # the type of its keys differs between versions of matplotlib
     'font.size': 8.0,
     'axes.titlesize': 8.0,
@@ -80,7 +80,7 @@ _STYLE: Any = {  # the type of its keys differs between versions of matplotlib
 
 @contextmanager
 def paper_style() -> Iterator[None]:
-    """Draw and save figures in the look of this package, whatever the user's settings."""
+    """Draw and save figures in the style of this package, independent of the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         with matplotlib.rc_context(_STYLE):
@@ -95,14 +95,14 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG file: the same bytes for the same figure."""
+    """Return a figure as a PNG file, identical for identical figures."""
     out = io.BytesIO()
     figure.savefig(out, format='png', dpi=DPI, metadata={'Software': None})
     return out.getvalue()
 
 
 def line_styles(count: int) -> list[dict[str, Any]]:
-    """Return colour and dashes for so many lines: first all colours solid, then dashed."""
+    """Return colours and dashes of `count` lines: first all colours solid, then dashed."""
     colours = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
     dashes = ('-', '--', '-.', ':')
     styles = ({'color': c, 'linestyle': d} for d, c in product(dashes, colours))
@@ -111,9 +111,9 @@ def line_styles(count: int) -> list[dict[str, Any]]:
 
 def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -> None:
     """
-    Name the axes at their upper left and their lines at the upper right, off the data.
+    Put a title at the upper left and a legend at the upper right, above the axes.
 
-    A label that is too long for that goes above the lines' names, smaller if it must.
+    A label that is too long is put above the legend, with a smaller font if necessary.
     """
     rows = math.ceil(len(handles) / _LEGEND)
     legend = axes.legend(
@@ -130,11 +130,11 @@ def caption(figure: Figure, axes: Axes, label: str, handles: Sequence[Line2D]) -
 
 
 def time_axis(axes: Axes) -> None:
-    """Label an axis of time in s, with ticks at whole seconds where there is room."""
+    """Label an axis of time in s, with ticks at whole seconds if possible."""
     axes.set_xlabel('time $t$ (s)')
     axes.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10]))
 
 
 def plain(text: str) -> str:
-    """Return text that is drawn as it is, a file's name with dollar signs in it, say."""
+    """Return text without mathematics, such as a file name with dollar signs."""
     return text.replace('$', r'\$')

@@ -22,10 +22,10 @@ RATES = 'rates'
 
 def labels(runs: Sequence[Run]) -> list[str]:
     """
-    Return one label a run, such as 'smc, tanh δ 0.2', all different.
+    Return one label per run, such as 'smc, tanh δ 0.2', all different.
 
-    'changed' follows where parameters were changed while the robot ran.
-    Runs with the same law, or without a known law, are distinguished by their files.
+    'changed' follows if parameters were changed while the robot ran. Runs with the same law, or
+    without a known law, are distinguished by their files.
     """
     plain = [_law_label(run) for run in runs]
     files = _different(
@@ -43,7 +43,7 @@ def law_of(run: Run) -> str | None:
     """
     Return the law that a run started with, None if the log lacks it.
 
-    Commanded rates follow from no law: RATES.
+    For commanded velocities, which follow from no law, it is RATES.
     """
     controller = run.parameters.get('controller', {})
     law = controller.get('law')
@@ -56,7 +56,7 @@ def _law_label(run: Run) -> str:
     if law_of(run) is None:
         return ''
     label = law_label(run.parameters['controller'])
-    return f'{label}, changed' if any(each.changed for each in run.changes) else label
+    return f'{label}, changed' if any(change.changed for change in run.changes) else label
 
 
 def law_label(controller: Mapping[str, Any]) -> str:
@@ -83,19 +83,19 @@ def _switching(controller: Mapping[str, Any]) -> list[str]:
 
 
 def _short(name: str) -> str:
-    """Keep the end of a name that is too long for a table or a legend, on one line."""
+    """Return a name on one line, of a long one the end."""
     name = ' '.join(name.split())
     return name if len(name) <= _LONGEST else f'…{name[1 - _LONGEST :]}'
 
 
 def _different(short: Sequence[str], long: Sequence[str]) -> list[str]:
-    """Take the short name of each where it is the only such one, else the long name."""
+    """Return the short names if unique, otherwise the long ones."""
     count = Counter(short)
     return [s if count[s] == 1 else full for s, full in zip(short, long, strict=True)]
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
-    """Add numbers to those that are the same."""
+    """Add numbers to equal names."""
     total, seen = Counter(names), Counter[str]()
     numbered = []
     for name in names:

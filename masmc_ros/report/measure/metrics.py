@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 import math
+from typing import Any, NamedTuple
 
 from masmc_ros.log.read.reader import Run
 from masmc_ros.loop.signals import largest_slip, least_normal_force
@@ -16,7 +17,6 @@ from masmc_ros.report.measure.parameters import run_changes
 from masmc_ros.report.measure.settling import settling_time
 from masmc_ros.report.measure.tracking import Tracking, tracking
 from masmc_ros.robot.declaration import Point
-from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,72 +24,227 @@ Window = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Reached:
+class Samples:
     """
-    Distances of a point from its reference; None if the log lacks the data.
+    Signals of a run, from which its metrics follow; times in s from the first state.
 
     Attributes
     ----------
-    rms
-        root mean square of the distance, in the point's unit.
-    largest
-        largest distance, likewise.
-    settling
-        s from the first error until the distance stays small for good, see `settling_time`;
-        infinity where it does not.
+    times
+        (K) of the errors.
+    error
+        (K, axes) in m or rad.
+    torque_times
+        (M) of the commands.
+    torque
+        (M, joints) in N m.
+    window
+        begin <= t < end.
+    points
+        points of the robot.
+    estimate
+        (L, parameters) base inertial parameters over time, or None.
+    contact
+        (N, wheels * CONTACT) contacts of the wheels over time, or None.
+    changed
+        time of the last change of parameters.
 
     """
 
-    rms: float | None
-    largest: float | None
-    settling: float | None
+    times: Array
+    error: Array
+    torque_times: Array
+    torque: Array
+    window: Window
+    points: Sequence[Point]
+    estimate: Array | None = None
+    contact: Array | None = None
+    changed: float = -math.inf
+
+    @classmethod
+    def of_ticks(
+        cls,
+        error: Array,
+        torque: Array,
+        period: float,
+        points: Sequence[Point],
+        *,
+        active: NDArray[np.bool_] | slice = slice(None),
+        estimate: Array | None = None,
+    ) -> Samples:
+        """
+        Return the samples of a computed run, with the second half as its window.
+
+        Parameters
+        ----------
+        error
+            (n, axes) of all ticks.
+        torque
+            (n, joints) in N m; (0, joints) if velocities are commanded.
+        period
+            control period in s.
+        points
+            points of the robot.
+        active
+            (n) ticks whose errors count.
+        estimate
+            (L, parameters) base inertial parameters.
+
+        """
+        times = np.arange(len(error), dtype=np.float64) * period
+        window = second_half(times)
+        commands = times[: len(torque)]
+        return cls(times[active], error[active], commands, torque, window, points, estimate)
+
+    def errors(self, point: Point) -> Array:
+        """Return the errors (n, m) of a point in the window."""
+        return self.error[self._within(self.times), point.axes]
+
+    def torques(self) -> Array:
+        """Return the torques (n, joints) in the window."""
+        return self.torque[self._within(self.torque_times)]
+
+    def metrics(self) -> Metrics:
+        """Compute the metrics."""
+        return Metrics(
+            *self.window,
+            {point: Reached(**_computed(Reached, self, point)) for point in self.points},
+            self.torque.shape[1],
+            **_computed(Metrics, self),
+        )
+
+    def _within(self, times: Array) -> NDArray[np.bool_]:
+        begin, end = self.window
+        return (begin <= times) & (times < end)
+
+
+class Metric(NamedTuple):
+    """
+    Declaration of a metric, for all tables, files and pages.
+
+    Attributes
+    ----------
+    name
+        name in files with numbers.
+    head
+        head of its column.
+    unit
+        SI unit; empty: unit of the point.
+    formula
+        value of samples, and of a point if it is one of a point; None or NaN without data.
+    is_small
+        whether tables show thousandths of the unit.
+    of_contact
+        whether only runs with wheels in contact have it.
+    is_compared
+        whether `masmc compare` shows it.
+
+    """
+
+    name: str
+    head: str
+    unit: str
+    formula: Callable[..., float | None]
+    is_small: bool = False
+    of_contact: bool = False
+    is_compared: bool = False
+
+
+def _metric(*declaration: Any, **options: Any) -> Any:
+    """Return the field of a metric."""
+    return field(default=None, metadata={'metric': Metric(*declaration, **options)})
+
+
+def declared(kind: type) -> dict[str, Metric]:
+    """Return the metrics of a class by attribute, in the order of columns."""
+    return {f.name: f.metadata['metric'] for f in fields(kind) if 'metric' in f.metadata}
+
+
+def _computed(kind: type, *arguments: Any) -> dict[str, Any]:
+    return {name: metric.formula(*arguments) for name, metric in declared(kind).items()}
+
+
+def rms_norm(vectors: Array) -> float | None:
+    """Return the root mean square of the Euclidean norms of (n, m) vectors; None for n = 0."""
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1)))) if len(vectors) else None
+
+
+def largest_norm(vectors: Array) -> float | None:
+    """Return the largest Euclidean norm of (n, m) vectors; None for n = 0."""
+    return float(np.sqrt(np.max(np.sum(vectors**2, axis=1)))) if len(vectors) else None
+
+
+def total_variation(samples: Array) -> float:
+    """Return the total variation of (n, m) samples, summed over the m columns."""
+    return float(np.sum(np.abs(np.diff(samples, axis=0))))
+
+
+def _variation(samples: Samples) -> float | None:
+    """Return sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin) of the commands."""
+    torques, (begin, end) = samples.torques(), samples.window
+    return total_variation(torques) / (end - begin) if len(torques) else None
+
+
+def _estimate_norm(samples: Samples) -> float | None:
+    """Return the Euclidean norm of the last estimate, whose units are mixed (kg, kg m2, kg m)."""
+    estimate = samples.estimate
+    return float(np.linalg.norm(estimate[-1])) if estimate is not None and len(estimate) else None
+
+
+@dataclass(frozen=True)
+class Reached:
+    """
+    Distances of a point from its reference; a value is None if the log lacks its data.
+
+    The settling time is that over the whole run, see `settling_time`; infinity if the distance
+    does not stay small.
+    """
+
+    rms: float | None = _metric('rms', 'RMS', '', lambda run, point: rms_norm(run.errors(point)))
+    largest: float | None = _metric(
+        'max', 'max', '', lambda run, point: largest_norm(run.errors(point))
+    )
+    settling: float | None = _metric(
+        'settling', 'settles', 's',
+        lambda run, point: settling_time(run.times, run.error[:, point.axes], run.changed),
+    )
 
 
 @dataclass(frozen=True)
 class Metrics:
     """
-    Errors and torques of a run over the window begin <= t < end, SI units.
+    Errors and torques of a run over the window begin <= t < end in s from the first state.
 
-    The settling times are over the whole run. A value is None if the log lacks its data.
-
-    Attributes
-    ----------
-    begin
-        s from the first state.
-    end
-        s from the first state.
-    points
-        of each of the robot's points.
-    joints
-        number of commanded torques.
-    torque_rms
-        root mean square of the Euclidean norm of the commanded torques, N m.
-    torque_variation
-        total variation of the commands per time, summed over the joints,
-        sum_i sum_k |tau_i,k+1 - tau_i,k| / (end - begin), N m/s: small for a smooth
-        command, large for one that chatters.
-    estimate_norm
-        Euclidean norm of the last estimate of the base inertial parameters,
-        whose units are mixed (kg, kg m2, kg m).
-    fastest_slip
-        of the wheels on the ground, over the whole run, m/s; None without data.
-    least_normal_force
-        on it, over the whole run, N; None likewise.
-
+    A value is None if the log lacks its data. `points` contains the distances of the robot's
+    points, `joints` is the number of commanded torques.
     """
 
     begin: float
     end: float
     points: Mapping[Point, Reached]
     joints: int
-    torque_rms: float | None
-    torque_variation: float | None
-    estimate_norm: float | None
-    fastest_slip: float | None = None
-    least_normal_force: float | None = None
+    torque_rms: float | None = _metric(
+        'torque_rms', 'torque RMS', 'N·m', lambda run: rms_norm(run.torques()), is_compared=True
+    )
+    torque_variation: float | None = _metric(
+        'torque_variation', 'torque variation', 'N·m/s', _variation, is_compared=True
+    )
+    estimate_norm: float | None = _metric(
+        'estimate_norm', 'estimate norm', 'mixed', _estimate_norm
+    )
+    fastest_slip: float | None = _metric(
+        'fastest_slip', 'fastest slip', 'm/s',
+        lambda run: None if run.contact is None else largest_slip(run.contact),
+        is_small=True, of_contact=True,
+    )
+    least_normal_force: float | None = _metric(
+        'least_normal_force', 'least normal force', 'N',
+        lambda run: None if run.contact is None else least_normal_force(run.contact),
+        of_contact=True,
+    )
 
     def of(self, key: str) -> Reached:
-        """Return what a point reached, by its key."""
+        """Return the distances of a point, by its key."""
         return next(reached for point, reached in self.points.items() if point.key == key)
 
 
@@ -108,103 +263,22 @@ def metrics(run: Run, *, window: Window | None = None, tracked: Tracking | None 
 
     """
     tracked = tracking(run) if tracked is None else tracked
-    begun = run.times[0]
+    start = run.times[0]
     estimate = run.telemetry.get('estimate')
-    reached = measure(
+    return Samples(
         tracked.times,
         tracked.error,
-        run.torque.times - begun,
+        run.torque.times - start,
         run.torque.values,
-        None if estimate is None else estimate.values,
-        window or second_half(run.times - begun),
-        max((change.time for change in run_changes(run)), default=-math.inf),
+        window or second_half(run.times - start),
         run.mechanism.points,
-    )
-    if run.contact is None:
-        return reached
-    told = run.contact.values
-    return replace(
-        reached, fastest_slip=largest_slip(told), least_normal_force=least_normal_force(told)
-    )
+        None if estimate is None else estimate.values,
+        None if run.contact is None else run.contact.values,
+        max((change.time for change in run_changes(run)), default=-math.inf),
+    ).metrics()
 
 
 def second_half(times: Array) -> Window:
     """Return the second half of the time (n) from 0 to the last of `times`, s."""
     end = float(times[-1])
     return end / 2, end
-
-
-def measure(
-    times: Array,
-    error: Array,
-    torque_times: Array,
-    torque: Array,
-    estimate: Array | None,
-    window: Window,
-    changed: float = -math.inf,
-    points: Sequence[Point] = DEFAULT.points,
-) -> Metrics:
-    """
-    Compute the metrics of signals.
-
-    Parameters
-    ----------
-    times
-        (K) of the errors, s.
-    error
-        (K, axes) in m.
-    torque_times
-        (M) of the commands, s.
-    torque
-        (M, joints) in N m.
-    estimate
-        (L, parameters) base inertial parameters over time, or None.
-    window
-        begin <= t < end, s.
-    changed
-        time of the last change of parameters, s.
-    points
-        the robot's.
-
-    """
-    begin, end = window
-    within = error[_within(times, begin, end)]
-    found = {
-        point: Reached(
-            rms_norm(within[:, point.axes]) if len(within) else None,
-            largest_norm(within[:, point.axes]) if len(within) else None,
-            settling_time(times, error[:, point.axes], changed),
-        )
-        for point in points
-    }
-    torque = torque[_within(torque_times, begin, end)]
-    if estimate is not None and not len(estimate):
-        estimate = None
-    return Metrics(
-        begin=begin,
-        end=end,
-        points=found,
-        joints=torque.shape[1],
-        torque_rms=rms_norm(torque) if len(torque) else None,
-        torque_variation=total_variation(torque) / (end - begin) if len(torque) else None,
-        estimate_norm=None if estimate is None else float(np.linalg.norm(estimate[-1])),
-    )
-
-
-def rms_norm(vectors: Array) -> float:
-    """Return the root mean square of the Euclidean norms of (n, m) vectors, n > 0."""
-    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
-
-
-def largest_norm(vectors: Array) -> float:
-    """Return the largest Euclidean norm of (n, m) vectors, n > 0."""
-    return float(np.sqrt(np.max(np.sum(vectors**2, axis=1))))
-
-
-def total_variation(samples: Array) -> float:
-    """Return the total variation of (n, m) samples, summed over the m columns."""
-    return float(np.sum(np.abs(np.diff(samples, axis=0))))
-
-
-def _within(times: Array, begin: float, end: float) -> NDArray[np.bool_]:
-    return (begin <= times) & (times < end)

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Data that a log lacks, in words, with the reason."""
+"""Descriptions of data that a log lacks, with the reason."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ import numpy as np
 
 
 def missing(run: Run, tracked: Tracking) -> list[str]:
-    """Return a sentence for everything that a report lacks because the log lacks it."""
+    """Return a sentence for each part that a report lacks, because the log lacks its data."""
     return list(_sentences(run, tracked))
 
 
 def unread(run: Run) -> list[str]:
-    """Return a sentence about topics that were renamed, where the log lacks some of a run's."""
-    found = {
+    """Return a sentence about renamed topics, if the log lacks topics of a run."""
+    is_known = {
         REFERENCE_TOPIC: run.reference is not None,
         **{
             telemetry_topic(signal.label): signal.name in run.telemetry
@@ -41,18 +41,17 @@ def unread(run: Run) -> list[str]:
         },
     }
     if not len(run.torque):
-        found[CMD_VEL_TOPIC] = bool(len(run.cmd_vel))
-        found[ARM_VELOCITY_TOPIC] = bool(len(run.arm_rates))
+        is_known[CMD_VEL_TOPIC] = bool(len(run.cmd_vel))
+        is_known[ARM_VELOCITY_TOPIC] = bool(len(run.arm_rates))
         if not run.commands_rates:
-            found[COMMAND_TOPIC] = False
-    lacking = [name for name, is_there in found.items() if not is_there]
+            is_known[COMMAND_TOPIC] = False
+    lacking = [name for name, known in is_known.items() if not known]
     if not (lacking and run.elsewhere):
         return []
     states = next(name for name in run.topics if f'/{name}'.endswith(f'/{STATE_TOPIC}'))
     return [
-        f'Not read are {", ".join(run.elsewhere)}: the topics of a run are known by their names,'
-        f' and those that are missing would have to be called {", ".join(lacking)} beside'
-        f' {states}.'
+        f'Not read are {", ".join(run.elsewhere)}: the topics of a run are identified by their'
+        f' names; the missing ones would be {", ".join(lacking)} next to {states}.'
     ]
 
 

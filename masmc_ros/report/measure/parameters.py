@@ -17,29 +17,29 @@ from masmc_ros.robot.robot import Robot, robot_of
 
 
 class Change(NamedTuple):
-    """One parameter that changed while the robot ran, or something that happened."""
+    """Change of a parameter, or an event, while the robot ran."""
 
     time: float
-    """Of the first tick that was computed with the new value, s from the first state."""
+    """Time in s, from the first state, of the first tick with the new value."""
     tick: int
     node: str
     name: str
-    """Of the parameter, or what happened."""
+    """Name of the parameter or of the event."""
     old: Any
     """None if the log lacks it."""
     new: Any
     is_event: bool = False
-    """Whether something happened, and no parameter changed."""
+    """Whether it is an event."""
 
 
 def run_changes(run: Run) -> list[Change]:
-    """Return what changed while the robot ran, in order."""
-    in_force = {node: dict(values) for node, values in run.parameters.items()}
+    """Return the changes while the robot ran, in their order."""
+    active = {node: dict(values) for node, values in run.parameters.items()}
     changes = []
     for record in run.changes:
         node = record.node.rpartition('/')[2]
         time = record.stamp / NANOSECONDS - float(run.times[0])
-        known = in_force.setdefault(node, {})
+        known = active.setdefault(node, {})
         changes += [
             Change(time, record.tick, node, name, known.get(name), value)
             for name, value in record.changes.items()
@@ -52,28 +52,28 @@ def run_changes(run: Run) -> list[Change]:
 
 def run_robot(run: Run) -> Robot | None:
     """
-    Return the robot that moved, None where the log does not describe it.
+    Return the robot that moved; None if the log does not describe it.
 
-    A simulated plant has the real lengths; the other nodes have what they believe.
+    A simulated plant has the true lengths, the other nodes have assumed ones.
     """
     declared = run.mechanism.parameters
     for node in ('plant', 'controller', 'trajectory'):
         values = run.parameters.get(node, {})
-        told = {p.name: values[p.name] for p in declared if p.name in values}
-        if len(told) == len(declared):
+        known = {p.name: values[p.name] for p in declared if p.name in values}
+        if len(known) == len(declared):
             with suppress(InputError):
-                checked = check_all(declared, told, integers_for_doubles=True)
+                checked = check_all(declared, known, integers_for_doubles=True)
                 return robot_of({**values, **checked})
     return None
 
 
 def change_texts(change: Change) -> tuple[str, str]:
-    """Return the old and the new value as a parameter file has them; empty for an event."""
+    """Return the old and the new value in the form of a parameter file; empty for an event."""
     if change.is_event:
         return '', ''
     return value_text(change.old), value_text(change.new)
 
 
 def value_text(value: Any) -> str:
-    """Return a parameter's value as a parameter file has it, '?' for one not known."""
+    """Return a value in the form of a parameter file, '?' for an unknown one."""
     return '?' if value is None else json.dumps(value, ensure_ascii=False)

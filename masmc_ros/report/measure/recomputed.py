@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a run that was computed again is the one in the log, bit for bit."""
+"""Comparison of a run that was computed again with its log, bit by bit."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 
 class Recomputed:
-    """Compares stretches of a computed run with the states and commands of a log."""
+    """Comparison of blocks of a computed run with the states and commands of a log."""
 
     def __init__(self, run: Run) -> None:
-        """Take the logged run."""
+        """Initialise the comparison with the logged run."""
         self._run = run
         stamps = np.rint(run.times * NANOSECONDS).astype(np.int64)
         self._states = Series(stamps, np.hstack([run.position, run.velocity, run.applied_effort]))
@@ -26,7 +26,7 @@ class Recomputed:
         self._first: tuple[int, str] | None = None
 
     def compare(self, tick_block: TickBlock, timing: Timing) -> None:
-        """Compare consecutive ticks; to be called for all of them in turn."""
+        """Compare a block of ticks; called for all blocks in their order."""
         first = tick_block.first
         stamps = np.array(
             [timing.stamp(tick) for tick in range(first, first + len(tick_block))], np.int64
@@ -41,8 +41,8 @@ class Recomputed:
         else:
             self._compare('commands', run.torque, stamps, tick_block.torque)
 
-    def verdict(self, *, set_anew: bool) -> str:
-        """Return one line on what was found; `set_anew` where other parameters were set."""
+    def verdict(self, *, is_changed: bool) -> str:
+        """Return the result in one line; `is_changed` if parameters differ from the log's."""
         states, commands = self._same['states'], self._same['commands']
         run = self._run
         sent = len(run.cmd_vel) + len(run.arm_rates) if run.commands_rates else len(run.torque)
@@ -50,7 +50,7 @@ class Recomputed:
         if states == len(self._states) and commands == sent:
             return f'computed again: all {total} of {self._run.path} are the same bits'
         # Different settings give a different run.
-        reason = ' with other parameters' if set_anew else ''
+        reason = ' with other parameters' if is_changed else ''
         where = 'outside the ticks of the run'
         if self._first is not None:
             where = f'first {self._first[1]} at t = {self._first[0] / NANOSECONDS:.3f} s'

@@ -11,10 +11,10 @@ from masmc_ros.numerics.aliases import Array
 import numpy as np
 
 BAND = 0.02
-"""Band around zero, as part of the first error: the 2 % of a step response's settling time."""
+"""Band around zero as a part of the first error: 2 %, as for a step response."""
 
 FLOOR = 1.0e-3
-"""Least band in m: what starts on its reference has nothing to take 2 % of."""
+"""Smallest band in m, for runs that start on their reference."""
 
 STAY = 0.5
 """Part of the time since the last change of parameters for which the error must stay, at its end.
@@ -37,29 +37,29 @@ def settling_time(times: Array, errors: Array, changed: float = -math.inf) -> fl
     Return the time after which |e| stays in the band until the log ends.
 
     The settling time of a step response (Ogata, Modern Control Engineering), with the error in
-    the place of the distance from the final value.
+    place of the distance from the final value.
 
     Parameters
     ----------
     times
         (n) s, ascending.
     errors
-        (n, m) m; one that is not a number is outside.
+        (n, m) m; NaN is outside the band.
     changed
         time of the last change of parameters, s.
 
     Returns
     -------
-        s from the first error; infinity where it does not settle, or does not stay for long
-        enough (see STAY, LEAST_STAY); None without errors.
+        s from the first error; infinity if it does not settle, or does not stay long enough
+        (see STAY, LEAST_STAY); None without errors.
 
     """
     if not len(errors):
         return None
     outside = np.flatnonzero(~(np.linalg.norm(errors, axis=1) <= settling_band(errors)))
     first = int(outside[-1]) + 1 if len(outside) else 0
-    begin, end = float(times[0]), float(times[-1])
-    stay = max(STAY * (end - max(begin, changed)), LEAST_STAY * (end - begin))
+    start, end = float(times[0]), float(times[-1])
+    stay = max(STAY * (end - max(start, changed)), LEAST_STAY * (end - start))
     if first == len(times) or end - times[first] < stay:
         return math.inf
-    return float(times[first]) - begin
+    return float(times[first]) - start

@@ -11,7 +11,11 @@ from typing import NamedTuple
 from masmc_ros.log.read.reader import Run
 from masmc_ros.numerics.aliases import Array
 from masmc_ros.report.measure.parameters import run_robot
+from masmc_ros.robot.declaration import Point
 import numpy as np
+
+SMALL = 1.0e3
+"""Factor of errors in mm and mrad, and of slip in mm/s, for tables and plots."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Tracking:
     actual
         (N, axes) x at every state; None if the log lacks it.
     desired
-        (N, axes) x_d at every state, NaN where there is none; None likewise.
+        (N, axes) x_d at every state, NaN without a reference; None if the log lacks it.
 
     """
 
@@ -36,6 +40,10 @@ class Tracking:
     error: Array
     actual: Array | None
     desired: Array | None
+
+    def small_errors(self, point: Point) -> Array:
+        """Return the errors (K, m) of a point in mm or mrad."""
+        return self.error[:, point.axes] * SMALL
 
 
 class Compared(NamedTuple):
@@ -45,22 +53,27 @@ class Compared(NamedTuple):
     run: Run
     tracked: Tracking
 
+    def errors(self, point: Point) -> tuple[Array, Array] | None:
+        """Return times and errors of a point; None if the robot does not have the point."""
+        is_known = point in self.run.mechanism.points
+        return (self.tracked.times, self.tracked.small_errors(point)) if is_known else None
+
 
 def tracking(run: Run) -> Tracking:
     """
     Return the tracking of a run.
 
-    The error is the controller's own where the log has it, and computed from the states and
-    the reference where not: for that, the log must tell the robot's parameters. Of actual and
-    desired positions, one that is missing follows from the other and the error.
+    The error is that of the controller if the log has it. Otherwise it is computed from the
+    states and the reference, for which the log must contain the parameters of the robot. If only
+    the actual or only the desired positions are known, the others follow from the error.
     """
     robot = run_robot(run)
     actual = None if robot is None else robot.task_positions(run.position)
     axes = len(run.mechanism.axes)
     desired = None if run.reference is None else run.reference[:, :axes]
-    told = run.telemetry.get('error')
-    if told is not None:
-        times, error = told.times, told.values
+    published = run.telemetry.get('error')
+    if published is not None:
+        times, error = published.times, published.values
     elif actual is not None and desired is not None:
         known = np.isfinite(desired).all(axis=1)
         times, error = run.times[known], (actual - desired)[known]
@@ -74,7 +87,7 @@ def tracking(run: Run) -> Tracking:
 
 
 def _at(wanted: Array, times: Array, values: Array) -> Array:
-    """Interpolate linearly; NaN outside of the times and where there are none."""
+    """Interpolate linearly; NaN outside the times and without times."""
     if not len(times):
         return np.full((len(wanted), values.shape[1]), np.nan)
     columns = [np.interp(wanted, times, v, left=np.nan, right=np.nan) for v in values.T]

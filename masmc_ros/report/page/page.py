@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as one page that needs nothing but a browser."""
+"""The report as one page without external resources."""
 
 from __future__ import annotations
 
@@ -10,21 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
-from masmc_ros import __version__
 from masmc_ros.report.measure.metrics import Metrics
 from masmc_ros.report.measure.missing import missing
 from masmc_ros.report.measure.parameters import change_texts, run_changes, value_text
 from masmc_ros.report.measure.settling import BAND, FLOOR
-from masmc_ros.report.measure.table import (
-    cells,
-    CONTACT_NOTE,
-    heads,
-    points_of,
-    tells_contact,
-)
+from masmc_ros.report.measure.table import cells, contact_note, heads
 from masmc_ros.report.measure.tracking import Compared
 from masmc_ros.report.page.interactive import comparison_plots, Plot, run_plots, span_of
-from masmc_ros.report.page.template import STYLE, template_at
+from masmc_ros.report.page.template import rendered
 from plotly.offline import get_plotlyjs
 
 _SOURCES = Path(__file__).parent
@@ -35,34 +28,30 @@ _ESCAPES = {'<': '\\u003c', '>': '\\u003e', '&': '\\u0026'}
 
 def report_page(compared: Sequence[Compared], reached: Sequence[Metrics]) -> str:
     """
-    Return the report of runs as HTML: the same text for the same runs.
+    Return the report of runs as HTML, identical for identical runs.
 
-    Scripts, styles and data are in the page, and its content security policy keeps the
-    browser from loading anything else.
+    Scripts, styles and data are in the page; its content security policy prevents the browser
+    from loading other resources.
     """
-    points, is_told = points_of(reached), tells_contact(reached)
-    span = span_of([each.run for each in compared])
-    return template_at(_PAGE).render(
-        version=__version__,
-        heads=heads(points, contact=is_told),
-        rows=[
-            cells(each.label, row, points, contact=is_told)
-            for each, row in zip(compared, reached, strict=True)
-        ],
+    rows = {entry.label: row for entry, row in zip(compared, reached, strict=True)}
+    span = span_of([entry.run for entry in compared])
+    return rendered(
+        _PAGE,
+        heads=[f'{name} {unit}'.rstrip() for name, unit in heads(rows)],
+        rows=cells(rows),
         band=f'{BAND:.0%}',
         floor=f'{FLOOR * 1e3:g} mm',
-        contact=CONTACT_NOTE if is_told else '',
+        contact=contact_note(rows),
         comparison=_plots('all', comparison_plots(compared, span)),
-        runs=[_run(number, each, span) for number, each in enumerate(compared, start=1)],
+        runs=[_run(number, entry, span) for number, entry in enumerate(compared, start=1)],
         plotly=_script(get_plotlyjs()),
         scripts=_script(''.join((_SOURCES / n).read_text(encoding='utf-8') for n in _SCRIPTS)),
-        style=Markup(STYLE.read_text(encoding='utf-8')),
     )
 
 
-def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, Any]:
-    """Return what the template shows of a run."""
-    run = each.run
+def _run(number: int, entry: Compared, span: tuple[float, float]) -> dict[str, Any]:
+    """Return the values of a run for the template."""
+    run = entry.run
     changes = run_changes(run)
     later: dict[tuple[str, str], list[str]] = {}
     for change in changes:
@@ -72,16 +61,16 @@ def _run(number: int, each: Compared, span: tuple[float, float]) -> dict[str, An
         later.setdefault((change.node, change.name), []).append(text)
     return {
         'id': f'run-{number}',
-        'label': each.label,
+        'label': entry.label,
         'path': str(run.path),
         'states': len(run.times),
         'duration': f'{run.times[-1] - run.times[0]:g}',
-        'missing': missing(run, each.tracked),
+        'missing': missing(run, entry.tracked),
         'changes': [
             (f'{c.time:.3f}', c.tick, c.node, c.name, *change_texts(c))
             for c in changes
         ],
-        'plots': _plots(f'run-{number}', run_plots(each, span)),
+        'plots': _plots(f'run-{number}', run_plots(entry, span)),
         'parameters': {
             node: [
                 (name, value_text(value), ', '.join(later.get((node, name), ())))
@@ -110,7 +99,7 @@ def _plots(prefix: str, plots: Sequence[Plot]) -> list[dict[str, Any]]:
 
 
 def _json(plot: Plot) -> Markup:
-    """Return a plot as JSON that may stand in a script element."""
+    """Return a plot as JSON for a script element."""
     text = plot.figure.to_json(engine='json')
     for letter, escape in _ESCAPES.items():
         text = text.replace(letter, escape)
@@ -118,5 +107,5 @@ def _json(plot: Plot) -> Markup:
 
 
 def _script(text: str) -> Markup:
-    """Return a script that its own text does not end."""
+    """Return a script without end tags in its text."""
     return Markup(text.replace('</script', '<\\/script'))

@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every sample of a line, packed to stand in the page, which draws what can be seen of it."""
+"""Packed samples of lines; the page draws the visible ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST = 200_000
-"""Samples of a line that the page holds; of longer lines it holds stretches."""
+"""Maximum number of samples of a line; longer lines are reduced to ranges."""
 
 _LARGEST = float(np.finfo(np.float32).max)
 _NANOSECONDS = 1.0e9
@@ -22,7 +22,7 @@ _NANOSECONDS = 1.0e9
 
 def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, Any]:
     """
-    Return a signal: all its samples, or the least and the greatest value of every stretch.
+    Return all samples of a signal, or the minimum and maximum of ranges of samples.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, An
     values
         (n), kept as float32.
     most
-        so many samples or stretches at most.
+        maximum number of samples or ranges.
 
     """
     size = _size(len(times), most)
@@ -49,9 +49,9 @@ def packed_signal(times: Array, values: Array, most: int = MOST) -> dict[str, An
 
 def packed_path(points: Array, most: int = MOST) -> dict[str, Any]:
     """
-    Return points (n, 2) of a path; where there are more than `most`, the first of each so many.
+    Return points (n, 2) of a path, of more than `most` the first of each range.
 
-    A robot moves on between two of them by less than can be seen.
+    The distance between two points is too small to be visible.
     """
     size = _size(len(points), most)
     kept = points[np.unique(np.append(np.arange(0, len(points), size), len(points) - 1))]
@@ -59,12 +59,12 @@ def packed_path(points: Array, most: int = MOST) -> dict[str, Any]:
 
 
 def _size(count: int, most: int) -> int:
-    """Return how many samples a stretch has, so that there are at most so many."""
+    """Return the number of samples of a range for at most `most` ranges."""
     return max(1, -(-count // most))
 
 
 def _packed(values: Array) -> str:
-    """Pack float32: of numbers that follow each other the bits differ little."""
+    """Pack float32: the bits of consecutive numbers differ little."""
     is_finite = np.isfinite(values)
     kept = np.where(is_finite, np.clip(values, -_LARGEST, _LARGEST), values)
     bits = kept.astype('<f4').view('<i4')
@@ -72,11 +72,11 @@ def _packed(values: Array) -> str:
 
 
 def _packed_times(times: Array) -> str:
-    """Pack times as whole nanoseconds: their differences are all alike."""
+    """Pack times as whole nanoseconds, whose differences are similar."""
     return _deflated(np.diff(np.round(times * _NANOSECONDS), prepend=0.0).astype('<f8'))
 
 
 def _deflated(numbers: NDArray[Any]) -> str:
-    """Compress numbers, the first bytes of all, then the second ones and so on."""
+    """Compress numbers: the first bytes of all, then the second bytes, and so on."""
     planes = numbers.view(np.uint8).reshape(len(numbers), -1).T
     return base64.b64encode(zlib.compress(planes.tobytes())).decode()

@@ -1,19 +1,22 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Templates of pages; a name without a value is an error."""
+"""Pages from templates; a name without a value is an error."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from masmc_ros import __version__
 
-STYLE = Path(__file__).with_name('page.css')
+_STYLE = Path(__file__).with_name('page.css')
 
 
-def template_at(path: Path) -> Template:
-    """Return the template in a file; what it is filled with is escaped."""
+def rendered(path: Path, **values: Any) -> str:
+    """Return the page of a template file with escaped values, the version and the style."""
     environment = Environment(
         loader=FileSystemLoader(path.parent),
         autoescape=True,
@@ -21,4 +24,5 @@ def template_at(path: Path) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(path.name)
+    style = Markup(_STYLE.read_text(encoding='utf-8'))
+    return environment.get_template(path.name).render(version=__version__, style=style, **values)

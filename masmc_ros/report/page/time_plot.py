@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Interactive plots of signals over time, with the parameters' changes marked."""
+"""Interactive plots of signals over time, with marks at changes of parameters."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from masmc_ros.report.page.samples import packed_signal
 import plotly.graph_objects as go
 
 COLOURS = ('blue', 'vermillion', 'green', 'purple', 'orange', 'sky', 'ink')
-"""The page's names of Okabe and Ito's colours; it gives them a tone for light and for dark."""
+"""Okabe and Ito's colours by their names in the page, which has a light and a dark tone."""
 
 INK = 'ink'
-"""The colour of the text."""
+"""Colour of the text."""
 
 _SOLID = 4
-"""Number of lines of a plot that differ by their colours alone."""
+"""Number of solid lines of a plot."""
 
 _DASHES = 'dash', 'dot', 'dashdot'
-"""Of the others."""
+"""Dashes of further lines."""
 
 _NAMED = 8
-"""Changes whose names there is room for; those of more are seen by pointing at them."""
+"""Maximum number of changes with visible names; others have tooltips only."""
 
 
 class Line(NamedTuple):
-    """A signal to draw; `name` is HTML as plotly takes it."""
+    """Signal to draw; `name` is HTML for plotly."""
 
     name: str
     times: Array
@@ -43,9 +43,9 @@ class Line(NamedTuple):
 
 def lines(names: Sequence[str], times: Array, values: Array) -> list[Line]:
     """
-    Return the columns of values (n, m) as lines that differ, as far as that goes.
+    Return the columns of values (n, m) as lines of different colours.
 
-    From the fifth on they are dashed as well: more colours are hard to distinguish.
+    From the fifth line they are dashed, as more colours are hard to distinguish.
     """
     return [
         Line(
@@ -75,13 +75,13 @@ def time_plot(
     drawn
         times in s from the first state.
     quantity
-        what the ordinate shows, with its unit.
+        quantity of the ordinate with its unit.
     span
         start and end of the abscissa in s.
     changes
-        of parameters, each marked by a vertical line and a symbol with a tooltip.
+        changes of parameters, marked by vertical lines and symbols with tooltips.
     is_logarithmic
-        whether the ordinate is.
+        whether the ordinate is logarithmic.
 
     """
     figure = go.Figure(layout=page_layout())
@@ -97,18 +97,18 @@ def time_plot(
 
 
 def scatter(name: str, samples: dict[str, Any], colour: str, dash: str) -> go.Scatter:
-    """Return a line that the page colours and fills with what can be seen of its samples."""
+    """Return a line whose colour and visible samples the page sets."""
     return go.Scatter(
         name=name,
         mode='lines',
-        # The page thins it, and plotly's own way shows corners.
+        # The page reduces the samples; the simplification of plotly has visible corners.
         line={'width': 1.5, 'dash': dash, 'simplify': False},
         meta={'colour': colour, 'samples': samples},
     )
 
 
 def page_layout() -> dict[str, Any]:
-    """Return what all plots of the page have in common."""
+    """Return the layout of all plots of the page."""
     return {
         'template': None,
         'margin': {'l': 64, 'r': 12, 't': 32, 'b': 48},  # above are the buttons
@@ -120,7 +120,7 @@ def page_layout() -> dict[str, Any]:
 
 
 def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
-    """Mark changes: those of one tick together, as a symbol at the upper edge."""
+    """Mark the changes of each tick by one symbol at the upper edge."""
     times, names, texts = [], [], []
     for time, group in groupby(changes, key=lambda change: change.time):
         together = list(group)
@@ -151,7 +151,7 @@ def _mark(figure: go.Figure, changes: Sequence[Change]) -> None:
 
 
 def _change_text(change: Change) -> str:
-    """Return a change as the HTML that plotly takes, such as 'controller k_s1: 1.0 → 2.0'."""
+    """Return a change as HTML for plotly, such as 'controller k_s1: 1.0 → 2.0'."""
     if change.is_event:
         return escape(f'{change.node}: {change.name}')
     old, new = change_texts(change)

@@ -11,7 +11,7 @@ import signal
 
 from diagnostic_msgs.msg import DiagnosticArray
 from helpers.processes import peer, processes
-from masmc_ros.cli.recover import recover
+from masmc_ros.cli.main import main
 from masmc_ros.log.read.gaps import MISSING, state_gaps
 from masmc_ros.log.read.reader import read_run
 from masmc_ros.messages.stamps import header_stamp
@@ -34,7 +34,7 @@ def on_disk(log: Path, reports: list[DiagnosticArray]) -> int:
     reports.clear()
     copy = log.with_name('copy.mcap')
     shutil.copy(log, copy)
-    recover([str(copy)])
+    main(['recover', str(copy)])
     return sum(gaps.missing for gaps in state_gaps(copy).values())
 
 
@@ -84,7 +84,7 @@ def test_recorder_delayed_missing_states_reported(
             node.wait()
             capsys.readouterr()
     if ending == 'truncated':
-        assert recover([str(log)]) == 0
+        assert main(['recover', str(log)]) == 0
         assert 'joint_states: ' in capsys.readouterr().out
     run = read_run(log)
     (gaps,) = state_gaps(log).values()

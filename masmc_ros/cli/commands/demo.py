@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-import importlib.util
 import os
 from pathlib import Path
 import subprocess
@@ -15,17 +15,17 @@ import sys
 import time
 from typing import Any
 
+from masmc_ros.cli.arguments import add_output
+from masmc_ros.cli.commands.report import report
 from masmc_ros.cli.endings import child_environment
 from masmc_ros.cli.private_domain import private_domain
-from masmc_ros.cli.report import report
 from masmc_ros.errors import UserError
 from masmc_ros.law.reaching.implicit import IMPLICIT
-from masmc_ros.log.read.reader import Run
-from masmc_ros.report.measure.labels import law_label
-from masmc_ros.report.measure.metrics import metrics
-from masmc_ros.report.measure.table import number
+from masmc_ros.optional import require_rclpy
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.files import make_folder
+from masmc_ros.report.measure.table import distance_text
 from masmc_ros.robot.registry import DEFAULT, mechanism_from
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, scenarios
 from tqdm import tqdm
 
@@ -34,7 +34,7 @@ RUNS: dict[str, dict[str, Any]] = {
     'rasmc': {'law': 'rasmc'},
     'implicit': {'law': 'rasmc', 'switching': IMPLICIT.name, 'observer_gain': 0.5},
 }
-"""Controller parameters of each run: the paper's laws, and the implicit one with an estimate."""
+"""Controller parameters of the runs: the paper's laws, and the implicit one with an estimate."""
 
 NODES = ('recorder', 'trajectory', 'controller', 'plant')
 
@@ -42,7 +42,7 @@ _START = 60.0
 """Time in s for the nodes to compile and to discover each other."""
 
 _FIRST_START = 900.0
-"""The same if the code of a robot may have to be compiled first."""
+"""The same if the code of a robot may have to be compiled first, in s."""
 
 _SLOWEST = 20.0
 """Longest time in s that a simulated second may take."""
@@ -50,54 +50,57 @@ _SLOWEST = 20.0
 _END = 15.0
 
 
-def demo(output: str, *, robot: str, composed: bool) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        "Run the paper's experiment: four ROS 2 nodes in lock-step on a private domain of this"
+        ' machine, with smc, rasmc, and rasmc with the implicit switching term and a disturbance'
+        ' estimate; log the runs and report them. --robot runs another experiment.'
+    )
+    add_output(parser, 'demo')
+    parser.add_argument(
+        '--robot',
+        default='paper',
+        metavar='NAME',
+        help='experiment: an installed parameter file (masmc simulate --list), such as tiago '
+        '(%(default)s)',
+    )
+    parser.add_argument('--composed', action='store_true', help='run all nodes in one process')
+
+
+def run(options: argparse.Namespace) -> int:
     """
     Run an experiment on real nodes with three laws, report it, and print what was shown.
 
-    `robot` is the name of an installed parameter file; `paper` is the paper's experiment. If its
-    switching term is implicit already, there is no third run.
+    If the switching term of the parameter file is implicit, there is no third run.
     """
-    if importlib.util.find_spec('rclpy') is None:
-        raise UserError(
-            'rclpy cannot be imported; source a ROS 2 Jazzy installation, or install its wheels '
-            "in a checkout with pip install '.[ros]' (Linux x86_64); masmc simulate runs without"
-        )
-    folder = Path(output)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f'{folder}: cannot be made ({reason}); name another folder') from error
-    # An installed one first: a folder of the same name must not be taken for it.
-    parameters = scenarios().get(robot) or Path(scenario_file(robot))
+    require_rclpy()
+    folder = Path(options.output)
+    make_folder(folder)
+    # An installed file first: a folder of the same name is not a parameter file.
+    parameters = scenarios().get(options.robot) or Path(scenario_file(options.robot))
     scenario = load_scenario(str(parameters))
-    values, own = scenario['plant'], scenario['controller']['switching']
+    values, switching = scenario['plant'], scenario['controller']['switching']
     duration = values['duration']
     start = _START if mechanism_from(values).name == DEFAULT.name else _FIRST_START
     logs = []
     for name, controller in RUNS.items():
-        if own == controller.get('switching'):
+        if switching == controller.get('switching'):
             continue
         log = folder / f'{name}.mcap'
         with private_domain() as domain:
             patience = start + _SLOWEST * duration
-            _run(name, parameters, log, domain, duration, patience, composed=composed)
+            _run(name, parameters, log, domain, duration, patience, composed=options.composed)
         logs.append(str(log))
-    runs = report(logs, str(folder / 'report'))
-    print()
-    for run in runs:
-        print(_result(run))
-    print(f'Report: {folder / "report" / "report.html"} (in a browser)')
-    print(f'Logs: {", ".join(logs)} (masmc view LOG, or "Open local file" in Foxglove)')
-    print(f'The same without ROS: masmc simulate {parameters}')
+    metrics = report(logs, str(folder / 'report'))
+    print(f'\nShown: {parameters.name} on ROS 2 nodes, {duration:g} s with each of these laws:')
+    for label, reached in metrics.items():
+        print(f'  {label}: {distance_text(reached)}')
+    print(f'Report, in a browser: {folder / "report" / "report.html"}')
+    print(f'Logs: {", ".join(logs)}')
+    print(f'View a log in Foxglove: masmc view {logs[-1]}')
+    print(f'Compute the run without ROS: masmc simulate {options.robot}')
     return 0
-
-
-def _result(run: Run) -> str:
-    """Return a line about a run: its law, and its distance from the path."""
-    point, reached = next(iter(metrics(run).points.items()))
-    error = '-' if reached.rms is None else f'{number(1e3 * reached.rms)} {point.small_unit}'
-    return f'{law_label(run.parameters["controller"])}: RMS error of {point.title} {error}'
 
 
 def _run(
@@ -115,7 +118,7 @@ def _run(
     for setting in (
         *(f'controller:{parameter}:={value}' for parameter, value in RUNS[name].items()),
         f'plant:wait_for:=[{", ".join(n for n in NODES if n != "plant")}]',
-        # Also if the file has real time: a robot that computes more slowly loses nothing.
+        # Also if the file sets real time: a slow machine then loses no tick.
         *(f'{node}:pacing:=lockstep' for node in NODES),
         f'recorder:output:={log}',
         'recorder:overwrite:=true',
@@ -132,7 +135,7 @@ def _run(
 def _processes(
     commands: Mapping[str, Sequence[str]], domain: Mapping[str, str], folder: Path
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
-    """Start nodes with their output in files; end them in any case."""
+    """Start nodes with their output in files; end them when the context ends."""
     processes: dict[str, subprocess.Popen[bytes]] = {}
     try:
         for name, arguments in commands.items():
@@ -170,14 +173,14 @@ def _watch(
     duration: float,
     patience: float,
 ) -> None:
-    """Show progress until all nodes have ended, one has failed, or it takes too long."""
+    """Show progress until all nodes have ended or one has failed; UserError after `patience`."""
     # Imported here: without rclpy, `demo` ends with one line.
-    from masmc_ros.cli.progress import RunProgress
+    from masmc_ros.cli.progress import run_progress
 
     limit = time.monotonic() + patience
     form = '{l_bar}{bar}| {n:.1f}/{total:.0f} s simulated [{elapsed}<{remaining}]'
     with (
-        RunProgress(int(domain['ROS_DOMAIN_ID'])) as progress,
+        run_progress(int(domain['ROS_DOMAIN_ID'])) as progress,
         tqdm(total=duration, desc=name.rjust(8), bar_format=form, disable=None) as bar,
     ):
         while any(process.poll() is None for process in processes.values()):
@@ -185,5 +188,5 @@ def _watch(
                 return
             if time.monotonic() > limit:
                 raise UserError(f'{name}: no end after {patience:.0f} s')
-            bar.update(min(progress.time(), duration) - bar.n)
+            bar.update(min(progress(), duration) - bar.n)
         bar.update(duration - bar.n)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 from contextlib import suppress
 import getpass
 import os
@@ -16,8 +17,8 @@ import sys
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
 
+from masmc_ros.cli.commands.layout import mechanism_of, write_layout
 from masmc_ros.cli.show.file_server import FileServer, HOST
-from masmc_ros.cli.show.layout import mechanism_of, write_layout
 from masmc_ros.cli.show.meshes import described, write_with_addresses
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.records import check_magic, cut_off, MAGIC
@@ -27,20 +28,31 @@ from masmc_ros.share import shared_file
 from masmc_ros.user_folder import runtime_folder
 
 _DESKTOP = ('foxglove-studio', 'foxglove', 'lichtblick')
-"""Viewers that open a file named on their command line."""
+"""Viewers that open a file of their command line."""
 
 _GRACE = 1.5
-"""Time in s in which a program that cannot open the file has given up."""
+"""Time in s after which a program that still runs has opened the file."""
 
 
-def view(log: str, port: int) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Open a logged run in an installed Foxglove; otherwise serve it to the Foxglove app on'
+        ' this machine, and print its address.'
+    )
+    parser.add_argument('log', metavar='RUN.mcap', help='logged run')
+    text = 'port to serve it at; 0: any free port (%(default)s)'
+    parser.add_argument('--port', type=int, default=0, help=text)
+
+
+def run(options: argparse.Namespace) -> int:
     """Open a log in a viewer of this machine, or serve it until interrupted."""
-    path = Path(log)
+    path = Path(options.log)
     _check(path)
     layout = _layout_of(path)
     viewer = _open(path)
     if viewer is None:
-        _serve(path, port, layout)
+        _serve(path, options.port, layout)
         return 0
     print(f'{path} opens in {viewer}')
     print(_layout_hint(layout))
@@ -55,9 +67,8 @@ def _serve(path: Path, port: int, layout: Path) -> None:
             print(f'{path} is at {url}')
             print(f'open in the browser: https://app.foxglove.dev/?{query}')
             print(f'or in the application: foxglove://open?{query}')
-            way = _way_from_elsewhere(server.server_port)
-            if way:
-                print(way)
+            if tunnel := _tunnel(server.server_port):
+                print(tunnel)
             print(_layout_hint(layout))
             print('until Ctrl-C', flush=True)
             server.serve_forever()
@@ -67,21 +78,21 @@ def _serve(path: Path, port: int, layout: Path) -> None:
 
 def _served(server: FileServer, path: Path, folder: Path) -> str:
     """Serve a log, and the meshes of its robot if there are any; return the log's address."""
-    told = described(path)
-    if told is None:
+    description = described(path)
+    if description is None:
         return server.add(path)
 
     def address(mesh: Path) -> str:
-        # By numbers, as meshes of several folders may have one name.
+        # With numbers, as meshes of several folders may have the same name.
         return server.add(mesh, f'{len(server.files)}/{mesh.name}')
 
     copy = folder / path.name
-    write_with_addresses(path, copy, told, address)
+    write_with_addresses(path, copy, description, address)
     return server.add(copy)
 
 
 def _layout_of(path: Path) -> Path:
-    """Return the layout for the robot of a log; that of the paper's robot by default."""
+    """Return the layout for the robot of a log, by default that of the paper's robot."""
     with suppress(InputError):
         mechanism = mechanism_of(str(path))
         if mechanism.name != DEFAULT.name:
@@ -96,7 +107,7 @@ def _layout_hint(layout: Path) -> str:
 
 
 def _open(path: Path) -> str | None:
-    """Open a file in an installed viewer; return its name, None where there is none."""
+    """Open a file in an installed viewer; return its name, None if none is installed."""
     for name in _DESKTOP:
         program = shutil.which(name)
         if program is None:
@@ -108,7 +119,7 @@ def _open(path: Path) -> str | None:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        # A command line tool of Foxglove's has the same name, and takes no file.
+        # A command line tool of Foxglove has the same name and opens no file.
         try:
             if process.wait(_GRACE) == 0:
                 return name
@@ -132,8 +143,8 @@ def _check(path: Path) -> None:
         raise InputError(cut_off(path))
 
 
-def _way_from_elsewhere(port: int) -> str:
-    """Return how a browser on another machine gets to a port of this one; '' with a desktop."""
+def _tunnel(port: int) -> str:
+    """Return how a browser on another machine reaches a port of this one; '' with a desktop."""
     remote = os.environ.get('SSH_CONNECTION', '').split()
     has_desktop = sys.platform == 'darwin' or bool(
         os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
@@ -142,10 +153,10 @@ def _way_from_elsewhere(port: int) -> str:
         return ''
     # Client, its port, server, its port.
     host = remote[2] if len(remote) == 4 else socket.gethostname()
-    way = f'ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{host}'
+    command = f'ssh -N -L {port}:{HOST}:{port} {getpass.getuser()}@{host}'
     if len(remote) == 4 and remote[3] != '22':
-        way += f' -p {remote[3]}'
+        command += f' -p {remote[3]}'
     return (
-        f'without a browser here: on the machine that has one run `{way}`, then open the same'
+        f'without a browser here: on the machine that has one run `{command}`, then open the same'
         ' address there; --port keeps it at one port'
     )

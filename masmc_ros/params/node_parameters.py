@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from difflib import get_close_matches
 from functools import cache
 from typing import Any
@@ -34,7 +34,7 @@ _PACING = Parameter(
 
 
 def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
-    """Return the parameters that a file may set for all nodes, needed by each of them or not."""
+    """Return the parameters that a file may set for all nodes; not all nodes need them."""
     return (
         *TIMING,
         *PREFIX,
@@ -47,41 +47,31 @@ def shared(mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
 
 _PLANT_NODE = (
     Parameter(
-        'real_time_factor',
-        1.0,
+        'real_time_factor', 1.0,
         'Speed of the simulated time relative to real time, with pacing realtime',
-        minimum=0.01,
-        maximum=100.0,
-        read_only=False,
+        minimum=0.01, maximum=100.0, read_only=False,
     ),
     Parameter(
-        'command_timeout',
-        0.1,
+        'command_timeout', 0.1,
         'Age from which a command is ignored and the drives hold, with pacing realtime',
-        unit='s',
-        minimum=0.0,
-        exclusive_minimum=True,
+        unit='s', minimum=0.0, exclusive_minimum=True,
     ),
     Parameter(
-        'wait_for',
-        ('controller',),
+        'wait_for', ('controller',),
         'Nodes of the same namespace for which the plant waits before the run starts',
     ),
     Parameter(
-        'odom_decimation',
-        2,
+        'odom_decimation', 2,
         'Ticks between two messages on odom and base_twist, and on plant/contact with MuJoCo',
         minimum=1,
     ),
     Parameter(
-        'clock_decimation',
-        1,
+        'clock_decimation', 1,
         'Ticks between two messages on clock (/clock without a namespace); 0: no messages',
         minimum=0,
     ),
     Parameter(
-        'tf_decimation',
-        1,
+        'tf_decimation', 1,
         'Ticks between two messages on /tf, or on tf of the namespace if frame_prefix is empty; '
         '0: no messages',
         minimum=0,
@@ -89,7 +79,7 @@ _PLANT_NODE = (
 )
 
 _LATEST_START = 2e9
-"""Time in s: stamps end some years later."""
+"""Latest start in s, before the last valid stamp."""
 
 _MOST = 1e9
 """Largest size in MB and time in s of a recording."""
@@ -110,28 +100,18 @@ _SHORTEST_WINDOW = 0.001
 
 _TRAJECTORY_NODE = (
     Parameter(
-        'window',
-        0.5,
-        'Length of the reference windows',
-        unit='s',
-        minimum=_SHORTEST_WINDOW,
-        maximum=5.0,
+        'window', 0.5, 'Length of the reference windows',
+        unit='s', minimum=_SHORTEST_WINDOW, maximum=5.0,
     ),
     Parameter(
-        'horizon',
-        2.0,
-        'Time ahead of the robot for which the reference is published',
-        unit='s',
-        minimum=_SHORTEST_WINDOW,
-        maximum=10.0,
+        'horizon', 2.0, 'Time ahead of the robot for which the reference is published',
+        unit='s', minimum=_SHORTEST_WINDOW, maximum=10.0,
     ),
     Parameter(
-        'start_time',
-        0.0,
+        'start_time', 0.0,
         'Stamp at which the trajectory starts; negative: stamp of the first state after the '
         'activation of the controller',
-        unit='s',
-        maximum=_LATEST_START,
+        unit='s', maximum=_LATEST_START,
     ),
 )
 
@@ -139,56 +119,41 @@ _TRAJECTORY_NODE = (
 def _controller_node(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return (
         Parameter(
-            'telemetry_decimation',
-            1,
+            'telemetry_decimation', 1,
             'Ticks between two messages on each telemetry topic, such as '
             'controller/tracking_error; 0: no messages',
             minimum=0,
         ),
         Parameter(
-            'active_on_start',
-            True,
+            'active_on_start', True,
             'Activate the controller at the start; false: ~/enable activates it',
         ),
         FAULT_ACTION,
         RUNAWAY_DETECTION,
         Parameter(
-            'pose_source',
-            'joint_states',
+            'pose_source', 'joint_states',
             "Source of the platform's pose: the joints base_..._joint of joint_states, or odom",
             choices=('joint_states', 'odom') if mechanism.is_planar else ('joint_states',),
         ),
         Parameter(
-            'state_timeout',
-            0.1,
+            'state_timeout', 0.1,
             'Time without a usable state after which the controller raises a fault, in real time; '
             'at least five control periods',
-            unit='s',
-            minimum=0.0,
-            exclusive_minimum=True,
-            maximum=1e6,
-            read_only=False,
+            unit='s', minimum=0.0, exclusive_minimum=True, maximum=1e6, read_only=False,
         ),
         Parameter(
-            'reference_timeout',
-            0.0,
+            'reference_timeout', 0.0,
             'Time from the end of the reference to a fault, in real time; 0: hold indefinitely',
-            unit='s',
-            minimum=0.0,
-            maximum=1e6,
-            read_only=False,
+            unit='s', minimum=0.0, maximum=1e6, read_only=False,
         ),
         Parameter(
-            'approach_speed',
-            0.25,
+            'approach_speed', 0.25,
             'Speed per task axis of the approach to a distant reference, in real time and after '
             '~/enable; 0: no approach, the error steps',
-            unit='m/s',
-            minimum=0.0,
+            unit='m/s', minimum=0.0,
         ),
         Parameter(
-            'approach_on_start',
-            False,
+            'approach_on_start', False,
             'Start with an approach in lock-step and in masmc simulate; runs in real time always '
             'do, parallel runs never',
         ),
@@ -203,40 +168,24 @@ _RECORDER_NODE = (
     Parameter('compression', 'zstd', 'Compression of chunks', choices=('zstd', 'lz4', 'none')),
     Parameter('extra_topics', (), 'Additional topics to record, as soon as they exist'),
     Parameter(
-        'flush_period',
-        0.2,
+        'flush_period', 0.2,
         'Longest time until a received message is on disk, also if the recorder is killed',
-        unit='s',
-        minimum=0.01,
-        maximum=3600.0,
+        unit='s', minimum=0.01, maximum=3600.0,
     ),
     Parameter(
-        'max_size',
-        0.0,
+        'max_size', 0.0,
         'Size at which a new part of the recording starts, in a folder; 0: one file',
-        unit='MB',
-        minimum=0.0,
-        maximum=_MOST,
-        rule=_is_part,
-        rule_text=_PART_TEXT,
+        unit='MB', minimum=0.0, maximum=_MOST, rule=_is_part, rule_text=_PART_TEXT,
     ),
     Parameter(
-        'max_duration',
-        0.0,
+        'max_duration', 0.0,
         'Recorded time at which a new part of the recording starts; 0: one file',
-        unit='s',
-        minimum=0.0,
-        maximum=_MOST,
-        rule=_is_part,
-        rule_text=_PART_TEXT,
+        unit='s', minimum=0.0, maximum=_MOST, rule=_is_part, rule_text=_PART_TEXT,
     ),
     Parameter(
-        'queue_size',
-        64.0,
+        'queue_size', 64.0,
         'Size of the queue for a slow or full disk; further messages are counted and lost',
-        unit='MB',
-        minimum=1.0,
-        maximum=_MOST,
+        unit='MB', minimum=1.0, maximum=_MOST,
     ),
 )
 
@@ -246,19 +195,13 @@ _LIVE_NODE = (
     ),
     Parameter('port', 8765, 'Port to listen on; 0: any free port', minimum=0, maximum=65535),
     Parameter(
-        'rate',
-        60.0,
-        'Rate of the messages shown of topics that are published every tick',
-        unit='Hz',
-        minimum=1.0,
-        maximum=1000.0,
+        'rate', 60.0, 'Rate of the messages shown of topics that are published every tick',
+        unit='Hz', minimum=1.0, maximum=1000.0,
     ),
     Parameter(
-        'max_viewers',
-        16,
+        'max_viewers', 16,
         'Number of viewers that receive messages; further viewers wait until one disconnects',
-        minimum=1,
-        maximum=1000,
+        minimum=1, maximum=1000,
     ),
 )
 
@@ -266,23 +209,25 @@ _FROM_RCL = ('use_sim_time', 'start_type_description_service')
 _QOS_OVERRIDES = 'qos_overrides.'
 
 _SLIP = 0.85
-"""Similarity to a known name from which an unknown one is taken for a misspelling."""
+"""Similarity to a known name from which an unknown one is a misspelling."""
 
-NODES = ('plant', 'trajectory', 'controller', 'recorder', 'live')
+_DECLARED: dict[str, Callable[[Mechanism], tuple[Parameter, ...]]] = {
+    'plant': lambda kind: (*shared(kind), *simulated_robot.parameters(kind), *_PLANT_NODE),
+    'trajectory': lambda kind: (*shared(kind), *trajectory.parameters(kind), *_TRAJECTORY_NODE),
+    'controller': lambda kind: (
+        *shared(kind), *registry.parameters(kind), *_controller_node(kind)
+    ),
+    'recorder': lambda kind: (*TIMING, *PREFIX, *_RECORDER_NODE),
+    'live': lambda kind: _LIVE_NODE,
+}
+"""Parameters of the nodes for a mechanism."""
+
+NODES = tuple(_DECLARED)
 
 
 def declared(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> tuple[Parameter, ...]:
     """Return the parameters that a node declares for a mechanism."""
-    common = shared(mechanism)
-    if node == 'plant':
-        return (*common, *simulated_robot.parameters(mechanism), *_PLANT_NODE)
-    if node == 'trajectory':
-        return (*common, *trajectory.parameters(mechanism), *_TRAJECTORY_NODE)
-    if node == 'controller':
-        return (*common, *registry.parameters(mechanism), *_controller_node(mechanism))
-    if node == 'live':
-        return _LIVE_NODE
-    return (*TIMING, *PREFIX, *_RECORDER_NODE)
+    return _DECLARED[node](mechanism)
 
 
 def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[str]:
@@ -292,7 +237,7 @@ def accepted(node: str, mechanism: Mechanism = mechanisms.DEFAULT) -> frozenset[
 
 
 def drop_foreign(
-    node: str, given: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
+    node: str, values: dict[str, Any], shared: Collection[str], where: str | Mapping[str, str]
 ) -> list[str]:
     """
     Remove the values of other nodes; return the names that no node of this package knows.
@@ -301,7 +246,7 @@ def drop_foreign(
     ----------
     node
         Name of the node.
-    given
+    values
         Values by name. Unknown names outside wildcards stay, so that the node rejects them.
     shared
         Names under wildcards such as `/**`, which nodes of other packages read as well.
@@ -315,19 +260,19 @@ def drop_foreign(
         service.
 
     """
-    mechanism = mechanisms.mechanism_from(given)
+    mechanism = mechanisms.mechanism_from(values)
     own = {parameter.name for parameter in declared(node, mechanism)}
     known = _known(mechanism)
     foreign = []
-    for name in [name for name in given if name not in own]:
+    for name in [name for name in values if name not in own]:
         place = where if isinstance(where, str) else where.get(name, '')
         if name in _FROM_RCL or (name in shared and name in known):
-            del given[name]
+            del values[name]
         elif name in shared:
             if get_close_matches(name, known, n=1, cutoff=_SLIP):
                 hint = suggestion(name, known)
                 raise InputError(f"{place}unknown parameter '{name}'; {hint}")
-            del given[name]
+            del values[name]
             foreign.append(name)
         elif name.startswith(_QOS_OVERRIDES):
             raise InputError(

@@ -5,35 +5,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
 from pathlib import Path
 import sys
 
+from masmc_ros.cli.arguments import add_logs
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.gaps import state_gaps
-from masmc_ros.log.recover.recover import recover as recover_file
+from masmc_ros.log.recover.recover import recover
 from masmc_ros.messages.layout import NANOSECONDS
 
 
-def recover(logs: Sequence[str]) -> int:
-    """Complete each log in its place and say what is in it; status 2 where one cannot be."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Complete truncated or damaged logs in place. Undamaged parts are kept; a complete log'
+        ' is not changed.'
+    )
+    add_logs(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Complete each log in place and print its content; status 2 if one cannot be completed."""
     status = 0
-    for log in logs:
+    for log in options.logs:
         try:
-            found = recover_file(Path(log))
+            recovered = recover(Path(log))
         except InputError as error:
             print(f'masmc recover: {error}', file=sys.stderr)
             status = error.exit_status
             continue
-        if found is None:
+        if recovered is None:
             print(f'{log}: is complete')
             continue
-        length = (found.end - found.begin) / NANOSECONDS
+        length = (recovered.end - recovered.begin) / NANOSECONDS
         print(
-            f'{log}: completed with {found.messages} messages over {length:.3f} s;'
-            f' {found.dropped} bytes of it could not be read'
+            f'{log}: completed with {recovered.messages} messages over {length:.3f} s;'
+            f' {recovered.dropped} bytes of it could not be read'
         )
-        for first, last in found.damaged:
+        for first, last in recovered.damaged:
             print(
                 f'{log}: a damaged chunk was skipped, with its messages from'
                 f' {first / NANOSECONDS:.3f} to {last / NANOSECONDS:.3f} s'

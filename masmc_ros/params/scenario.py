@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,9 @@ from masmc_ros.loop.controller_events import ACTIVATED, EVENTS
 from masmc_ros.loop.tick_block import Change
 from masmc_ros.loop.timing import Timing
 from masmc_ros.messages.topics import PARAMETER_NODES
-from masmc_ros.params.declaration import check_all
+from masmc_ros.params.declaration import check_all, Parameter
 from masmc_ros.params.file import parse_value, read
-from masmc_ros.params.precedence import node_values
-from masmc_ros.params.values import FileValue
-from masmc_ros.robot.declaration import Mechanism
-from masmc_ros.robot.registry import mechanism_from
-from masmc_ros.scenario.node_parameters import (
+from masmc_ros.params.node_parameters import (
     accepted,
     declared,
     drop_foreign,
@@ -30,12 +27,13 @@ from masmc_ros.scenario.node_parameters import (
     NODES,
     shared,
 )
+from masmc_ros.params.precedence import node_values
+from masmc_ros.params.values import FileValue
+from masmc_ros.robot.declaration import Mechanism
+from masmc_ros.robot.registry import mechanism_from
 import numpy as np
 
 Values = dict[str, Any]
-
-_OF_ROBOT = 'robot.'
-"""Prefix of the parameters that describe the robot."""
 
 _MOST_MISSING = 1000
 """Ticks per state above which a log lacks most of its states."""
@@ -72,31 +70,29 @@ def load_scenario(path: str, settings: Iterable[str] = ()) -> dict[str, Values]:
     file = read(path)
     extra = _settings(settings, file.for_node('plant'))
     # For every node: one that needs no robot skips the parameters of its mechanism.
-    robot = {n: value for n, value in extra['plant'].items() if n.startswith(_OF_ROBOT)}
+    robot = _of_robot(extra['plant'])
     scenario = {}
     for node in NODES:
         start = node_values((file,), robot, node)
-        given, places = dict(start.values), start.places
-        mechanism = mechanism_from(given)
-        for name in accepted(node, mechanism) & given.keys():
-            # Shared parameters are checked in the file, needed by this node or not.
-            value = given.pop(name)
+        stated, places = dict(start.values), start.places
+        mechanism = mechanism_from(stated)
+        for name in accepted(node, mechanism) & stated.keys():
+            # Shared parameters are checked in the file, even if this node does not need them.
+            value = stated.pop(name)
             if name not in extra['plant']:
-                _check_shared(mechanism, name, value, places[name])
-        drop_foreign(node, given, start.shared, places)
+                parameter = next(p for p in shared(mechanism) if p.name == name)
+                check_all([parameter], {name: value}, places[name])
+        drop_foreign(node, stated, start.shared, places)
         declarations = declared(node, mechanism)
         # A value that a setting replaces is not checked, as a node does not receive it.
-        kept = {name: value for name, value in given.items() if name not in extra[node]}
-        values = check_all(declarations, kept, places)
-        names = {parameter.name: parameter for parameter in declarations}
-        for name, value in extra[node].items():
-            values[name] = names[name].check(value, integers_for_doubles=True)
-        if 'duration' in names and not {'duration'} & (given.keys() | extra[node].keys()):
+        kept = {name: value for name, value in stated.items() if name not in extra[node]}
+        values = check_all(declarations, kept, places) | _checked(declarations, extra[node])
+        if 'duration' in values and 'duration' not in stated | extra[node]:
             values['duration'] = _UNSTATED_DURATION
         if 'control_period' in values:
             _check_timing(values, path, node)
         scenario[node] = values
-    _check_beginning(scenario, path)
+    _check_start(scenario, path)
     return scenario
 
 
@@ -136,25 +132,23 @@ def logged_scenario(
             )
     if run.restarted:
         raise InputError(
-            f'{run.path}: {" and ".join(run.restarted)} ended and began again while the robot'
-            ' moved; only a run without a restart can be computed again'
+            f'{run.path}: {" and ".join(run.restarted)} restarted while the robot moved; only a'
+            ' run without a restart can be computed again'
         )
     extra = _settings(settings, run.parameters['plant'])
     scenario = {}
     for node in NODES:
-        given = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
-        declarations = declared(node, mechanism_from({**given, **extra[node]}))
-        if 'duration' in given and 'duration' not in extra[node]:
-            given['duration'] = _length(run)
-        names = {parameter.name: parameter for parameter in declarations}
-        for name, value in extra[node].items():
-            given[name] = names[name].check(value, integers_for_doubles=True)
-        scenario[node] = check_all(declarations, given, f'{run.path}: {node}: ')
-    _check_beginning(scenario, run.path)
+        logged = {**_ABSENT.get(node, {}), **run.parameters.get(node, {})}
+        declarations = declared(node, mechanism_from({**logged, **extra[node]}))
+        if 'duration' in logged and 'duration' not in extra[node]:
+            logged['duration'] = _length(run)
+        values = logged | _checked(declarations, extra[node])
+        scenario[node] = check_all(declarations, values, f'{run.path}: {node}: ')
+    _check_start(scenario, run.path)
     _check_length(run, Timing.from_values(scenario['plant']))
     if run.reference is not None and np.isnan(run.reference[0]).any():
-        begun = ~np.isnan(run.reference).any(axis=1)
-        when = f'at t = {run.times[np.argmax(begun)]:g} s' if begun.any() else 'never'
+        has_path = ~np.isnan(run.reference).any(axis=1)
+        when = f'at t = {run.times[np.argmax(has_path)]:g} s' if has_path.any() else 'never'
         raise InputError(
             f'{run.path}: its path starts {when}; only a run that follows it from its first'
             ' state on can be computed again'
@@ -170,7 +164,7 @@ def _check_timing(values: Values, path: str, node: str) -> None:
         raise InputError(f'{path}: {node}: {error}') from None
 
 
-def _check_beginning(scenario: Mapping[str, Values], place: str | Path) -> None:
+def _check_start(scenario: Mapping[str, Values], place: str | Path) -> None:
     """Raise InputError if the path starts later than the robot."""
     start = scenario['trajectory']['start_time']
     if start > 0.0:
@@ -222,8 +216,7 @@ def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
     `settings` as in `load_scenario`: the robot determines the known names.
     """
     file = read(path)
-    told = _settings(settings, file.for_node('plant'))['plant']
-    robot = {name: value for name, value in told.items() if name.startswith(_OF_ROBOT)}
+    robot = _of_robot(_settings(settings, file.for_node('plant'))['plant'])
     blocks = [
         f"{path}:{block.line}: block '{block.pattern}' is for none of {', '.join(NODES)}"
         for block in file.unmatched(NODES)
@@ -236,24 +229,29 @@ def strays(path: str, settings: Iterable[str] = ()) -> list[str]:
     return [*blocks, f'{path}: {foreign_text(foreign)}'] if foreign else blocks
 
 
-def _check_shared(mechanism: Mechanism, name: str, value: Any, place: str) -> None:
-    parameter = next(p for p in shared(mechanism) if p.name == name)
-    check_all([parameter], {name: value}, place)
+def _of_robot(values: Values) -> Values:
+    """Return the values that describe the robot."""
+    return {name: value for name, value in values.items() if name.startswith('robot.')}
+
+
+def _checked(declarations: Iterable[Parameter], settings: Values) -> Values:
+    """Return checked settings of the command line."""
+    declared = {parameter.name: parameter for parameter in declarations}
+    return {n: declared[n].check(v, integers_for_doubles=True) for n, v in settings.items()}
 
 
 def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
     """Return NAME=VALUE settings by node; `plant` has the other values of that node."""
-    sorted_: dict[str, Values] = {node: {} for node in NODES}
+    by_node: dict[str, Values] = {node: {} for node in NODES}
     parsed = [(setting, *_parsed(setting)) for setting in settings]
-    of_robot = {name: value for _, name, value in parsed if name.startswith(_OF_ROBOT)}
-    mechanism = mechanism_from({**plant, **of_robot})
+    mechanism = mechanism_from(plant | _of_robot({name: value for _, name, value in parsed}))
     common = {parameter.name for parameter in shared(mechanism)}
     for setting, name, value in parsed:
         node, _, parameter = name.partition('.')
         if name in common:
-            for each in NODES:
-                if name not in accepted(each, mechanism):
-                    sorted_[each][name] = value
+            for reader in NODES:
+                if name not in accepted(reader, mechanism):
+                    by_node[reader][name] = value
         elif node in NODES:
             known = [p.name for p in declared(node, mechanism)]
             if parameter not in known:
@@ -261,12 +259,12 @@ def _settings(settings: Iterable[str], plant: Values) -> dict[str, Values]:
                     f"--set {setting}: {node} has no parameter '{parameter}'; "
                     f'{suggestion(parameter, known)}'
                 )
-            sorted_[node][parameter] = value
+            by_node[node][parameter] = value
         else:
             raise InputError(
                 f"--set {setting}: unknown parameter '{name}'; {_meant(mechanism, name)}"
             )
-    return sorted_
+    return by_node
 
 
 def _parsed(setting: str) -> tuple[str, FileValue]:
@@ -287,7 +285,7 @@ def _meant(mechanism: Mechanism, name: str) -> str:
                 full.setdefault(parameter.name, []).append(f'{node}.{parameter.name}')
     if name in full:
         return f'write NODE.parameter, here {" or ".join(full[name])}'
-    near = get_close_matches(name, [*common, *(each for names in full.values() for each in names)])
+    near = get_close_matches(name, [*common, *chain.from_iterable(full.values())])
     for short in get_close_matches(name, full):
         near += full[short]
     if near:

@@ -1,21 +1,25 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc laws`: which there are, where from, and what a tick of them costs."""
+"""`masmc laws`: list of the control laws, their sources, and the cost of a tick."""
 
 from __future__ import annotations
 
+import argparse
 import json
+import textwrap
 from time import perf_counter
 
+from masmc_ros.cli.arguments import add_json
 from masmc_ros.law import registry
 from masmc_ros.law.law import Law
 from masmc_ros.loop.closed_loop import control_ticks
 from masmc_ros.loop.controller import Controller
 from masmc_ros.loop.simulated_robot import SimulatedRobot
 from masmc_ros.numerics.compiled import bound
+from masmc_ros.params.node_parameters import declared
+from masmc_ros.report.aligned import WIDTH
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.node_parameters import declared
 import numpy as np
 from tqdm import tqdm
 
@@ -23,27 +27,36 @@ _TICKS = 2000
 _TIMES = 5
 
 _AWAY = 0.01
-"""Of the reference from where the robot is, m."""
+"""Distance of the reference from the robot in m."""
 
 
-def laws(*, costs: bool, as_data: bool) -> int:
-    """List the laws; with `costs` measure a compiled tick of each for the default robot."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = 'List the control laws, which are the values of `law`, and their sources.'
+    parser.add_argument('--cost', action='store_true', help='measure the time of a tick of each')
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List the laws; with `--cost` measure a compiled tick of each for the default robot."""
     names = registry.names()
     rows = {name: _row(name) for name in names}
-    if costs:
+    if options.cost:
         measured = {name: _cost(name) for name in tqdm(names, unit='law', disable=None)}
         for name, row in rows.items():
             row['cost_us'] = round(1e6 * measured[name], 2)
             row['cost'] = round(measured[name] / measured['rasmc'], 2)
-    if as_data:
+    if options.json:
         print(json.dumps(list(rows.values()), indent=1))
         return 0
     width = max(len(name) for name in names)
     for row in rows.values():
-        cost = f'{row["cost_us"]:6.2f} us {row["cost"]:5.2f}x  ' if costs else ''
+        cost = f'{row["cost_us"]:6.2f} us {row["cost"]:5.2f}x  ' if options.cost else ''
         source = f' [{row["source"]}]' if row['source'] else ''
-        print(f'{row["law"]:{width}}  {cost}{row["summary"]}{source}')
-    if costs:
+        text = f'{row["law"]:{width}}  {cost}{row["summary"]}{source}'
+        indent = ' ' * (width + 2)
+        print(textwrap.fill(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False))
+    if options.cost:
         print('cost: of a compiled tick on this machine, and relative to rasmc')
     return 0
 
@@ -67,13 +80,13 @@ def _cost(name: str) -> float:
     task = robot.task_positions(position[None])[0] + _AWAY
     reference = np.concatenate([task, *2 * [np.full(len(task), _AWAY)]])
     controller.tick(position, velocity, reference)
-    # Another place at each tick: else a compiler finds that nothing changes.
+    # A different position at each tick, otherwise the compiler removes the repeated ticks.
     positions = position + np.linspace(0.0, _AWAY, _TICKS)[:, None]
     inputs = controller.settings, controller.memory, controller.signals, positions
     ticks = bound(control_ticks, *inputs)
     times = []
     for _ in range(_TIMES):
-        begun = perf_counter()
+        start = perf_counter()
         ticks(*inputs)
-        times.append((perf_counter() - begun) / _TICKS)
+        times.append((perf_counter() - start) / _TICKS)
     return min(times)

@@ -1,23 +1,26 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""`masmc layout`: what Foxglove shows of a run, with the plots of its robot."""
+
+"""`masmc layout`: layout for Foxglove with the plots of a robot."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterable
 import json
 from pathlib import Path
 from typing import Any
 
+from masmc_ros.cli.arguments import add_file
 from masmc_ros.errors import InputError
 from masmc_ros.log.read.reader import is_log, read_run
 from masmc_ros.messages.names import COMMAND_TOPIC, STATE_TOPIC, telemetry_topic
 from masmc_ros.messages.telemetry import STAMP_NUMBERS
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.files import write_file
 from masmc_ros.robot.declaration import Mechanism, Quantity
 from masmc_ros.robot.registry import DEFAULT, mechanism_from
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file, shared_file
-from masmc_ros.whole_file import WholeFile
 
 _COLOURS = (
     '#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#17becf', '#e377c2',
@@ -25,25 +28,33 @@ _COLOURS = (
 )  # fmt: skip
 
 Lines = list[tuple[str, str]]
-"""Names, and paths of what is plotted in messages."""
+"""Names of lines, and their paths in messages."""
 
 _LEGEND = 190
-"""Width of legends, for names of links and joints."""
+"""Width of legends in pixels, for names of links and joints."""
 
 _CAMERA = {'distance': 4.0, 'targetOffset': [0.8, 0.0, 0.5]}
-"""Start of the robot and view ahead of it, in m."""
+"""Distance from the robot's start and point ahead of it in m."""
 
 MOST_ESTIMATES = 12
-"""Of more, only the masses are plotted."""
+"""Number of estimates above which only the masses are plotted."""
 
 
-def layout(source: str, output: str) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Write the layout for Foxglove with the plots of a robot: its task axes, joints and'
+        ' parameters.'
+    )
+    add_file(parser, ', or a logged run')
+    text = 'file to write (%(default)s)'
+    parser.add_argument('--output', default='layout.json', metavar='FILE', help=text)
+
+
+def run(options: argparse.Namespace) -> int:
     """Write the layout for the robot of a parameter file or a log."""
-    path = Path(output)
-    try:
-        write_layout(mechanism_of(source), path)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written: {error.strerror}') from error
+    path = Path(options.output)
+    write_layout(mechanism_of(options.file), path)
     print(f'{path}: in Foxglove, Layouts > Import from file')
     return 0
 
@@ -51,56 +62,50 @@ def layout(source: str, output: str) -> int:
 def mechanism_of(source: str) -> Mechanism:
     """Return the mechanism of a parameter file, or of the parameters in a log."""
     if is_log(Path(source)):
-        told = read_run(source).parameters
-        if 'plant' not in told:
-            raise InputError(f'{source}: no parameters of the plant in it, which say what robot')
-        return mechanism_from(told['plant'])
+        parameters = read_run(source).parameters
+        if 'plant' not in parameters:
+            raise InputError(f'{source}: no parameters of the plant, which describe the robot')
+        return mechanism_from(parameters['plant'])
     return mechanism_from(load_scenario(scenario_file(source))['plant'])
 
 
 def write_layout(mechanism: Mechanism, path: Path) -> None:
-    """Write the layout for a mechanism; OSError where that is not possible."""
-    file = WholeFile(path)
-    try:
-        file.stream.write(json.dumps(layout_for(mechanism), indent=2).encode())
-        file.finish()
-    except BaseException:
-        file.discard()
-        raise
+    """Write the layout for a mechanism; InputError if that is not possible."""
+    write_file(path, json.dumps(layout_for(mechanism), indent=2).encode())
 
 
 def layout_for(mechanism: Mechanism) -> dict[str, Any]:
     """
-    Return the layout for a mechanism: that of the paper's robot with plots of its own.
+    Return the layout for a mechanism: that of the paper's robot with other plots.
 
-    In place of the plane stand the joints that are not the base's.
+    The joints except those of the base replace the plot of the plane.
     """
-    told: dict[str, Any] = json.loads(shared_file('config', 'foxglove.json').read_text('utf-8'))
+    panels: dict[str, Any] = json.loads(shared_file('config', 'foxglove.json').read_text('utf-8'))
     if mechanism.name == DEFAULT.name:
-        return told
+        return panels
     for name, (title, lines) in _plots(mechanism).items():
-        panel = told['configById'][f'Plot!{name}']
-        one = panel['paths'][0]
+        panel = panels['configById'][f'Plot!{name}']
+        template = panel['paths'][0]
         panel['paths'] = [
-            {**one, 'value': value, 'label': line, 'color': _COLOURS[i % len(_COLOURS)]}
+            {**template, 'value': value, 'label': line, 'color': _COLOURS[i % len(_COLOURS)]}
             for i, (line, value) in enumerate(lines)
         ]
         panel['foxglovePanelTitle'] = panel['lichtblickPanelTitle'] = title
-        # Those of the paper's torques, and of the plane.
+        # Limits of the paper's torques, and of the plane.
         for setting in ('minYValue', 'maxYValue', 'xAxisPath'):
             panel.pop(setting, None)
         panel.update({'xAxisVal': 'timestamp', 'isSynced': True, 'sidebarDimension': _LEGEND})
-    del told['userNodes']['paths']
-    told['configById']['3D!scene']['cameraState'].update(_CAMERA)
-    return told
+    del panels['userNodes']['paths']
+    panels['configById']['3D!scene']['cameraState'].update(_CAMERA)
+    return panels
 
 
 def _plots(mechanism: Mechanism) -> dict[str, tuple[str, Lines]]:
-    """Return title and lines of the plots that are a mechanism's own, by their names."""
+    """Return title and lines of the plots that depend on the mechanism, by their names."""
     axes, joints, theta = mechanism.axes, mechanism.joints, mechanism.theta
     limb = joints[mechanism.groups[-1].joints] if mechanism.groups else joints
     places = {place.name: i for i, place in enumerate(mechanism.positions)}
-    estimates, title = _told('parameter_estimate', theta), 'Parameter estimate θ̂'
+    estimates, title = _telemetry('parameter_estimate', theta), 'Parameter estimate θ̂'
     if len(theta) > MOST_ESTIMATES:
         title = 'Masses as estimated (kg)'
         mass = '_mass'
@@ -115,11 +120,11 @@ def _plots(mechanism: Mechanism) -> dict[str, tuple[str, Lines]]:
         ),
         'error': (
             f'Tracking error e ({_units(axis.unit for axis in axes)})',
-            _told('tracking_error', axes),
+            _telemetry('tracking_error', axes),
         ),
         'surface': (
             f'Sliding surface s ({_units(f"{axis.unit}/s" for axis in axes)})',
-            _told('sliding_surface', axes),
+            _telemetry('sliding_surface', axes),
         ),
         'estimate': (title, estimates),
         'torque': (
@@ -142,7 +147,7 @@ def _units(units: Iterable[str]) -> str:
     return ', '.join(dict.fromkeys(units))
 
 
-def _told(label: str, entries: Iterable[Quantity]) -> Lines:
+def _telemetry(label: str, entries: Iterable[Quantity]) -> Lines:
     """Return names and paths of the entries of a topic of telemetry."""
     topic = telemetry_topic(label)
     return [

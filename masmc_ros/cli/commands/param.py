@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-`masmc param`: parameters of running nodes, where the ros2 command is not installed.
+`masmc param`: parameters of running nodes, if the ros2 command is not installed.
 
-Arguments and output are those of `ros2 param`; a refusal, though, has an exit status.
+Arguments and output are those of `ros2 param`; the exit status of a rejected value is 1.
 """
 
 from __future__ import annotations
@@ -13,23 +13,24 @@ import argparse
 import sys
 from typing import Any
 
-from masmc_ros.cli.ros import require_rclpy
 from masmc_ros.errors import InputError
+from masmc_ros.optional import require_rclpy
 from masmc_ros.params.file import parse_value
 from masmc_ros.params.node_name import complaint
 import yaml
 
-_REFUSED = 1
+_REJECTED = 1
 """Exit status if a node rejects a value."""
 
 _LONGEST_NAME = 200
-"""Of a node, so that the names of its services are not too long."""
+"""Longest name of a node, whose services have longer names."""
 
 _KINDS = {bool: 'Boolean', int: 'Integer', float: 'Double', str: 'String'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `masmc param`."""
+    """Add the arguments of the command."""
+    parser.description = 'Read and set parameters of running nodes, as `ros2 param` does.'
     verbs = parser.add_subparsers(
         dest='verb', required=True, parser_class=type(parser), metavar='list|get|set|dump'
     )
@@ -58,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             sub.add_argument('--hide-type', action='store_true', help='print the value alone')
 
 
-def param(options: argparse.Namespace) -> int:
-    """Run `masmc param`; return the exit status."""
+def run(options: argparse.Namespace) -> int:
+    """List, get, set or dump parameters; return the exit status."""
     require_rclpy()
     from masmc_ros.nodes.parameters.session import ParameterSession
 
@@ -76,11 +77,10 @@ def param(options: argparse.Namespace) -> int:
 
 
 def _list(session: Any, node: str | None) -> int:
-    nodes = session.nodes() if node is None else [node]
-    for each in nodes:
+    for listed in session.nodes() if node is None else [node]:
         if node is None:
-            print(f'{each}:')
-        for name in session.names(each):
+            print(f'{listed}:')
+        for name in session.names(listed):
             print(f'  {name}')
     return 0
 
@@ -108,7 +108,7 @@ def _set(session: Any, node: str | None, name: str, value: Any) -> int:
         print(f'Set parameter successful{reason}')
         return 0
     print(f'Setting parameter failed{reason}', file=sys.stderr)
-    return _REFUSED
+    return _REJECTED
 
 
 def _dump(session: Any, node: str | None) -> int:
@@ -125,9 +125,9 @@ def _dump(session: Any, node: str | None) -> int:
 
 
 def _node(text: str) -> str:
-    """Return a node's full name; InputError for what cannot be one."""
+    """Return a node's full name; InputError for an invalid one."""
     if '*' in text or complaint(text) or len(text) > _LONGEST_NAME:
-        raise InputError(f"'{text}' is no name of a node; write one such as /controller")
+        raise InputError(f"'{text}' is not the name of a node; write one such as /controller")
     return f'/{text.removeprefix("/")}'
 
 
@@ -140,8 +140,8 @@ def _plain(value: Any) -> Any:
     """Return a parameter's value as Python writes it."""
     from rclpy.parameter import parameter_value_to_python
 
-    found = parameter_value_to_python(value)
-    return found if found is None or isinstance(found, bool | int | float | str) else list(found)
+    plain = parameter_value_to_python(value)
+    return plain if plain is None or isinstance(plain, bool | int | float | str) else list(plain)
 
 
 def _seconds(text: str) -> float:
@@ -151,4 +151,4 @@ def _seconds(text: str) -> float:
     return value
 
 
-_seconds.__name__ = 'time in s'  # what argparse calls it in its message
+_seconds.__name__ = 'time in s'  # in the messages of argparse

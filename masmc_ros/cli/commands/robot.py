@@ -1,32 +1,44 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`masmc robot`: what a parameter file makes of a robot, before it moves."""
+"""`masmc robot`: the robot of a parameter file, before it moves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
 import json
 import math
+from textwrap import fill
 from typing import Any
 
-from masmc_ros.report.aligned import aligned
+from masmc_ros.cli.arguments import add_file, add_json, add_settings
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.aligned import aligned, WIDTH
 from masmc_ros.robot.registry import mechanism_from
 from masmc_ros.robot.robot import robot_of
-from masmc_ros.scenario.scenario import load_scenario
 from masmc_ros.share import scenario_file
 import numpy as np
 
 
-def robot(file: str, settings: Sequence[str], *, as_data: bool) -> int:
-    """Print joints, their limits and torques, the task, and where it is at the start."""
-    values = load_scenario(scenario_file(file), settings)
-    found = _told(values)
-    print(json.dumps(found, indent=1) if as_data else _text(found), end='\n' if as_data else '')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Print joints, limits, masses and task of the robot of a parameter file, and its position'
+        ' at the start.'
+    )
+    add_file(parser)
+    add_settings(parser)
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print joints, their limits and torques, the task, and its position at the start."""
+    robot = _robot(load_scenario(scenario_file(options.file), options.set))
+    print(json.dumps(robot, indent=1) if options.json else _text(robot))
     return 0
 
 
-def _told(values: Any) -> dict[str, Any]:
+def _robot(values: Any) -> dict[str, Any]:
     plant, control = values['plant'], values['controller']
     mechanism, made = mechanism_from(plant), robot_of(plant)
     position = np.array(made.start(plant['initial_pose'], plant['initial_joints']))
@@ -41,7 +53,7 @@ def _told(values: Any) -> dict[str, Any]:
                 'name': joint.name,
                 'unit': joint.unit,
                 'start': float(start[i]),
-                **{name: _finite(each[i]) for name, each in limits.items()},
+                **{name: _finite(values[i]) for name, values in limits.items()},
                 'torque_limit': float(effort[i]) or None,
                 'torque_unit': joint.effort_unit,
             }
@@ -64,10 +76,10 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _text(found: dict[str, Any]) -> str:
-    names = [name for name in ('lower', 'upper', 'speed') if name in found['joints'][0]]
+def _text(robot: dict[str, Any]) -> str:
+    names = [name for name in ('lower', 'upper', 'speed') if name in robot['joints'][0]]
     rows = [['joint', 'start', *names, 'controller.torque_limit']]
-    for joint in found['joints']:
+    for joint in robot['joints']:
         unit = joint['unit']
         units = {'lower': unit, 'upper': unit, 'speed': f'{unit}/s'}
         rows.append([
@@ -76,21 +88,23 @@ def _text(found: dict[str, Any]) -> str:
             *(_known(joint[name], units[name]) for name in names),
             _known(joint['torque_limit'], joint['torque_unit']),
         ])
-    lines = aligned(rows, range(len(rows[0])))
-    task = ', '.join(f'{axis["name"]} ({axis["unit"]})' for axis in found['task'])
-    start = ', '.join(f'{axis["start"]:.8g}' for axis in found['task'])
-    wrong = [joint['name'] for joint in found['joints'] if _is_outside(joint)]
-    masses = ', '.join(f'{name} {value:.4g}' for name, value in found['masses'].items())
-    return '\n'.join([
-        f'robot: {found["kind"]}, {found["parameters"]} base inertial parameters',
-        '',
-        *lines,
-        '',
+    table = aligned(rows, range(len(rows[0])), width=WIDTH)
+    task = ', '.join(f'{axis["name"]} ({axis["unit"]})' for axis in robot['task'])
+    start = ', '.join(f'{axis["start"]:.8g}' for axis in robot['task'])
+    wrong = [joint['name'] for joint in robot['joints'] if _is_outside(joint)]
+    masses = ', '.join(f'{name} {value:.4g}' for name, value in robot['masses'].items())
+    lines = [
         f'task: {task}',
         f'at the start, where a path should start: [{start}]',
         *([f'masses in kg: {masses}'] if masses else []),
         *([f'outside of its limits at the start: {", ".join(wrong)}'] if wrong else []),
+    ]
+    return '\n'.join([
+        f'robot: {robot["kind"]}, {robot["parameters"]} base inertial parameters',
         '',
+        *table,
+        '',
+        *(fill(line, WIDTH, subsequent_indent='  ', break_on_hyphens=False) for line in lines),
     ])
 
 

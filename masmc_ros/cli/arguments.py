@@ -1,0 +1,71 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parser of the command line, and arguments that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, NoReturn
+
+from masmc_ros.errors import suggestion
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser that reports an error of the command line in one line, with a suggestion."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with one line."""
+        see = ' See' if message.endswith('?') else '; see'
+        self.exit(2, f'{self.prog}: {message}{see} {self.prog} --help\n')
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; report the first unknown argument."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            known = [option for action in self._actions for option in action.option_strings]
+            hint = suggestion(unknown[0].partition('=')[0], known)
+            self.error(f"unknown argument '{unknown[0]}'; {hint}")
+        return options, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            hint = suggestion(str(value), map(str, action.choices))
+            raise argparse.ArgumentError(action, f"'{value}' is unknown; {hint}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print; unlike the library, raise the error if that fails."""
+        print(message, end='', file=file or sys.stderr)
+
+
+def add_file(parser: argparse.ArgumentParser, alternative: str = '') -> None:
+    """Add the parameter file, or an `alternative` to it."""
+    text = 'ROS 2 parameter file, or the name of an installed one (masmc simulate --list)'
+    parser.add_argument('file', help=text + alternative)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add `--set`."""
+    text = 'value of a parameter: NODE.parameter, or a shared one for all nodes; repeatable'
+    parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', help=text)
+
+
+def add_logs(parser: argparse.ArgumentParser) -> None:
+    """Add one or more logged runs."""
+    parser.add_argument('logs', nargs='+', metavar='RUN.mcap', help='logged run')
+
+
+def add_output(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add the output `folder`."""
+    parser.add_argument('--output', default=folder, help='output folder (%(default)s)')
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Add `--overwrite`."""
+    parser.add_argument('--overwrite', action='store_true', help='replace existing files')
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument('--json', action='store_true', help='print as JSON')

@@ -1,0 +1,100 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`masmc compare`: laws on the same scenario and seeds, and their limits."""
+
+from __future__ import annotations
+
+import argparse
+from itertools import chain
+from pathlib import Path
+
+from masmc_ros.cli.arguments import add_file, add_json, add_output, add_settings
+from masmc_ros.compare.campaign import outcomes, Task
+from masmc_ros.compare.contenders import contenders
+from masmc_ros.compare.ranking import ranking
+from masmc_ros.compare.tables import as_json, page, text
+from masmc_ros.compare.trials import trials_named
+from masmc_ros.errors import InputError
+from masmc_ros.law.command_interface import takes_rates
+from masmc_ros.params.scenario import load_scenario
+from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.files import make_folder, write_file
+from masmc_ros.robot.registry import mechanism_from
+from masmc_ros.share import scenario_file
+from tqdm import tqdm
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Run laws on the same scenario and seeds: ranked by error, with effort and chattering,'
+        ' also with noise, delay, 100 Hz, a wrong model and limits.'
+    )
+    add_file(parser)
+    parser.add_argument(
+        '--laws',
+        default='all',
+        metavar='LAW,...',
+        help='LAW or LAW:SWITCHING, separated by commas; or all (%(default)s)',
+    )
+    parser.add_argument(
+        '--trials',
+        default='all',
+        metavar='TRIAL,...',
+        help='trials in addition to the unmodified scenario (%(default)s)',
+    )
+    parser.add_argument(
+        '--seeds',
+        type=_count,
+        default=1,
+        metavar='N',
+        help='runs of each: seed 0 is the scenario, others draw robot, disturbance and noise '
+        '(%(default)s)',
+    )
+    add_settings(parser)
+    add_output(parser, 'compare')
+    add_json(parser)
+
+
+def _count(text: str) -> int:
+    """Return a number of things, at least one."""
+    number = int(text) if text.isdecimal() else 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number >= 1")
+    return number
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compute the runs of all laws in all trials, print the tables and write them."""
+    file = scenario_file(options.file)
+    scenario = load_scenario(file, options.set)
+    if takes_rates(scenario['controller']):
+        raise InputError(
+            f'{file}: command_interface = velocity: only one law commands velocities; expected'
+            ' effort'
+        )
+    mechanism = mechanism_from(scenario['plant'])
+    trials = trials_named(options.trials)
+    tasks = [
+        Task(file, tuple(options.set), contender, trials, options.seeds)
+        for contender in contenders(options.laws, mechanism, scenario['controller']['switching'])
+    ]
+    folder = Path(options.output)
+    make_folder(folder)
+    done = tqdm(outcomes(tasks), total=len(tasks), unit='law', disable=None)
+    ranked = ranking(chain.from_iterable(done), trials[0].name)
+    data = as_json(ranked) + '\n'
+    contents = {
+        'compare.html': page(ranked, trials, mechanism.points, Path(file).name),
+        'compare.txt': text(ranked, trials, mechanism.points),
+        'compare.json': data,
+    }
+    for name, content in contents.items():
+        write_file(folder / name, content.encode())
+    if options.json:
+        print(data, end='')
+    else:
+        print(text(ranked, trials, mechanism.points, WIDTH))
+        print(f'report: {folder}/ ({", ".join(contents)})')
+    return 0

@@ -1,0 +1,75 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+`masmc run`: a node in this process, if the `ros2` command is not installed.
+
+Modules that take long to import are imported only once signals are handled.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import importlib
+from itertools import takewhile
+import os
+import sys
+from types import FrameType
+
+from masmc_ros.cli.endings import end_with_parent
+from masmc_ros.errors import suggestion, UserError
+from masmc_ros.nodes.process.ending import on_end
+from masmc_ros.optional import explained, require_rclpy
+
+NODES = {
+    'plant': 'Simulated robot: receives commands, publishes its states.',
+    'trajectory': 'Reference along a path, published ahead of the robot.',
+    'controller': 'Control law: responds to each state of the robot with a command.',
+    'recorder': 'Recorder: writes all messages of a run unmodified into an MCAP file.',
+    'live': 'View of a running robot in Foxglove, with its adjustable parameters.',
+    'composed': 'Plant, trajectory and controller in one process.',
+}
+"""Nodes and their help; the module `masmc_ros.nodes.NAME.node` contains each."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = 'Run a node as `ros2 run masmc_ros NODE` does.'
+    parser.add_argument('node', help=', '.join(NODES))
+    parser.add_argument('arguments', nargs=argparse.REMAINDER, help='--ros-args ...')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run a node until it ends; return its exit status."""
+    return run_node(options.node, options.arguments)
+
+
+def run_node(name: str, arguments: Sequence[str]) -> int:
+    """Run a node in this process until it ends; return its exit status."""
+    if name not in NODES:
+        print(f"masmc run: no node '{name}'; {suggestion(name, NODES)}", file=sys.stderr)
+        return 2
+    if not {'-h', '--help'}.isdisjoint(takewhile(lambda word: word != '--ros-args', arguments)):
+        from masmc_ros.cli.node_help import node_help
+
+        print(node_help(name, NODES[name]), end='')
+        return 0
+    end_with_parent()
+    # Imports take a second, in which SIGINT would print a traceback, and nothing needs to be
+    # completed yet. A running node handles the signals itself.
+    on_end(_end)
+    try:
+        require_rclpy()
+        status: int = importlib.import_module(f'masmc_ros.nodes.{name}.node').main(list(arguments))
+    except ModuleNotFoundError as missing:
+        print(f'masmc run: {explained(missing)}', file=sys.stderr)
+        return 2
+    except UserError as error:
+        print(f'masmc run: {error}', file=sys.stderr)
+        return error.exit_status
+    return status
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    os._exit(0)

@@ -1,0 +1,175 @@
+# Copyright 2026 The masmc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`masmc simulate`: the closed loop of a parameter file or of a log, computed without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+import math
+from pathlib import Path
+import shutil
+import sys
+from typing import Any, NamedTuple
+
+from masmc_ros.cli.arguments import add_file, add_overwrite, add_settings
+from masmc_ros.errors import InputError
+from masmc_ros.log.read.reader import is_log, read_run, Run
+from masmc_ros.log.recover.overlap import check_apart
+from masmc_ros.loop.signals import largest_slip
+from masmc_ros.loop.simulation import Simulation
+from masmc_ros.loop.tick_block import Change
+from masmc_ros.params.scenario import activation, load_scenario, logged_scenario, strays
+from masmc_ros.report.aligned import WIDTH
+from masmc_ros.report.files import check_absent
+from masmc_ros.report.measure.labels import law_label
+from masmc_ros.report.measure.metrics import Samples
+from masmc_ros.report.measure.recomputed import Recomputed
+from masmc_ros.report.measure.table import text_table
+from masmc_ros.share import scenario_file, scenarios
+import numpy as np
+from tqdm import tqdm
+
+_PROGRESS_FROM = 200_000
+"""Ticks from which a run takes long enough to show its progress."""
+
+
+class _Source(NamedTuple):
+    """Run to compute, and the logged run to compare it with, if there is one."""
+
+    values: Mapping[str, Any]
+    changes: Sequence[Change]
+    files: Mapping[str, bytes]
+    run: Run | None = None
+
+
+class _ListScenarios(argparse.Action):
+    """Option that lists the installed parameter files and ends the command."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        for name, path in scenarios().items():
+            print(f'{name}  {path}')
+        parser.exit()
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.description = (
+        'Compute the closed loop of a parameter file, bitwise identical to the nodes; or compute'
+        ' the run of a log again, and compare.'
+    )
+    add_file(parser, ', or the log of a run')
+    text = 'list the installed parameter files'
+    parser.add_argument('--list', action=_ListScenarios, nargs=0, help=text)
+    add_settings(parser)
+    parser.add_argument('--output', metavar='RUN.mcap', help='log the run into this file')
+    add_overwrite(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """
+    Compute a run, log it with `--output`, and print its metrics.
+
+    The run of a log is computed with its changes of gains, resets and activations, and compared
+    with the log. The run of a parameter file is active from its first tick.
+    """
+    path = None if options.output is None else Path(options.output)
+    log: AbstractContextManager[Any] = nullcontext()
+    if path is not None:
+        _check_output(path, options.file, overwrite=options.overwrite)
+    source = _source(options.file, options.set)
+    simulation = Simulation(source.values, source.changes)
+    mechanism = simulation.plant.mechanism
+    if path is not None:
+        # Imported here: a run without a log does not need the packages that write MCAP.
+        from masmc_ros.log.write.simulated import SimulationLog
+
+        log = SimulationLog(path, simulation, source.values, source.files)
+    ticks = (simulation.timing.last or 0) + 1
+    comparison = None if source.run is None else Recomputed(source.run)
+    errors: list[Any] = []
+    # If velocities are commanded, there are no torques.
+    torques: list[Any] = [np.zeros((0, len(mechanism.joints)))]
+    active: list[Any] = []
+    singular, slip = 0, 0.0
+    progress = tqdm(total=ticks, unit='tick', disable=None if ticks > _PROGRESS_FROM else True)
+    with log as writer, progress:
+        for block in simulation.run():
+            if writer is not None:
+                writer.write(block)
+                if not errors and ticks > _PROGRESS_FROM:
+                    _print_size(options.output, writer.size / len(block), ticks)
+            if comparison is not None:
+                comparison.compare(block, simulation.timing)
+            errors.append(block.error)
+            active.append(block.active)
+            if not block.commands_rates:
+                torques.append(block.torque)
+            slip = max(slip, largest_slip(block.contact))
+            singular += int(block.singular.sum())
+            progress.update(len(block))
+    samples = Samples.of_ticks(
+        np.concatenate(errors),
+        np.concatenate(torques),
+        simulation.timing.period,
+        mechanism.points,
+        active=np.concatenate(active),
+        estimate=block.estimate[-1:],
+    )
+    label = law_label(source.values['controller'])
+    if any(change.values for change in source.changes):
+        label = f'{label}, changed'
+    print(text_table({label: samples.metrics()}, WIDTH))
+    if comparison is not None:
+        print(comparison.verdict(is_changed=bool(options.set)))
+    if path is not None:
+        print(f'log: {path}')
+    if len(simulation.plant.contact):
+        print(f'fastest slip of a wheel: {1000.0 * slip:.3g} mm/s')
+    if singular:
+        print(
+            f'warning: {mechanism.lost} was close to singular at {singular} of {ticks} ticks;'
+            ' motion along the lost direction is damped there',
+            file=sys.stderr,
+        )
+    return 0
+
+
+def _check_output(path: Path, file: str, *, overwrite: bool) -> None:
+    """Raise InputError for a file that cannot or must not be written, before reading."""
+    from masmc_ros.log.write.writer import check_log_path
+
+    check_log_path(path)
+    check_apart([path], [file])
+    check_absent(path, overwrite=overwrite)
+
+
+def _print_size(path: str, per_tick: float, ticks: int) -> None:
+    """Print the expected size of a log; InputError if the disk has less space."""
+    expected = per_tick * ticks
+    free = shutil.disk_usage(Path(path).parent).free
+    text = f'{path}: {ticks} ticks take about {_size_text(expected)}'
+    if expected > free:
+        raise InputError(
+            f'{text}; the disk has only {_size_text(free)} left; use a shorter duration, or fewer'
+            ' messages (controller.telemetry_decimation, plant.tf_decimation)'
+        )
+    print(text, file=sys.stderr)
+
+
+def _size_text(size: float) -> str:
+    steps = min(4, int(math.log(max(size, 1.0), 1000)))
+    return f'{size / 1000**steps:.0f} {("B", "kB", "MB", "GB", "TB")[steps]}'
+
+
+def _source(file: str, settings: Sequence[str]) -> _Source:
+    if is_log(Path(file)):
+        logged = read_run(file)
+        return _Source(*logged_scenario(logged, settings), logged.attachments, logged)
+    file = scenario_file(file)
+    values = load_scenario(file, settings)
+    for line in strays(file, settings):
+        print(line, file=sys.stderr)
+    return _Source(values, activation(values), {file: Path(file).read_bytes()})
