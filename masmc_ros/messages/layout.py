@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 import struct
 from typing import Any
@@ -222,81 +222,3 @@ class Layout:
 def stamps_of(times: Messages) -> NDArray[np.int64]:
     """Return stamps (N) in ns of a field of times (N)."""
     return np.asarray(times['sec'].astype(np.int64) * NANOSECONDS + times['nanosec'])
-
-
-class Message:
-    """
-    One message of a fixed layout: a record whose fields are views into its bytes.
-
-    The bytes lie so that the doubles fall on multiples of 8: reading and writing them
-    copies nothing and serialises nothing.
-
-    Attributes
-    ----------
-    words
-        the message as float64; the first number ends with the encapsulation header.
-
-    """
-
-    def __init__(self, layout: Layout) -> None:
-        """
-        Make a message that holds zeros.
-
-        Parameters
-        ----------
-        layout
-            what the message looks like; not changed any more from here on.
-
-        """
-        self._layout = layout
-        self._lead = -len(ENCAPSULATION) % 8
-        self.words = np.zeros((self._lead + layout.size + 7) // 8)
-        self._wire = memoryview(self.words.data).cast('B')[self._lead:self._lead + layout.size]
-        self._wire[:] = layout.template
-        self._bytes = np.frombuffer(self._wire, np.uint8)
-        self._record = np.ndarray((), layout.dtype, self.words, self._lead)
-
-    def to_bytes(self) -> bytes:
-        """Return the message as it is sent."""
-        return self._wire.tobytes()
-
-    def load(self, raw: bytes) -> bool:
-        """
-        Read a received message.
-
-        Parameters
-        ----------
-        raw
-            Message with its encapsulation header.
-
-        Returns
-        -------
-            False for a message of another layout, which rclpy has to deserialise; nothing is
-            changed then.
-
-        """
-        is_ours: bool = self._load(raw, self._layout.forms, self._bytes)
-        return is_ours
-
-    @cached_property
-    def _load(self) -> Callable[..., bool]:
-        from masmc_ros.messages.kernels import load
-        from masmc_ros.numerics.compiled import bound
-
-        return bound(load, b'', self._layout.forms, self._bytes)
-
-
-class StampedMessage(Message):
-    """A message that starts with a builtin_interfaces/Time or a std_msgs/Header."""
-
-    _STAMP_OFFSET = len(ENCAPSULATION)
-
-    def set_stamp(self, stamp_ns: int) -> None:
-        """Write the stamp, given in ns since time 0."""
-        STAMP.pack_into(self._wire, self._STAMP_OFFSET, *divmod(stamp_ns, NANOSECONDS))
-
-    @property
-    def stamp_ns(self) -> int:
-        """Return the stamp in ns since time 0."""
-        seconds, nanoseconds = STAMP.unpack_from(self._wire, self._STAMP_OFFSET)
-        return int(seconds * NANOSECONDS + nanoseconds)

@@ -11,7 +11,8 @@ import struct
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.messages.layout import END_OF_TIME, Layout, Message, Messages, NANOSECONDS
+from masmc_ros.messages.layout import END_OF_TIME, Layout, Messages, NANOSECONDS
+from masmc_ros.messages.message import Message
 from masmc_ros.messages.multi_array import multi_array_layout
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -12,14 +12,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from masmc_ros.messages.layout import (
-    ENCAPSULATION,
-    Layout,
-    Message,
-    Messages,
-    NANOSECONDS,
-    STAMP,
-)
+from masmc_ros.messages.layout import ENCAPSULATION, Layout, Messages, NANOSECONDS, STAMP
+from masmc_ros.messages.message import Message
 from masmc_ros.robot.registry import DEFAULT
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
