@@ -28,7 +28,7 @@ def recover(logs: Sequence[str]) -> int:
         if found is None:
             print(f'{log}: is complete')
             continue
-        length = (found.end - found.begin) / NANOSECONDS
+        length = (found.end - found.start) / NANOSECONDS
         print(
             f'{log}: completed with {found.messages} messages over {length:.3f} s;'
             f' {found.dropped} bytes of it could not be read'

@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.read.contents import Records
+from masmc_ros.log.read.contents import LogContents
 from masmc_ros.log.read.timeline import Beginning
 from masmc_ros.log.write.provenance import CHANGES, PARAMETERS
 from masmc_ros.messages.parameter_record import parameter_values, ParameterRecord, record_of
@@ -39,7 +39,7 @@ class ParameterHistory:
     restarted: tuple[str, ...]
 
 
-def parameter_history(records: Records, namespace: str, begun: Beginning) -> ParameterHistory:
+def parameter_history(records: LogContents, namespace: str, begun: Beginning) -> ParameterHistory:
     """
     Return the parameters of a robot's run.
 
@@ -88,7 +88,7 @@ def parameter_history(records: Records, namespace: str, begun: Beginning) -> Par
     return ParameterHistory(start, tuple(record for _, record in changes), tuple(restarted))
 
 
-def _from_metadata(records: Records) -> ParameterHistory:
+def _from_metadata(records: LogContents) -> ParameterHistory:
     start = {
         _own_name(node): _start(text)
         for record in records.metadata.get(PARAMETERS, ())

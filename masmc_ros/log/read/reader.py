@@ -15,7 +15,7 @@ from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE
 from masmc_ros.log.read.commanded_rates import twists
-from masmc_ros.log.read.contents import Records, Topic
+from masmc_ros.log.read.contents import LogContents, Topic
 from masmc_ros.log.read.decode import (
     commands,
     decode,
@@ -211,7 +211,7 @@ def read_run(path: str | Path) -> Run:
         raise InputError(f'{path}: {error}') from error
 
 
-def _run(path: Path, records: Records) -> Run:
+def _run(path: Path, records: LogContents) -> Run:
     states_topic = _only_states(records)
     namespace = states_topic.name.removesuffix(STATE_TOPIC)
 
@@ -306,7 +306,7 @@ def _gap_ns(start: Mapping[str, dict[str, Any]]) -> int | None:
 
 
 def _robot(
-    records: Records, namespace: str, start: dict[str, dict[str, Any]]
+    records: LogContents, namespace: str, start: dict[str, dict[str, Any]]
 ) -> tuple[Mechanism, tuple[str, ...]]:
     """Return the kind of robot and its joints, as the plant or else the controller was told."""
     _describe(start, records, namespace)
@@ -324,7 +324,7 @@ def _robot(
 
 
 def _describe(
-    start: Mapping[str, dict[str, Any]], records: Records, namespace: str
+    start: Mapping[str, dict[str, Any]], records: LogContents, namespace: str
 ) -> None:
     """Put the description that was published in place of the name of its file."""
     topic = records.topics.get(namespace + DESCRIPTION_TOPIC)
@@ -337,7 +337,7 @@ def _describe(
                 values[URDF] = text_of(topic.messages[0])
 
 
-def _elsewhere(records: Records, namespace: str, *type_names: str) -> list[str]:
+def _elsewhere(records: LogContents, namespace: str, *type_names: str) -> list[str]:
     """Return the topics of some types that are none of the robot's, and have messages."""
     ours = {namespace + topic.name for topic in TOPICS}
     return sorted(
@@ -357,7 +357,7 @@ def _hint(topics: list[str], name: str) -> str:
     return f'; {" and ".join(topics)}, of that type, would have to be called {name}'
 
 
-def _only_states(records: Records) -> Topic:
+def _only_states(records: LogContents) -> Topic:
     """Return the topic of the joint states, of which there must be one."""
     found = [
         topic
@@ -378,7 +378,7 @@ def _only_states(records: Records) -> Topic:
 
 
 def _states(
-    records: Records,
+    records: LogContents,
     namespace: str,
     topic: Topic,
     mechanism: Mechanism,
@@ -398,7 +398,7 @@ def _states(
         return *decode_placed(topic, joint_states(names, driven)), odometry
 
 
-def _topic(records: Records, name: str, *type_names: str) -> Topic | None:
+def _topic(records: LogContents, name: str, *type_names: str) -> Topic | None:
     """Return a topic that has messages, None where there is none such."""
     topic = records.topics.get(name)
     if topic is None or not topic.messages:
