@@ -5,7 +5,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from masmc_ros.log.read.timeline import Beginning, last_pass, sample_reference
+from masmc_ros.log.read.timeline import last_pass, PassStart, sample_reference
 from masmc_ros.messages.reference_window import ReferenceWindow
 import numpy as np
 import pytest
@@ -153,14 +153,14 @@ def test_answers_are_of_the_pass_of_their_state_whenever_they_come(
         messages += [(k + 0.5 + shift + 0.25, True, k) for k in chosen]
         messages.sort()
         orders = [place for place, (_, is_answer, _) in enumerate(messages) if not is_answer]
-        begun = Beginning(orders, np.array(ticks, np.int64) * MS)
+        begun = PassStart(orders, np.array(ticks, np.int64) * MS)
         for place, (_, is_answer, k) in enumerate(messages):
             if is_answer:
                 assert begun.is_over(place, ticks[k] * MS) == (k >= before)
 
 
 def test_without_a_state_s_stamp_the_place_counts() -> None:
-    begun = Beginning([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
+    begun = PassStart([2, 4, 6, 8], np.array([0, 5, 0, 5]) * MS)
     assert [begun.is_over(place) for place in (0, 3, 5, 7, 9)] == [False, False, False, True, True]
-    assert Beginning().is_over(0, 5 * MS)
-    assert Beginning([2, 4], np.array([0, 5]) * MS).is_over(0)
+    assert PassStart().is_over(0, 5 * MS)
+    assert PassStart([2, 4], np.array([0, 5]) * MS).is_over(0)
