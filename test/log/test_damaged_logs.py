@@ -15,8 +15,8 @@ import time
 from damage import damaged
 import lz4.frame
 from masmc_ros.cli.main import main
-from masmc_ros.log.mcap import chunks
-from masmc_ros.log.mcap.single_records import decompressed, RECORD_HEAD
+from masmc_ros.log.mcap import chunks, codec
+from masmc_ros.log.mcap.codec import decompressed, RECORD_HEAD
 from masmc_ros.log.read.scan import scan
 from masmc_ros.log.recover.recover import recover
 from mcap.reader import make_reader
@@ -320,7 +320,7 @@ def test_recover_large_sound_chunk_left_as_it_is(
 
 
 def test_chunk_beyond_limit_written_uncompressed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunks, 'LARGEST_CHUNK', 100)
+    monkeypatch.setattr(codec, 'LARGEST_CHUNK', 100)
     for size, compression in ((100, 'lz4'), (101, '')):
         made = chunks.packed_chunk(bytes(size), {}, 'lz4')
         assert made.compression == compression

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.mcap.chunks import arrived_records, OpenChunk
+from masmc_ros.log.mcap.codec import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.single_records import MAGIC, parsed, RECORD_HEAD
 from masmc_ros.messages.names import DESCRIPTION_TOPIC
 from masmc_ros.messages.text import string_message, text_of
 from masmc_ros.robot.meshes import mesh_files

@@ -12,13 +12,7 @@ from typing import NamedTuple
 import zlib
 
 import lz4.frame
-from masmc_ros.log.mcap.single_records import (
-    all_records,
-    LARGEST_CHUNK,
-    MESSAGE_HEAD,
-    parsed,
-    RECORD_HEAD,
-)
+from masmc_ros.log.mcap import codec
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 import numpy as np
@@ -43,7 +37,7 @@ _HEAD = np.dtype(
         'formats': ['u1', '<u8', '<u2', '<u4', '<u8', '<u8'],
     }
 )
-"""Bytes before the content of a message: `RECORD_HEAD` and `MESSAGE_HEAD` for many messages."""
+"""Bytes before the content of a message: `MESSAGE_HEAD` for many messages."""
 
 INDEX_HEAD = struct.Struct('<BQHI')
 """Opcode, length, channel and size of the entries in bytes at the start of an index."""
@@ -136,7 +130,7 @@ def _heads(
     """Return the heads of messages of such sizes in bytes, at times (N) in ns."""
     heads = np.zeros(len(times), _HEAD)
     heads['opcode'] = Opcode.MESSAGE
-    heads['length'] = MESSAGE_HEAD.size + sizes
+    heads['length'] = codec.MESSAGE_HEAD.size - codec.RECORD_HEAD.size + sizes
     heads['channel'] = channels
     heads['log_time'] = heads['publish_time'] = times
     return heads
@@ -236,7 +230,7 @@ def packed_chunk(content: bytes, indexes: Indexes, compression: str = 'zstd') ->
 
     """
     first, last = span(indexes)
-    if len(content) > LARGEST_CHUNK:
+    if len(content) > codec.LARGEST_CHUNK:
         compression = 'none'
     return Chunk(
         compression=compression if compression != 'none' else '',
@@ -262,12 +256,12 @@ def index_messages(content: bytes) -> tuple[Indexes, list[Schema | Channel]]:
     """
     indexes: Indexes = {}
     definitions: list[Schema | Channel] = []
-    for opcode, start, end in all_records(content):
-        if opcode == Opcode.MESSAGE and end - start >= RECORD_HEAD.size + MESSAGE_HEAD.size:
-            channel, _, time, _ = MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)
+    for opcode, start, end in codec.all_records(content):
+        if opcode == Opcode.MESSAGE and end - start >= codec.MESSAGE_HEAD.size:
+            _, _, channel, _, time, _ = codec.MESSAGE_HEAD.unpack_from(content, start)
             indexes.setdefault(channel, array('Q')).extend((time, start))
         else:
-            record = parsed(content[start:end])
+            record = codec.parsed(content[start:end])
             if not isinstance(record, (Schema, Channel)):
                 raise ValueError(f'a record of kind {opcode} at byte {start} of a chunk')
             definitions.append(record)
@@ -277,5 +271,5 @@ def index_messages(content: bytes) -> tuple[Indexes, list[Schema | Channel]]:
 def index_record(channel: int, index: array[int]) -> bytes:
     """Return the record of the index of a channel."""
     entries = index.tobytes()
-    length = INDEX_HEAD.size - RECORD_HEAD.size + len(entries)
+    length = INDEX_HEAD.size - codec.RECORD_HEAD.size + len(entries)
     return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, length, channel, len(entries)) + entries

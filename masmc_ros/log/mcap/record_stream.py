@@ -12,7 +12,7 @@ import zlib
 
 from masmc_ros import __version__
 from masmc_ros.log.mcap.chunks import index_record, Indexes
-from masmc_ros.log.mcap.single_records import MAGIC, packed
+from masmc_ros.log.mcap.codec import MAGIC, packed
 from mcap import records as mcap
 from mcap.opcode import Opcode
 from mcap.summary import Summary

@@ -129,7 +129,7 @@ def _undecodable(topic: Topic, error: Exception) -> InputError:
     return InputError(f'{topic.name}: a message cannot be decoded: {type(error).__name__} {error}')
 
 
-def decode(topic: Topic, kind: MessageFormat) -> Series:
+def decode_topic(topic: Topic, kind: MessageFormat) -> Series:
     """
     Read a topic without the messages that every receiver rejects.
 

@@ -14,17 +14,9 @@ from typing import Any
 from masmc_ros.control.stamp_order import in_time, state_timeout
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import METADATA_FILE
+from masmc_ros.log.read import decode
 from masmc_ros.log.read.commanded_rates import twists
 from masmc_ros.log.read.contents import LogContents, Topic
-from masmc_ros.log.read.decode import (
-    commands,
-    decode,
-    decode_references,
-    joint_states,
-    MessageFormat,
-    Series,
-    telemetry,
-)
 from masmc_ros.log.read.parameter_history import parameter_history
 from masmc_ros.log.read.platform_pose import with_platform_pose
 from masmc_ros.log.read.timeline import last_pass, PassStart, sample_reference
@@ -117,11 +109,11 @@ class Run:
     position: Floats
     velocity: Floats
     applied_effort: Floats
-    torque: Series
-    cmd_vel: Series
-    arm_rates: Series
+    torque: decode.Series
+    cmd_vel: decode.Series
+    arm_rates: decode.Series
     reference: Floats | None
-    telemetry: dict[str, Series]
+    telemetry: dict[str, decode.Series]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[ParameterRecord, ...]
     restarted: tuple[str, ...]
@@ -131,7 +123,7 @@ class Run:
     mechanism: Mechanism = DEFAULT
     joint_names: tuple[str, ...] = message_names.JOINTS
     elsewhere: tuple[str, ...] = ()
-    contact: Series | None = None
+    contact: decode.Series | None = None
 
     @property
     def commands_rates(self) -> bool:
@@ -202,42 +194,42 @@ def _run(path: Path, contents: LogContents) -> Run:
     states_topic = _only_states(contents)
     namespace = states_topic.name.removesuffix(message_names.STATE_TOPIC)
 
-    def series(name: str, kind: MessageFormat) -> Series | None:
+    def series(name: str, kind: decode.MessageFormat) -> decode.Series | None:
         """Return None for a topic without messages that a receiver accepts."""
         topic = _topic(contents, namespace + name, FLOAT_ARRAY)
         with suppress(InputError):
-            return None if topic is None else decode(topic, kind)
+            return None if topic is None else decode.decode_topic(topic, kind)
         return None
 
     start = parameter_history(contents, namespace, PassStart()).start
     mechanism, names = _robot(contents, namespace, start)
-    base, axes = len(mechanism.base), len(mechanism.axes)
-    rated = names[base + len(mechanism.twist):]
+    base, twist_size, axes = len(mechanism.base), len(mechanism.twist), len(mechanism.axes)
     every_state, odometry = _states(contents, namespace, states_topic, mechanism, names)
     taken = in_time(every_state.stamps, _gap_ns(start))
     assert every_state.orders is not None
     pass_start = PassStart(every_state.orders[taken], every_state.stamps[taken])
     kept = taken[last_pass(every_state.stamps[taken])]
-    states = Series(every_state.stamps[kept], every_state.values[kept])
+    states = decode.Series(every_state.stamps[kept], every_state.values[kept])
     if odometry is not None:
         states = with_platform_pose(states, odometry)
     history = parameter_history(contents, namespace, pass_start)
     _insert_description(history.start, contents, namespace)
     position, velocity, effort = np.hsplit(states.values, 3)
-    efforts = series(message_names.COMMAND_TOPIC, commands(EFFORT.named(names[base:])))
-    arm_rates = series(message_names.ARM_VELOCITY_TOPIC, commands(ARM_VELOCITY.named(rated)))
+    driven, rated = EFFORT.named(names[base:]), ARM_VELOCITY.named(names[base + twist_size:])
+    efforts = series(message_names.COMMAND_TOPIC, decode.commands(driven))
+    arm_rates = series(message_names.ARM_VELOCITY_TOPIC, decode.commands(rated))
     places = [component.place for component in mechanism.twist]
     topic = _topic(contents, namespace + message_names.CMD_VEL_TOPIC, TWIST, TWIST_STAMPED)
     twist = None if topic is None else twists(topic, arm_rates, places)
     topic = _topic(contents, namespace + message_names.REFERENCE_TOPIC, FLOAT_ARRAY)
     reference = None
     if topic is not None:
-        reference = sample_reference(decode_references(topic, axes), states.stamps, axes)
+        reference = sample_reference(decode.decode_references(topic, axes), states.stamps, axes)
     signals = {}
     for signal in TOLD:
         count = signal.count(mechanism.sizes)
         name = message_names.telemetry_topic(signal.label)
-        values = series(name, telemetry(signal.label, count))
+        values = series(name, decode.telemetry(signal.label, count))
         if values is not None:
             signals[signal.name] = _last_pass(values, count)
     return Run(
@@ -247,8 +239,8 @@ def _run(path: Path, contents: LogContents) -> Run:
         velocity=velocity,
         applied_effort=effort[:, base:],
         torque=_last_pass(efforts, len(names) - base),
-        cmd_vel=_last_pass(twist, len(places)),
-        arm_rates=_last_pass(arm_rates, len(rated)),
+        cmd_vel=_last_pass(twist, twist_size),
+        arm_rates=_last_pass(arm_rates, len(rated.joints)),
         reference=reference,
         telemetry=signals,
         parameters=history.start,
@@ -264,13 +256,13 @@ def _run(path: Path, contents: LogContents) -> Run:
     )
 
 
-def _contact(topic: Topic | None) -> Series | None:
+def _contact(topic: Topic | None) -> decode.Series | None:
     """Return the last pass of contacts with the ground, for any number of contacts."""
     label = message_names.CONTACT_LABEL
     count = 0 if topic is None else telemetry_count(label, len(topic.messages[0]))
     if topic is not None and count > 0 and not count % len(CONTACT):
         with suppress(InputError):
-            return _last_pass(decode(topic, telemetry(label, count)), count)
+            return _last_pass(decode.decode_topic(topic, decode.telemetry(label, count)), count)
     return None
 
 
@@ -357,10 +349,10 @@ def _states(
     topic: Topic,
     mechanism: Mechanism,
     names: tuple[str, ...],
-) -> tuple[Series, Topic | None]:
+) -> tuple[decode.Series, Topic | None]:
     """Return the states, and the odometry if they lack the base's joints."""
     try:
-        return decode(topic, joint_states(names)), None
+        return decode.decode_topic(topic, decode.joint_states(names)), None
     except InputError as error:
         if not mechanism.is_planar:
             raise
@@ -368,7 +360,8 @@ def _states(
         if odometry is None:
             hint = _hint(_elsewhere(contents, namespace, ODOMETRY), f'{namespace}odom')
             raise InputError(f'{error}{hint}') from None
-        return decode(topic, joint_states(names, names[len(mechanism.base):])), odometry
+        driven = names[len(mechanism.base):]
+        return decode.decode_topic(topic, decode.joint_states(names, driven)), odometry
 
 
 def _topic(contents: LogContents, name: str, *type_names: str) -> Topic | None:
@@ -385,9 +378,9 @@ def _type_name(topic: Topic) -> str:
     return topic.schema.name if topic.schema else 'no type'
 
 
-def _last_pass(series: Series | None, width: int) -> Series:
+def _last_pass(series: decode.Series | None, width: int) -> decode.Series:
     """Return the last pass of a series; an empty series of a width for a missing topic."""
     if series is None:
-        return Series(np.zeros(0, np.int64), np.zeros((0, width)))
+        return decode.Series(np.zeros(0, np.int64), np.zeros((0, width)))
     kept = last_pass(series.stamps)
-    return Series(series.stamps[kept], series.values[kept])
+    return decode.Series(series.stamps[kept], series.values[kept])

@@ -12,17 +12,7 @@ import struct
 
 from masmc_ros.errors import InputError
 from masmc_ros.log.bag import part_names
-from masmc_ros.log.mcap.single_records import (
-    all_records,
-    check_magic,
-    cut_off,
-    Data,
-    decompressed,
-    LARGEST_CHUNK,
-    MAGIC,
-    parsed,
-    records,
-)
+from masmc_ros.log.mcap import codec
 from masmc_ros.log.read.contents import LogContents, Topic
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
@@ -81,14 +71,14 @@ def _scan_file(path: Path, contents: LogContents) -> None:
         raise InputError(f'{path}: cannot be read: {reason}') from error
 
 
-def _scan_data(path: Path, data: Data, contents: LogContents) -> None:
-    check_magic(path, data[: len(MAGIC)])
-    if len(data) == len(MAGIC) or data[-len(MAGIC):] != MAGIC:
-        raise InputError(cut_off(path))
+def _scan_data(path: Path, data: codec.Data, contents: LogContents) -> None:
+    codec.check_magic(path, data[: len(codec.MAGIC)])
+    if len(data) == len(codec.MAGIC) or data[-len(codec.MAGIC):] != codec.MAGIC:
+        raise InputError(codec.cut_off(path))
     _check_size(path, data)
-    collector, opcode, end = _Collector(contents), 0, len(MAGIC)
+    collector, opcode, end = _Collector(contents), 0, len(codec.MAGIC)
     hint = f'`masmc recover {path}` makes a complete one of it'
-    for opcode, start, end in records(data):
+    for opcode, start, end in codec.records(data):
         try:
             collector.add(data, opcode, start, end)
         except Exception as error:  # mcap and the compressors raise many kinds for damaged bytes
@@ -98,20 +88,20 @@ def _scan_data(path: Path, data: Data, contents: LogContents) -> None:
             ) from error
         if opcode == Opcode.FOOTER:
             break
-    if opcode != Opcode.FOOTER or data[end:] != MAGIC:
+    if opcode != Opcode.FOOTER or data[end:] != codec.MAGIC:
         raise InputError(
             f'{path}: the log is damaged: no record can be read at byte {end}; {hint}'
         )
 
 
-def _check_size(path: Path, data: Data) -> None:
+def _check_size(path: Path, data: codec.Data) -> None:
     """Raise InputError if a log unpacks to more than a run, or half of the memory, can be."""
     size = sum(
         _SIZE.unpack_from(data, start)[0]
-        for opcode, start, end in records(data)
+        for opcode, start, end in codec.records(data)
         if opcode == Opcode.CHUNK and end - start >= _SIZE.size
     )
-    limit = min(max(LARGEST_CHUNK, _LARGEST_RATIO * len(data)), _MEMORY)
+    limit = min(max(codec.LARGEST_CHUNK, _LARGEST_RATIO * len(data)), _MEMORY)
     if size > limit:
         raise InputError(
             f'{path}: its {len(data)} bytes unpack to {size} bytes; expected at most {limit}:'
@@ -132,7 +122,7 @@ class _Collector:
         # A later part starts with messages that are still valid: they are in an earlier part.
         self._repeated = {topic.name: topic.messages[-1] for topic in earlier}
 
-    def add(self, data: Data, opcode: int, start: int, end: int) -> None:
+    def add(self, data: codec.Data, opcode: int, start: int, end: int) -> None:
         """
         Add a record.
 
@@ -155,10 +145,10 @@ class _Collector:
             topic.log_times.append(log_time)
             topic.messages.append(message)
             return
-        record = parsed(data[start:end]) if opcode in _READ else None
+        record = codec.parsed(data[start:end]) if opcode in _READ else None
         if isinstance(record, Chunk):
-            content = decompressed(record)
-            for kind, first, last in all_records(content):
+            content = codec.decompressed(record)
+            for kind, first, last in codec.all_records(content):
                 self.add(content, kind, first, last)
         elif isinstance(record, Metadata):
             self._contents.metadata.setdefault(record.name, []).append(record.metadata)

@@ -16,20 +16,13 @@ from typing import IO, NamedTuple
 import zlib
 
 from masmc_ros.errors import InputError
-from masmc_ros.log.mcap.single_records import (
-    check_magic,
-    Data,
-    LargeChunkError,
-    MAGIC,
-    parsed,
-    RECORD_HEAD,
-)
+from masmc_ros.log.mcap import codec
 from masmc_ros.log.recover.salvage import Salvage
 from masmc_ros.whole_file import WholeFile
 from mcap.reader import make_reader, NonSeekingReader
 from mcap.records import Footer, Statistics
 
-_FOOTER_SIZE = RECORD_HEAD.size + 20
+_FOOTER_SIZE = codec.RECORD_HEAD.size + 20
 """Bytes of the record at the end of a file; the checksum of the summary is its last four."""
 
 
@@ -62,8 +55,8 @@ class Recovered(NamedTuple):
 def is_complete(path: Path) -> bool:
     """Return True if a log has its end; OSError if it cannot be read."""
     with path.open('rb') as stream:
-        stream.seek(max(len(MAGIC), stream.seek(0, os.SEEK_END) - len(MAGIC)))
-        return stream.read() == MAGIC
+        stream.seek(max(len(codec.MAGIC), stream.seek(0, os.SEEK_END) - len(codec.MAGIC)))
+        return stream.read() == codec.MAGIC
 
 
 def is_ours(path: Path) -> bool:
@@ -132,12 +125,12 @@ def recover(path: Path) -> Recovered | None:
 def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
-    check_magic(path, stream.read(len(MAGIC)))
+    codec.check_magic(path, stream.read(len(codec.MAGIC)))
     # An empty file cannot be mapped.
     data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b''
     try:
         salvage = Salvage(data)
-    except LargeChunkError as error:
+    except codec.LargeChunkError as error:
         raise InputError(f'{path}: is left as it is: {error}') from None
     if salvage.is_unchanged() if is_ours(path) else _is_readable(stream, data, salvage):
         return None
@@ -151,7 +144,7 @@ def _recover(path: Path, stream: IO[bytes]) -> Recovered | None:
     )
 
 
-def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
+def _is_readable(stream: IO[bytes], data: codec.Data, salvage: Salvage) -> bool:
     """Return True if mcap reads the whole file, and its checksums and count are right."""
     if salvage.has_damage:
         return False
@@ -161,13 +154,13 @@ def _is_readable(stream: IO[bytes], data: Data, salvage: Salvage) -> bool:
         stream.seek(0)
         reader = NonSeekingReader(stream, validate_crcs=True)
         count = sum(1 for _ in reader.iter_messages(log_time_order=False))
-        footer = parsed(data[-_FOOTER_SIZE - len(MAGIC):-len(MAGIC)])
+        footer = codec.parsed(data[-_FOOTER_SIZE - len(codec.MAGIC):-len(codec.MAGIC)])
     except Exception:  # mcap raises many kinds for damaged bytes
         return False
     assert isinstance(footer, Footer)
-    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(MAGIC)
+    start = footer.summary_start or len(data) - _FOOTER_SIZE - len(codec.MAGIC)
     statistics = None if summary is None else summary.statistics
-    return footer.summary_crc in (0, zlib.crc32(data[start:-len(MAGIC) - 4])) and (
+    return footer.summary_crc in (0, zlib.crc32(data[start:-len(codec.MAGIC) - 4])) and (
         statistics is None or statistics.message_count == count
     )
 

@@ -11,20 +11,9 @@ import re
 import struct
 from typing import NamedTuple
 
+from masmc_ros.log.mcap import codec
 from masmc_ros.log.mcap.chunks import INDEX_HEAD, index_messages, Indexes, packed_chunk, span
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.single_records import (
-    all_records,
-    Data,
-    decompressed,
-    LargeChunkError,
-    MAGIC,
-    MESSAGE_HEAD,
-    packed,
-    parsed,
-    RECORD_HEAD,
-    records,
-)
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
@@ -84,7 +73,7 @@ class Salvage:
 
     """
 
-    def __init__(self, data: Data) -> None:
+    def __init__(self, data: codec.Data) -> None:
         """
         Read a file.
 
@@ -95,7 +84,7 @@ class Salvage:
 
         Raises
         ------
-        LargeChunkError
+        codec.LargeChunkError
             if a chunk without damage is too large to be unpacked.
 
         """
@@ -109,8 +98,8 @@ class Salvage:
         outside: _Definitions = {}
         in_summary: _Definitions = {}
         others = outside
-        position = len(MAGIC)
-        size = len(data) - (len(MAGIC) if data[-len(MAGIC):] == MAGIC else 0)
+        position = len(codec.MAGIC)
+        size = len(data) - (len(codec.MAGIC) if data[-len(codec.MAGIC):] == codec.MAGIC else 0)
         while position < size:
             start, sound = position, _record_at(data, position)
             position = sound.end if sound else _next_record(data, start + 1)
@@ -135,15 +124,16 @@ class Salvage:
     def _note_damage(self, start: int) -> None:
         """Note a damaged part, and the times of a damaged chunk."""
         self.has_damage = True
-        opcode, _, end = next(records(self._data, start), (0, 0, 0))
-        if opcode == Opcode.CHUNK and end - start >= RECORD_HEAD.size + _TIMES.size:
-            first, last = _TIMES.unpack_from(self._data, start + RECORD_HEAD.size)
+        opcode, _, end = next(codec.records(self._data, start), (0, 0, 0))
+        if opcode == Opcode.CHUNK and end - start >= codec.RECORD_HEAD.size + _TIMES.size:
+            first, last = _TIMES.unpack_from(self._data, start + codec.RECORD_HEAD.size)
             if first <= last:
                 self.damaged.append((first, last))
 
     def is_unchanged(self) -> bool:
         """Return True if `write` writes the bytes of the file."""
-        position, is_equal = 0, self._data[-len(MAGIC):] == MAGIC and not self.has_damage
+        is_equal = not self.has_damage and self._data[-len(codec.MAGIC):] == codec.MAGIC
+        position = 0
 
         def compare(written: bytes) -> None:
             nonlocal position, is_equal
@@ -167,7 +157,7 @@ class Salvage:
         }
         output.start(self.header)
         if self._starts_with_definitions:
-            output.write(b''.join(map(packed, (*schemas.values(), *channels.values()))))
+            output.write(b''.join(map(codec.packed, (*schemas.values(), *channels.values()))))
         for start in self._copied:
             sound = _record_at(self._data, start)
             assert sound is not None
@@ -176,7 +166,7 @@ class Salvage:
                 _add_chunk(output, record, sound, known)
             elif isinstance(record, mcap.Message) and record.channel_id in known:
                 output.count(record.channel_id, 1, record.log_time, record.log_time)
-                output.write(packed(record))
+                output.write(codec.packed(record))
             elif isinstance(record, mcap.Attachment):
                 output.add_attachment(record)
             elif isinstance(record, mcap.Metadata):
@@ -185,9 +175,9 @@ class Salvage:
         return output.statistics
 
 
-def _record_at(data: Data, start: int) -> _SoundRecord | None:
+def _record_at(data: codec.Data, start: int) -> _SoundRecord | None:
     """Return the record at a place of a file; None if it is not sound."""
-    opcode, _, end = next(records(data, start), (0, 0, 0))
+    opcode, _, end = next(codec.records(data, start), (0, 0, 0))
     if opcode >= _PRIVATE:
         return _SoundRecord(end)
     raw = data[start:end]
@@ -195,26 +185,26 @@ def _record_at(data: Data, start: int) -> _SoundRecord | None:
         if opcode == Opcode.MESSAGE_INDEX:
             size = INDEX_HEAD.unpack_from(raw)[-1]
             return _SoundRecord(end) if len(raw) == INDEX_HEAD.size + size else None
-        record = parsed(raw)
-        copy = packed(record)
+        record = codec.parsed(raw)
+        copy = codec.packed(record)
         if raw not in (copy, copy[:-4] + bytes(4)):  # an attachment may have no checksum
             return None
         if isinstance(record, (mcap.Schema, mcap.Channel)):
             return _SoundRecord(end, record, [record])
         if not isinstance(record, mcap.Chunk):
             return _SoundRecord(end, record)
-        content = decompressed(record)
+        content = codec.decompressed(record)
         indexes, definitions = index_messages(content)
         return _SoundRecord(end, record, definitions, content, indexes)
-    except LargeChunkError as error:
-        raise LargeChunkError(
+    except codec.LargeChunkError as error:
+        raise codec.LargeChunkError(
             f'the chunk at byte {start} is {error}: write the log again with smaller chunks'
         ) from None
     except Exception:  # mcap and the compressors raise many kinds for damaged bytes
         return None
 
 
-def _next_record(data: Data, position: int) -> int:
+def _next_record(data: codec.Data, position: int) -> int:
     """Return the next place with a sound record that carries data, or the end of the file."""
     places = (match.start() for match in _HEADS.finditer(data, position))
     return next((place for place in places if _record_at(data, place)), len(data))
@@ -233,9 +223,9 @@ def _add_chunk(
         return
     content = b''.join(
         content[start:end]
-        for opcode, start, end in all_records(content)
+        for opcode, start, end in codec.all_records(content)
         if opcode != Opcode.MESSAGE
-        or MESSAGE_HEAD.unpack_from(content, start + RECORD_HEAD.size)[0] in channels
+        or codec.MESSAGE_HEAD.unpack_from(content, start)[2] in channels
     )
     indexes, _ = index_messages(content)
     output.add_chunk(packed_chunk(content, indexes), indexes)

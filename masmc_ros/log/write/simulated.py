@@ -19,7 +19,7 @@ from masmc_ros.loop.signals import TOLD
 from masmc_ros.loop.simulation import Simulation
 from masmc_ros.loop.stretch import Change, Stretch
 from masmc_ros.messages import names as message_names
-from masmc_ros.messages import platform_motion
+from masmc_ros.messages import platform_motion, topics
 from masmc_ros.messages.commands import ARM_VELOCITY, EFFORT
 from masmc_ros.messages.joint_state import joint_state_layout
 from masmc_ros.messages.layout import Messages
@@ -27,13 +27,6 @@ from masmc_ros.messages.parameter_record import ParameterRecord
 from masmc_ros.messages.reference_window import ReferenceWindow
 from masmc_ros.messages.telemetry import telemetry_messages
 from masmc_ros.messages.text import string_message
-from masmc_ros.messages.topics import (
-    PARAMETER_NODES,
-    parameters_topic,
-    TOPICS,
-    TRANSFORMS,
-    TWIST_STAMPED,
-)
 from masmc_ros.messages.transforms import transforms_messages
 from masmc_ros.robot.names import check_frame_prefix, joint_names
 from masmc_ros.robot.robot import robot_description, robot_of
@@ -102,10 +95,10 @@ class SimulationLog:
         self._writer = LogWriter(path, compression=values['recorder']['compression'])
         self._is_stamped: bool = controller['enable_stamped_cmd_vel']
         self._command_prefix = check_frame_prefix(controller['frame_prefix'])
-        types = {topic.name: topic.type_name for topic in TOPICS}
-        latched = {topic.name for topic in TOPICS if topic.is_latched}
+        types = {topic.name: topic.type_name for topic in topics.TOPICS}
+        latched = {topic.name for topic in topics.TOPICS if topic.is_latched}
         if self._is_stamped:
-            types[message_names.CMD_VEL_TOPIC] = TWIST_STAMPED
+            types[message_names.CMD_VEL_TOPIC] = topics.TWIST_STAMPED
         if simulation.controller.commands_rates:
             unused = [message_names.COMMAND_TOPIC]
             unused += [message_names.telemetry_topic(s.label) for s in TOLD if s.of_torques]
@@ -127,7 +120,7 @@ class SimulationLog:
         """Write the data known before the first tick."""
         self._writer.__enter__()
         write_origin(self._writer, self._files)
-        for node in PARAMETER_NODES:
+        for node in topics.PARAMETER_NODES:
             self._write_record(ParameterRecord(f'/{node}', 0, 0, dict(self._values[node]), ()))
         urdf = string_message(self._description)
         self._writer.write(self._channels[message_names.DESCRIPTION_TOPIC], 0, urdf)
@@ -139,7 +132,7 @@ class SimulationLog:
     def __exit__(self, *exception: Any) -> None:
         """Complete the file, or remove it after an exception."""
         if exception[0] is None:
-            parameters = {node: self._values[node] for node in PARAMETER_NODES}
+            parameters = {node: self._values[node] for node in topics.PARAMETER_NODES}
             write_parameters(self._writer, parameters, self._changes)
         self._writer.__exit__(*exception)
 
@@ -183,7 +176,7 @@ class SimulationLog:
         self._write_record(record)
 
     def _write_record(self, record: ParameterRecord) -> None:
-        channel = self._channels[parameters_topic(record.node.lstrip('/'))]
+        channel = self._channels[topics.parameters_topic(record.node.lstrip('/'))]
         self._writer.write(channel, record.stamp, string_message(record.to_text()))
 
     def _states(self, block: _Block) -> Iterator[_Rows]:
@@ -255,7 +248,7 @@ class SimulationLog:
         stamps = block.stamps[rows]
         transforms = self._robot.frame_transforms(block.stretch.position[rows])
         messages = transforms_messages(stamps, transforms, self._prefix, frames)
-        yield TRANSFORMS.name, stamps, messages
+        yield topics.TRANSFORMS.name, stamps, messages
 
     def _path(self, block: _Block) -> Iterator[_Rows]:
         for row, tick in enumerate(block.ticks.tolist()):

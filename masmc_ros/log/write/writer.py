@@ -11,16 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from masmc_ros.errors import InputError, suggestion
-from masmc_ros.log.mcap.chunks import (
-    arrived_records,
-    ChannelRows,
-    COMPRESSIONS,
-    merged_records,
-    MessageRecords,
-    OpenChunk,
-)
+from masmc_ros.log.mcap import chunks
+from masmc_ros.log.mcap.codec import packed
 from masmc_ros.log.mcap.record_stream import RecordStream
-from masmc_ros.log.mcap.single_records import packed
 from masmc_ros.log.qos import Qos
 from masmc_ros.log.write.sink import RecordSink
 from masmc_ros.messages.definitions import Definition, definition
@@ -64,10 +57,9 @@ class LogWriter:
             if the file cannot be written; nothing is written then.
 
         """
-        if compression not in COMPRESSIONS:
-            raise InputError(
-                f"compression '{compression}' is unknown: {suggestion(compression, COMPRESSIONS)}"
-            )
+        if compression not in chunks.COMPRESSIONS:
+            hint = suggestion(compression, chunks.COMPRESSIONS)
+            raise InputError(f"compression '{compression}' is unknown: {hint}")
         self.path = Path(path)
         check_log_path(self.path)
         try:
@@ -81,7 +73,7 @@ class LogWriter:
         self._compression = compression
         self._records = RecordStream(self._sink.write)
         self._records.start()
-        self._chunk = OpenChunk()
+        self._chunk = chunks.OpenChunk()
         self._schemas: dict[str, int] = {}
 
     def channel(
@@ -136,9 +128,9 @@ class LogWriter:
 
         Raises OverflowError for a time that is not an int64, before anything is written.
         """
-        self.write_records(arrived_records([(channel, time_ns, data)]), 0, 1)
+        self.write_records(chunks.arrived_records([(channel, time_ns, data)]), 0, 1)
 
-    def write_rows(self, sources: Sequence[ChannelRows]) -> None:
+    def write_rows(self, sources: Sequence[chunks.ChannelRows]) -> None:
         """
         Write many messages, merged in the order of their times.
 
@@ -147,11 +139,11 @@ class LogWriter:
         """
         sources = [source for source in sources if len(source.times)]
         if sources:
-            merged, first = merged_records(sources), 0
+            merged, first = chunks.merged_records(sources), 0
             while first < len(merged.times):
                 first = self.write_records(merged, first, len(merged.times))
 
-    def write_records(self, messages: MessageRecords, first: int, stop: int) -> int:
+    def write_records(self, messages: chunks.MessageRecords, first: int, stop: int) -> int:
         """Write messages from `first` to before `stop` or a chunk's end; return the next one."""
         first = self._chunk.add_messages(messages, first, stop, self._limit)
         self._end_full_chunk()
@@ -167,7 +159,7 @@ class LogWriter:
         """Write the open chunk; definitions without messages wait for the first message."""
         chunk = self._chunk
         if chunk.indexes:
-            self._chunk = OpenChunk()
+            self._chunk = chunks.OpenChunk()
             self._records.add_chunk(chunk.close(self._compression), chunk.indexes)
 
     def attach(self, name: str, media_type: str, data: bytes, time_ns: int = 0) -> None:

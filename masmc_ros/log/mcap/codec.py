@@ -1,7 +1,7 @@
 # Copyright 2026 The masmc_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Single records of an MCAP file: heads, limits, packing and unpacking."""
+"""Codec of single records of an MCAP file: heads, limits, packing and unpacking."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ MAGIC = b'\x89MCAP0\r\n'
 RECORD_HEAD = struct.Struct('<BQ')
 """Opcode and length of the record's content."""
 
-MESSAGE_HEAD = struct.Struct('<HIQQ')
-"""Channel, sequence number, log time and publish time at the start of a message."""
+MESSAGE_HEAD = struct.Struct('<BQHIQQ')
+"""Head, channel, sequence number, log time and publish time at the start of a message."""
 
 LARGEST_CHUNK = 2**28
 """Maximum unpacked size of a compressed chunk in bytes; a larger one is not compressed."""
