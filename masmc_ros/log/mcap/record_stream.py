@@ -35,10 +35,7 @@ class RecordStream:
     """
 
     def __init__(
-        self,
-        write: Callable[[bytes], object],
-        position: int = 0,
-        summary: Summary | None = None,
+        self, write: Callable[[bytes], object], position: int = 0, summary: Summary | None = None
     ) -> None:
         """
         Initialise the output.

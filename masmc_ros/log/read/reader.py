@@ -344,10 +344,7 @@ def _only_states(contents: LogContents) -> Topic:
 
 
 def _states(
-    contents: LogContents,
-    namespace: str,
-    topic: Topic,
-    mechanism: Mechanism,
+    contents: LogContents, namespace: str, topic: Topic, mechanism: Mechanism,
     names: tuple[str, ...],
 ) -> tuple[decode.Series, Topic | None]:
     """Return the states, and the odometry if they lack the base's joints."""

@@ -162,11 +162,7 @@ class Recording:
         threading.Thread(target=self._sync, name='recording sync', daemon=True).start()
 
     def channel(
-        self,
-        topic: str,
-        type_name: str,
-        *qos: Qos,
-        defined: Definition | None = None,
+        self, topic: str, type_name: str, *qos: Qos, defined: Definition | None = None,
         holds: bool = False,
     ) -> int:
         """

@@ -33,8 +33,6 @@ from masmc_ros.robot.robot import robot_description, robot_of
 import numpy as np
 from numpy.typing import NDArray
 
-Values = Mapping[str, Any]
-
 _Rows = tuple[str, NDArray[np.int64], Messages | NDArray[np.uint8]]
 """Topic, stamps (n) in ns, and its messages at these times."""
 
@@ -55,10 +53,7 @@ class SimulationLog:
     """
 
     def __init__(
-        self,
-        path: Path,
-        simulation: Simulation,
-        values: Mapping[str, Values],
+        self, path: Path, simulation: Simulation, values: Mapping[str, Mapping[str, Any]],
         files: Mapping[str, bytes],
     ) -> None:
         """
@@ -145,16 +140,11 @@ class SimulationLog:
             self._write_change(change)
         block = _Block(stretch, ticks, stamps)
         # Messages of the same time are written in this order.
-        parts = chain(
-            self._reference(block),
-            self._motion(block),
-            self._clock(block),
-            self._transforms(block),
-            self._path(block),
-            self._states(block),
-            self._commands(block),
-            self._telemetry(block),
+        sources = (
+            *(self._reference, self._motion, self._clock, self._transforms),
+            *(self._path, self._states, self._commands, self._telemetry),
         )
+        parts = chain.from_iterable(source(block) for source in sources)
         self._writer.write_rows(
             [ChannelRows(self._channels[topic], times, rows) for topic, times, rows in parts]
         )
@@ -184,10 +174,7 @@ class SimulationLog:
         effort = np.zeros_like(stretch.position)
         effort[:, len(self._mechanism.base):] = stretch.applied
         yield message_names.STATE_TOPIC, block.stamps, joint_state_layout(self._joints).messages(
-            stamp=block.stamps,
-            position=stretch.position,
-            velocity=stretch.velocity,
-            effort=effort,
+            stamp=block.stamps, position=stretch.position, velocity=stretch.velocity, effort=effort
         )
 
     def _commands(self, block: _Block) -> Iterator[_Rows]:
