@@ -16,7 +16,7 @@ class OwnFrames:
     """Frames of the robot, which have its prefix."""
 
     def __init__(self, node: Node, prefix: str) -> None:
-        """Initialise the frames with a node in the robot's namespace and the prefix of all names."""
+        """Initialise the frames for a node in the robot's namespace and the prefix of names."""
         self._node, self._log = node, node.get_logger()
         self._prefix = prefix
         self._names = first_names(prefix)
